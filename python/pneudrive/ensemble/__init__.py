@@ -1,4 +1,4 @@
-"""Ensembles: one drive in many variants, their designs, what is kept of each run, sensitivities."""
+"""Ensembles: one drive in many variants, their designs, the outputs of each run, sensitivities."""
 
 from __future__ import annotations
 

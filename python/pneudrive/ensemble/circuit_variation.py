@@ -1,4 +1,4 @@
-"""Which numbers of a circuit vary: named as its trajectory names them, and what each member is for the core."""
+"""Numbers of a circuit that vary: named as in its trajectory, with the members in the core's form."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ _AMBIENT = {"ambient.pressure": "ambient.pressure_pa", "ambient.temperature": "a
 def circuit_numbers(circuit: Circuit) -> dict[str, Varied]:
     """Return every number of a circuit and of its start state that may vary, by name.
 
-    Names are those of components and their keys, ``left.bore``, ``left.friction.coulomb``; ``ambient.pressure``,
-    ``ambient.temperature``; and ``initial.left.position``.
+    Names are those of components and their keys, ``left.bore``, ``left.friction.coulomb``. Further names are
+    ``ambient.pressure``, ``ambient.temperature`` and ``initial.left.position``.
     """
     found = {}
     for name, one in circuit.components.items():
@@ -78,7 +78,7 @@ class CircuitVariation(Variation):
     Raises
     ------
     CommandError
-        A name is not known, or stands twice.
+        A name is unknown or repeated.
     """
 
     def __init__(self, circuit: Circuit, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
@@ -88,15 +88,15 @@ class CircuitVariation(Variation):
 
     @property
     def form(self) -> CoreForm:
-        """The description in the core's form."""
+        """Description in the core's form."""
         return CoreForm("circuit", self.drive.core_json())
 
     def start_said(self) -> dict[str, str]:
-        """Return the start state of all members in words, that of the circuit file among them."""
+        """Return the start state of all members in words, including that of the circuit file."""
         return {name: repr(value) for name, value in self.drive.core_initial(self.initial).items()}
 
     def changes(self, row: Array) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return what a member changes of the circuit (see `Circuit.replace`) and of its start state."""
+        """Return the changes of a member to the circuit (see `Circuit.replace`) and to its start state."""
         changes, start = {}, dict(self.initial or {})
         for number, value in zip(self.numbers, row, strict=True):
             written = number.written(float(value))
@@ -107,7 +107,7 @@ class CircuitVariation(Variation):
         return changes, start
 
     def single(self, row: Array) -> tuple[Circuit, dict[str, Any]]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Return the circuit and the start state that a member is.
+        """Return the circuit and the start state of a member.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class CircuitVariation(Variation):
         self._leaves(row)
 
     def coupled(self) -> Iterator[tuple[str, str]]:
-        """Yield the pairs of numbers of one component the first of which must not exceed the second."""
+        """Yield the pairs of numbers of one component of which the first must not exceed the second."""
         ends = [(low.partition(".")[2], high.partition(".")[2], low) for low, high in COUPLED]
         for name in self.names:
             for low, high, whole in ends:
@@ -140,7 +140,7 @@ class CircuitVariation(Variation):
                     yield name, high_key
 
     def _leaves(self, row: Array) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the numbers of the core's form of a member by their paths, and its start values."""
+        """Return the numbers of a member in the core's form by their paths, and its start values."""
         circuit, start = self.single(row)
         return dict(_numbers(json.loads(circuit.core_json()))), circuit.core_initial(start)
 
@@ -159,7 +159,7 @@ class CircuitVariation(Variation):
 
     @cached_property
     def _moved(self) -> tuple[list[str], list[str], bool]:
-        """Paths in the core's form and start values that move with the numbers, and whether each moves but its own."""
+        """Return paths and start values that move with the numbers, and whether each number moves only its own path."""
         base, starts = self._leaves(self._nominal)
         paths = [_path(one.name) for one in self.numbers if not one.name.startswith(INITIAL)]
         names = self.drive.start_names
@@ -186,7 +186,7 @@ class CircuitVariation(Variation):
         return None
 
     def members(self, rows: Array) -> CoreMembers:
-        """Return members as the core takes them: column by column, or one by one where other numbers follow.
+        """Return members for the core: column by column, or one by one if other numbers follow from them.
 
         Parameters
         ----------
@@ -222,7 +222,7 @@ def _path(name: str) -> str:
 
 
 def _numbers(form: dict[str, Any]) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of the core's form that members may differ in, by their paths."""
+    """Yield the numbers of the core's form in which members may differ, by their paths."""
     yield from ((path, form["ambient"][path.partition(".")[2]]) for path in _AMBIENT.values())
     for one in form["components"]:
         yield from ((f"{one['name']}.{key}", value) for key, value in one["numbers"].items() if math.isfinite(value))

@@ -1,4 +1,4 @@
-"""Designs: which values the members of an ensemble have. `EnsembleDesign` is ``pn.Design``."""
+"""Designs: the values of the members of an ensemble. `EnsembleDesign` is ``pn.Design``."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ MOST_SOBOL = 1 << 30
 
 @dataclass(frozen=True, repr=False)
 class EnsembleDesign(Shown):
-    """Which values the members of an ensemble have: ``pn.Design``.
+    """Values of the members of an ensemble: ``pn.Design``.
 
     Made by `table`, `grid`, `sobol`, `latin_hypercube`, `random` and `posterior`. Quantities are as in the drive file
-    (``"25 mm"``) or numbers in SI; names are those that `pneudrive.identify` takes as free, and ``initial.position``,
-    ``initial.pressure_a`` and the like for the start state.
+    (``"25 mm"``) or numbers in SI. Names are those that `pneudrive.identify` accepts as free, and ``initial.position``,
+    ``initial.pressure_a`` and similar names for the start state.
 
     Examples
     --------
@@ -64,7 +64,7 @@ class EnsembleDesign(Shown):
 
     @classmethod
     def table(cls, columns: Mapping[str, ArrayLike]) -> EnsembleDesign:
-        """Members as given: one value of each number for each.
+        """Members as given: for each number, one value for each member.
 
         Parameters
         ----------
@@ -75,12 +75,12 @@ class EnsembleDesign(Shown):
 
     @classmethod
     def grid(cls, axes: Mapping[str, Any]) -> EnsembleDesign:
-        """All combinations of the values of each number, the last one fastest.
+        """All combinations of the values of each number. The last number varies fastest.
 
         Parameters
         ----------
         axes : mapping
-            Name -> what `pneudrive.grid` takes or gives.
+            Name -> argument or result of `pneudrive.grid`.
         """
         return cls("grid", dict(axes))
 
@@ -93,7 +93,7 @@ class EnsembleDesign(Shown):
         seed: int = 0,
         correlation: Mapping[tuple[str, str], float] | None = None,
     ) -> EnsembleDesign:
-        """Points of a scrambled Sobol sequence: they fill the room evenly; `n` is best a power of 2.
+        """Points of a scrambled Sobol sequence: they fill the space evenly. `n` is best a power of 2.
 
         Parameters
         ----------
@@ -102,9 +102,10 @@ class EnsembleDesign(Shown):
         n : int
             Members.
         seed : int
-            Of the scrambling.
+            Random seed of the scrambling.
         correlation : mapping, optional
-            Pair of names -> correlation of their normal scores; of normal distributions that of the values.
+            Pair of names -> correlation of their normal scores. For normal distributions, this is the correlation of
+            the values.
         """
         return cls("sobol", dict(distributions), n, seed, dict(correlation or {}))
 
@@ -117,12 +118,12 @@ class EnsembleDesign(Shown):
         seed: int = 0,
         correlation: Mapping[tuple[str, str], float] | None = None,
     ) -> EnsembleDesign:
-        """Draw a Latin hypercube: of each number, one member in each of n shares of equal probability.
+        """Draw a Latin hypercube: for each number, one member in each of n intervals of equal probability.
 
         Parameters
         ----------
         distributions, n, seed, correlation
-            As for `sobol`; n at most 1e7. A correlation leaves only the first number its even shares.
+            As for `sobol`, with n of at most 1e7. With a correlation, only the first number keeps its even intervals.
         """
         return cls("latin-hypercube", dict(distributions), n, seed, dict(correlation or {}))
 
@@ -148,18 +149,18 @@ class EnsembleDesign(Shown):
     def posterior(
         cls, fit: Fit, n: int, *, names: Sequence[str] | None = None, seed: int = 0, method: str = "sobol"
     ) -> EnsembleDesign:
-        """Members as uncertain as a fit is: jointly normal in the coordinates in which its intervals are taken.
+        """Members with the uncertainty of a fit: jointly normal in the coordinates of its intervals.
 
-        What the data do not determine, and what was not free, keeps the drive's value.
+        Values that the data do not determine, and values that were not free, keep the drive's value.
 
         Parameters
         ----------
         fit : Fit
-            Any with a covariance: of `identify`, `fit_friction`, `fit_any_law`, ...
+            Any fit with a covariance, from `identify`, `fit_friction`, `fit_any_law` and others.
         n : int
             Members.
         names : sequence of str, optional
-            Which of its values vary; default: all that the data determine.
+            Values that vary. Default: all that the data determine.
         seed : int
         method : str
             ``"sobol"``, ``"latin-hypercube"`` or ``"random"``.
@@ -186,7 +187,7 @@ class EnsembleDesign(Shown):
         Parameters
         ----------
         variation : Variation
-            Of a drive, by `names`.
+            Variation of a drive, by `names`.
 
         Raises
         ------
@@ -244,7 +245,7 @@ class EnsembleDesign(Shown):
                 for number, name in zip(variation.numbers, self.each, strict=True)
             }
         )
-        # Next to nothing, a value is normal itself and not by its logarithm: it is folded at zero.
+        # Next to zero, a value itself is normal and not its logarithm: it is folded at zero.
         errors = [self.fit.standard_errors.get(name, 0.0) for name in self.each]
         every = list(zip(chosen(start, self.names), errors, strict=True))
         folded = tuple(k for k, (p, error) in enumerate(every) if np.isfinite(p.lower) and error > p.value - p.lower)
@@ -261,12 +262,12 @@ class EnsembleDesign(Shown):
 def design_of(
     vary: Mapping[str, Any] | EnsembleDesign, n: int | None = None, seed: int | None = None, method: str = "sobol"
 ) -> EnsembleDesign:
-    """Return the design that a mapping means: a table of values, a grid, or distributions.
+    """Return the design that a mapping describes: a table of values, a grid, or distributions.
 
     Raises
     ------
     CommandError
-        It mixes them, or gives a number of members that the values do not have.
+        It mixes these, or its number of members differs from that of the values.
     """
     if isinstance(vary, EnsembleDesign):
         given = (n is not None and n != vary.members) or (seed is not None and seed != vary.seed)
@@ -302,7 +303,7 @@ def design_of(
 
 
 def _name_in_drive(name: str) -> str:
-    """Return what a drive file calls a value of a fit."""
+    """Return the name of a fit's value in a drive file."""
     if name in PRESSURE_NAMES:
         return slope_key(name)
     return name if "." in name else f"friction.{name}"

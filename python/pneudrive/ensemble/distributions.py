@@ -1,4 +1,4 @@
-"""How one number of a drive varies: distributions and values of a grid, in SI or as users write quantities."""
+"""Variation of one number of a drive: distributions and grid values, in SI or as written quantities."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
 
 
 class Reader(Protocol):
-    """What reads the quantities of one number."""
+    """Reader of the quantities of one number."""
 
     def value(self, given: object) -> float:
         """Return a value in SI."""
         ...
 
     def width(self, given: object, about: float) -> float:
-        """Return a difference of two values in SI; `about` is what a share in per cent is taken of."""
+        """Return a difference of two values in SI. `about` is the reference of a value in per cent."""
         ...
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution of one number. Its ends are quantities as in the drive file, or numbers in SI."""
+    """A distribution of one number. Its parameters are quantities as in the drive file, or numbers in SI."""
 
     WORD: ClassVar[str]
 
@@ -51,7 +51,7 @@ class Distribution:
         return replace(self, **{field.name: read.value(getattr(self, field.name)) for field in fields(self)})
 
     def quantile(self, share: Array) -> Array:
-        """Return the values below which these shares of the members lie, SI."""
+        """Return the quantiles at these probabilities, SI."""
         raise NotImplementedError
 
     def _refuse_unless(self, holds: bool, rule: str) -> None:
@@ -59,13 +59,13 @@ class Distribution:
             raise CommandError(f"{self} is no distribution", rule=rule)
 
     def __str__(self) -> str:
-        """Write it as on the command line."""
+        """Write the distribution as on the command line."""
         return f"{self.WORD}({', '.join(f'{getattr(self, field.name)}' for field in fields(self))})"
 
 
 @dataclass(frozen=True)
 class Uniform(Distribution):
-    """The same density from `low` to `high`.
+    """Uniform distribution from `low` to `high`.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class Uniform(Distribution):
 
 @dataclass(frozen=True)
 class Triangular(Distribution):
-    """Density that rises from `low` to `mode` and falls to `high`.
+    """Distribution whose density rises from `low` to `mode` and falls to `high`.
 
     Parameters
     ----------
@@ -124,7 +124,8 @@ class Normal(Distribution):
     ----------
     mean : str or float
     sd : str or float
-        Standard deviation; ``"10 %"`` is a share of the mean, which counts from zero then: no degC, no gauge pressure.
+        Standard deviation. ``"10 %"`` refers to the mean, which must then count from zero: neither degC nor gauge
+        pressure.
     """
 
     WORD: ClassVar[str] = "normal"
@@ -165,14 +166,17 @@ class Lognormal(Normal):
         return own
 
     def quantile(self, share: Array) -> Array:
-        """Return ``exp(mu + s z)``, with ``s^2 = ln(1 + sd^2 / mean^2)`` and ``mu = ln(mean) - s^2 / 2``."""
+        """Return ``exp(mu + s z)`` for the quantile z.
+
+        Here ``s^2 = ln(1 + sd^2 / mean^2)`` and ``mu = ln(mean) - s^2 / 2``.
+        """
         s2 = math.log1p((self.sd / self.mean) ** 2)
         return np.exp(math.log(self.mean) - 0.5 * s2 + math.sqrt(s2) * ndtri(share))
 
 
 @dataclass(frozen=True)
 class GridAxis:
-    """Values of one number in a grid of all combinations; see `grid`."""
+    """Values of one number in a grid of all combinations. See `grid`."""
 
     values: tuple[Any, ...]
     count: int | None = None
@@ -197,8 +201,8 @@ def grid(*values: Any) -> GridAxis:  # noqa: ANN401 - quantities or numbers
     Parameters
     ----------
     *values : str or float
-        The values, as quantities of the drive file or in SI; or a range and how many values it has,
-        ``grid("20 mm .. 32 mm", 7)``.
+        Values as quantities of the drive file or in SI, or a range with its number of values, ``grid("20 mm .. 32 mm",
+        7)``.
 
     Returns
     -------
@@ -208,7 +212,7 @@ def grid(*values: Any) -> GridAxis:  # noqa: ANN401 - quantities or numbers
     Raises
     ------
     CommandError
-        There is no value, or no number of values in a range.
+        There is no value, or the number of values in a range is missing.
 
     Examples
     --------
@@ -244,12 +248,12 @@ _CALL = re.compile(r"\s*([a-z][\w-]*)\s*\((.*)\)\s*", re.DOTALL)
 
 
 def read_text(text: str) -> Any:  # noqa: ANN401 - a distribution, an axis or a list of texts
-    """Read how a number varies from a text: ``normal(30 N, 10 %)``, ``grid(20 mm .. 32 mm, 7)``, ``20 mm, 25 mm``.
+    """Read the variation of a number: ``normal(30 N, 10 %)``, ``grid(20 mm .. 32 mm, 7)``, ``20 mm, 25 mm``.
 
     Raises
     ------
     CommandError
-        Unknown word, or another number of quantities than it takes.
+        Unknown word, or a wrong number of quantities.
 
     Examples
     --------

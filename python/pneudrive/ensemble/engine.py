@@ -1,4 +1,4 @@
-"""The seam to the core: members in, what is kept of each run out. Nothing else here knows how the core runs them."""
+"""Interface to the core: members in, outputs of each run out. Only this module knows how the core runs them."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ DONE = 0
 
 
 class Kept(NamedTuple):
-    """What is kept of n members.
+    """Outputs of n members.
 
     Attributes
     ----------
-    values : list of ndarray
+    One array for each reduction, shape (n,) or (n, samples). NaN for a failed member.
         One for each reduction, shape (n,) or (n, samples); NaN where a member failed.
     status : ndarray of uint8, shape (n,)
-        0 done, 1 its run could not go on, 2 its numbers do not go together.
+        0 done, 1 the run failed, 2 the numbers are inconsistent.
     reasons : dict
-        Place of a member that failed -> why.
+        Index of a failed member -> reason.
     """
 
     values: list[Array]
@@ -55,22 +55,22 @@ def run(
     threads: int | None = None,
     look: Callable[[float], object] | None = None,
 ) -> Kept:
-    """Run members and keep what is asked for.
+    """Run members and return the requested outputs.
 
     Parameters
     ----------
     form : CoreForm
     members : CoreMembers
-        n of them.
+        n members.
     plans : MemberPlans
-        Of these members.
+        Commands of these members.
     rtol : float
     kept : sequence of Reduction
-        But those with a function of the user's own.
+        Reductions without user functions.
     threads : int, optional
         Default: all processors.
     look : callable, optional
-        Is told how many members are done; what it raises ends the run.
+        Receives the number of finished members. An exception in it ends the run.
 
     Raises
     ------
@@ -149,13 +149,13 @@ def _run(
 
 
 def processors() -> int:
-    """Return how many processors this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @lru_cache(maxsize=8)
 def _ensemble(json: str, kind: Literal["drive", "circuit"], *paths: str) -> Ensemble:
-    """Return what runs members that differ in the numbers at these paths, made once."""
+    """Return the core's ensemble for members that differ in the numbers at these paths. It is made once."""
     from pneudrive import _core
 
     try:
@@ -169,7 +169,7 @@ def _ensemble(json: str, kind: Literal["drive", "circuit"], *paths: str) -> Ense
 
 
 def _asked(one: Reduction, columns: Mapping[str, str]) -> CoreOutput:
-    """Return what the core is asked to keep."""
+    """Return the outputs for the request to the core."""
     what: Any = ("time_above" if one.above else "time_below") if one.word == "time_when" else one.word
     value = {"time_when": one.level, "samples": one.rate_hz}.get(one.word)
     return {"column": columns[one.columns[0]], "what": what, "value": value}

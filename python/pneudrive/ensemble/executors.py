@@ -1,7 +1,7 @@
-"""Where chunks run: in this process by default; on the workers of a Dask cluster.
+"""Execution of chunks: in this process by default, or on the workers of a Dask cluster.
 
-Whatever maps a function over items is an executor: results may come in any order, each exactly once, and an item that
-was lost with its worker runs again.
+Any object that maps a function over items is an executor. Results may come in any order, each exactly once. An item
+lost with its worker runs again.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ LOOK_S, NO_WORKER_S = 5.0, 300.0
 
 
 class Executor(Protocol):
-    """What runs chunks of a study."""
+    """Executor of the chunks of a study."""
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-        """Yield what `work` makes of each item, in any order.
+        """Yield the result of `work` for each item, in any order.
 
         Parameters
         ----------
         work : callable
-            Can be pickled, has no effect but its result, and gives the same for an item wherever it runs.
+            Function that can be pickled, has no side effects, and returns the same for an item on any machine.
         items : iterable
-            They can be pickled, and are taken as they are needed.
+            Items that can be pickled. They are taken when needed.
         """
         ...
 
 
 class InProcess:
-    """One item after the other; the members of each run on all processors."""
+    """One item after the other. The members of each item run on all processors."""
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
         """Yield the results in order."""
@@ -69,12 +69,12 @@ class DaskExecutor:
         self.client = client
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-        """Yield the results as they come; Dask runs an item whose worker is lost again, on another one.
+        """Yield the results as they arrive. Dask repeats an item of a lost worker on another one.
 
         Raises
         ------
         SimulationError
-            An item lost its worker again and again, or no worker is left.
+            An item lost its worker repeatedly, or no worker is left.
         """
         from distributed import wait  # pyright: ignore[reportMissingImports]
         from distributed.scheduler import KilledWorker  # pyright: ignore[reportMissingImports]
@@ -107,7 +107,7 @@ class DaskExecutor:
             self.client.cancel(list(on_the_way))
 
     def _still_there(self, seen: float) -> float:
-        """Return when a worker was seen last; give up if that is long ago."""
+        """Return the time at which a worker was last seen. Raise an error if this is long ago."""
         if self.client.nthreads():
             return time.monotonic()
         if time.monotonic() - seen > NO_WORKER_S:

@@ -67,68 +67,70 @@ def simulate_many(
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Simulate a drive or a circuit in many variants, its members, and keep a few numbers of each run.
+    """Simulate a drive or a circuit in many variants, its members, and keep selected numbers of each run.
 
-    A member is to the last bit what `pneudrive.simulate` gives of the drive with its numbers; it depends on the
-    description and its row of the design alone, not on the other members, the chunks or the executor.
+    A member has, to the last bit, the result of `pneudrive.simulate` for the drive with its numbers. It depends only on
+    the description and its row of the design, and not on other members, chunks or the executor.
 
     Parameters
     ----------
     drive : Drive or Circuit
     command
-        As for `pneudrive.simulate`, for all members, but no function. Or a list of such commands, one for each member
-        (``["0 s: 1", "0 s: 1, 0.2 s: -1"]``); or an array of shape (n,), a constant command each, or (n, entries, 2),
-        times in s and commands. Of a circuit a dict by component, each command of a form from above, or a list of
-        dicts. Members whose commands change at the same times run side by side, others one after the other.
+        As for `pneudrive.simulate`, for all members, but not a function. It may also be a list with one command for
+        each member (``["0 s: 1", "0 s: 1, 0.2 s: -1"]``). An array has shape (n,) for constant commands, or (n,
+        entries, 2) for times in s and commands. For a circuit, it is a dict by component with any of these forms, or a
+        list of dicts. Members whose commands change at the same times run side by side. Others run one after the other.
     duration : str, float, or a list or array of them
         One for all members, or one for each.
     vary : mapping or Design
-        Names, as `pneudrive.identify` takes them as free, or ``initial.position`` and the like, with one of
+        Names that `pneudrive.identify` accepts as free, or ``initial.position`` and similar names. The value is one of
 
-        - a value for each member: quantities (``["20 mm", "25 mm"]``) or an array in SI, pressures absolute;
+        - a value for each member: quantities (``["20 mm", "25 mm"]``) or an array in SI, with absolute pressures;
         - a distribution: ``"normal(30 N, 10 %)"``, ``uniform``, ``triangular``, ``lognormal``, or the objects of those
           names in `pneudrive.ensemble`: `n` points of a scrambled Sobol sequence;
         - ``pn.grid("20 mm .. 32 mm", 7)``: all combinations.
 
-        Of a circuit, names are those of its components and their keys, ``left.bore``, ``left.friction.coulomb``,
-        ``initial.left.position``, and ``ambient.pressure``, ``ambient.temperature``. Or a `pn.Design`: Latin hypercube,
-        correlation, the posterior of a fit. Values that follow from one that varies move with it.
+        For a circuit, names are those of its components and their keys, such as ``left.bore``,
+        ``left.friction.coulomb`` and ``initial.left.position``, and also ``ambient.pressure`` and
+        ``ambient.temperature``. It may also be a `pn.EnsembleDesign`: Latin hypercube, correlation, or the posterior of
+        a fit. Values that depend on a varied number change with it.
     n : int, optional
-        Members, where `vary` has distributions.
+        Number of members, if `vary` has distributions.
     outputs : sequence of str or Output, optional
-        What is kept: ``"final(position)"``, ``"max(velocity)"``, ``"min(pressure_b)"``, ``"mean(...)"``,
+        Outputs of each run: ``"final(position)"``, ``"max(velocity)"``, ``"min(pressure_b)"``, ``"mean(...)"``,
         ``"integral(mass_flow_a)"``, ``"time_when(position > 0.45 m)"``, ``"settling(position, 0.5 mm)"``,
         ``"stroke_time"``, ``"samples(position, 100 Hz)"``, with a name of yours in front (``"top = max(velocity)"``),
         or objects of `pneudrive.ensemble`, among them `pneudrive.ensemble.own`. The state at the end and the stroke
         time are kept by default.
     initial : Initial, dict or str, or a list of them, optional
-        Start state of all members, or one for each, with the same keys; what it does not say follows from each member's
-        own stroke and ambient air.
+        Start state of all members, or one for each, with the same keys. Missing values follow from each member's own
+        stroke and ambient air.
     rtol : float
         Relative tolerance of the solver.
     seed : int, optional
-        Of the design; default: 0.
+        Random seed of the design. Default: 0.
     executor : Executor, optional
-        Place where chunks run; default: this process. See `pneudrive.ensemble.DaskExecutor`.
+        Executor of the chunks. Default: this process. See `pneudrive.ensemble.DaskExecutor`.
     out : path-like, optional
-        Folder into which finished chunks are written as Parquet. A study that was interrupted goes on there: chunks
-        that are there are not run again.
+        Folder into which finished chunks are written as Parquet. An interrupted study continues there: finished chunks
+        are not run again.
     chunk : int, optional
-        Members that run, and are written, together.
+        Number of members that run, and are written, together.
     errors : str
-        ``"keep"``: a member that fails has NaN, a status and a reason. ``"raise"``: it ends the study.
+        ``"keep"``: a failed member has NaN, a status and a reason. ``"raise"``: a failed member ends the study.
     max_members_in_memory : int
-        With more members than that `out` is needed, and the data set returned has none of them.
+        A study with more members needs `out`, and the returned data set does not contain them.
     threads : int, optional
-        Default: all processors; with an executor one for each chunk.
+        Default: all processors, or one for each chunk with an executor.
     progress, cancel : optional
         See `pneudrive.watch.Watch`.
 
     Returns
     -------
     xarray.Dataset
-        Dimension member, and time if there are samples. A variable for each output, ``status`` (0: done) and
-        ``reason``; what varies as coordinates. Each with ``units`` and ``long_name``, SI, absolute pressure.
+        Dimension member, and time if there are samples. It has a variable for each output, ``status`` (0: done) and
+        ``reason``. The varied numbers are coordinates. Each has ``units`` and ``long_name``, in SI with absolute
+        pressure.
 
     Warns
     -----
@@ -208,9 +210,9 @@ def study_of(
     threads: int | None = None,
     refuse: bool = True,
 ) -> EnsembleStudy:
-    """Read and check all that a study is, before anything runs.
+    """Read and check a whole study before anything runs.
 
-    Arguments and errors are those of `simulate_many`; without `refuse` the caller checks the rows of the design.
+    Arguments and errors are those of `simulate_many`. Without `refuse`, the caller checks the rows of the design.
     """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
@@ -267,7 +269,7 @@ def _blocks(size: int) -> Iterator[Chunk]:
 def results(
     study: EnsembleStudy, store: ChunkStore | None, members: int | None, executor: Executor | None, watch: Watch
 ) -> Iterator[ChunkResult]:
-    """Run the chunks of a study that are not in the store yet, keep each there, and yield it.
+    """Run the missing chunks of a study, store each, and yield it.
 
     Raises
     ------
@@ -277,7 +279,7 @@ def results(
     chunks = study.chunks(members) if store is None else store.missing()
     total = study.rows.size
     done = total - sum(chunk.last - chunk.first for chunk in chunks)
-    # A cluster runs as many chunks at a time as it has threads: each takes one.
+    # A cluster runs one chunk in each of its threads at a time.
     here = executor is None or isinstance(executor, InProcess)
     each = study if here else replace(study, threads=study.threads or 1)
     items = ((each.part(chunk), chunk) for chunk in chunks)
@@ -296,7 +298,7 @@ def results(
 
 
 def run_part(item: tuple[EnsembleStudy, Chunk]) -> ChunkResult:
-    """Run one chunk, in whatever process this is."""
+    """Run one chunk, in any process."""
     study, chunk = item
     return study.run(chunk)
 
@@ -323,7 +325,7 @@ class Gathered:
         return (len(self.study.sample_times(output.rate_hz)),) if output.word == "samples" else ()
 
     def take(self, result: ChunkResult) -> None:
-        """Take in a chunk."""
+        """Add a chunk."""
         own = slice(*result.chunk)
         self.status[own], self.varied[:, own] = result.status, result.varied.T
         self.failed += int((result.status != DONE).sum())
@@ -333,7 +335,7 @@ class Gathered:
             target[own] = values
 
     def read(self, store: ChunkStore) -> None:
-        """Take in what a store holds."""
+        """Add the content of a store."""
         for chunk, frame in zip(store.chunks, store.frames(), strict=True):
             reasons = {place: why for place, why in enumerate(frame["reason"].to_list()) if why}
             varied = frame[[number.file_name for number in self.study.variation.numbers]].to_numpy()
@@ -375,7 +377,7 @@ class Gathered:
         return xr.Dataset(variables, coordinates, self.provenance())
 
     def provenance(self) -> dict[str, Any]:
-        """Say where the results come from."""
+        """Describe the source of the results."""
         study, drive = self.study, self.study.variation.drive
         core, _ = ready(drive, study.variation.initial)
         return {

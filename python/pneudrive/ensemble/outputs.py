@@ -1,4 +1,4 @@
-"""What is kept of each run: a number, or samples, of its signals."""
+"""Outputs of each run: a number, or samples, of its signals."""
 
 from __future__ import annotations
 
@@ -34,25 +34,25 @@ _CALL = re.compile(r"\s*([a-z_]+)\s*\((.*)\)\s*", re.DOTALL)
 
 @dataclass(frozen=True)
 class Reduction:
-    """What is kept of each run, in the terms of one drive.
+    """An output of each run, for one drive.
 
     Attributes
     ----------
     word : str
         ``final``, ``max``, ``min``, ``mean``, ``integral``, ``time_when``, ``samples`` or ``own``.
     columns : tuple of str
-        SignalNames, as columns of a trajectory's file; one, but for ``own``.
+        Signals, as columns of a trajectory's file. One signal, except for ``own``.
     name : str
-        Of the variable.
+        Name of the variable.
     unit, long_name : str
     level : float
-        Of ``time_when`` what is passed, in the unit of the signal; of ``settling`` half the width of its band.
+        For ``time_when``: the level, in the unit of the signal. For ``settling``: half the width of its band.
     rate_hz : float
-        Of ``samples`` and ``own``.
+        For ``samples`` and ``own``.
     above : bool
-        Of ``time_when``: the signal passes the level upwards.
+        For ``time_when``: whether the signal passes the level upwards.
     function : callable, optional
-        Of ``own``.
+        For ``own``.
     """
 
     word: str
@@ -71,7 +71,7 @@ class Reduction:
         return units.column_name(self.name, self.unit)
 
     def about(self) -> dict[str, Any]:
-        """Say what is kept, as plain data."""
+        """Describe the output as plain data."""
         out: dict[str, Any] = {"output": self.word, "name": self.name, "of": list(self.columns)}
         if not math.isnan(self.level):
             out |= {"level": self.level, "above": self.above}
@@ -84,19 +84,19 @@ class Reduction:
 
 @dataclass(frozen=True)
 class Output:
-    """What is to be kept, as a user asks for it: made by `final`, `largest`, ... or read from a text."""
+    """An output as a user requests it: made by `final`, `largest` and others, or read from a text."""
 
     word: str
     arguments: tuple[Any, ...]
     name: str = ""
 
     def of(self, signals: SignalNames) -> Reduction:
-        """Return it in the terms of a drive.
+        """Return the output for a drive.
 
         Raises
         ------
         CommandError
-            There is no such signal, or a quantity does not fit it.
+            The signal does not exist, or a quantity does not fit it.
         """
         made = _MAKERS[self.word](signals, *self.arguments)
         return replace(made, name=self.name) if self.name else made
@@ -110,18 +110,18 @@ def final(signal: str, name: str = "") -> Output:
     signal : str
         A variable of a trajectory: ``"position"``, ``"pressure_a"``, ...
     name : str
-        Of the variable in the result; default: ``final_position``.
+        Name of the variable in the result. Default: ``final_position``.
     """
     return Output("final", (signal,), name)
 
 
 def largest(signal: str, name: str = "") -> Output:
-    """Keep the largest value; as a text ``"max(velocity)"``. Parameters as of `final`."""
+    """Keep the largest value. As a text: ``"max(velocity)"``. Parameters as of `final`."""
     return Output("max", (signal,), name)
 
 
 def smallest(signal: str, name: str = "") -> Output:
-    """Keep the smallest value; as a text ``"min(pressure_b)"``. Parameters as of `final`."""
+    """Keep the smallest value. As a text: ``"min(pressure_b)"``. Parameters as of `final`."""
     return Output("min", (signal,), name)
 
 
@@ -131,25 +131,25 @@ def mean(signal: str, name: str = "") -> Output:
 
 
 def integral(signal: str, name: str = "") -> Output:
-    """Keep the integral over time: of ``mass_flow_a`` a mass. Parameters as of `final`."""
+    """Keep the integral over time: a mass for ``mass_flow_a``. Parameters as of `final`."""
     return Output("integral", (signal,), name)
 
 
 def time_when(condition: str, name: str = "") -> Output:
-    """Keep the first time at which a condition holds; NaN if it never does.
+    """Keep the first time at which a condition holds, or NaN if it never does.
 
     Parameters
     ----------
     condition : str
         ``"position > 0.45 m"`` or ``"pressure_b < 2 bar abs"``.
     name : str
-        Of the variable in the result.
+        Name of the variable in the result.
     """
     return Output("time_when", (condition,), name)
 
 
 def settling(signal: str, band: str | float, rate: str | float = "1 kHz", name: str = "") -> Output:
-    """Keep the time from which on a signal stays within a band about its value at the end.
+    """Keep the time after which a signal stays within a band around its final value.
 
     Parameters
     ----------
@@ -157,23 +157,23 @@ def settling(signal: str, band: str | float, rate: str | float = "1 kHz", name: 
     band : str or float
         Largest distance: ``"0.5 mm"``, or in SI.
     rate : str or float
-        Samples a second at which the signal is looked at; the time lies between two of them.
+        Sampling rate of the signal, 1/s. The time is interpolated between two samples.
     name : str
-        Of the variable in the result.
+        Name of the variable in the result.
     """
     return Output("settling", (signal, band, rate), name)
 
 
 def samples(signal: str, rate: str | float = "1 kHz", name: str = "") -> Output:
-    """Keep the signal itself, sampled: it takes more time and room than all else.
+    """Keep the sampled signal itself. This takes more time and space than all other outputs.
 
     Parameters
     ----------
     signal : str
     rate : str or float
-        Samples a second; one rate in all outputs.
+        Samples per second. All outputs have one rate.
     name : str
-        Of the variable in the result; default: that of the signal.
+        Name of the variable in the result. Default: that of the signal.
     """
     return Output("samples", (signal, rate), name)
 
@@ -187,22 +187,23 @@ def own(
     long_name: str = "",
     rate: str | float = "1 kHz",
 ) -> Output:
-    """Keep what a function of yours makes of sampled signals.
+    """Keep the result of a user function of sampled signals.
 
     Parameters
     ----------
     function : callable
-        Gets a dict of signals, each of shape (members, samples), and their times in s, shape (samples,); returns one
-        number for each member. Members of a chunk come together; a value must not depend on the others.
+        Receives a dict of signals, each of shape (members, samples), and their times in s, shape (samples,). Returns
+        one number for each member. It receives the members of a chunk together. A value must not depend on other
+        members.
     signals : sequence of str
-        What it sees.
+        Signals that the function receives.
     name : str
-        Of the variable in the result.
+        Name of the variable in the result.
     unit : str
-        Of what it returns.
+        Unit of the result.
     long_name : str
     rate : str or float
-        Samples a second.
+        Samples per second.
     """
     return Output("own", (function, tuple(signals), unit, long_name, rate), name)
 
@@ -215,10 +216,10 @@ class SignalNames:
     columns : sequence of str
         Columns of a trajectory's file.
     towards_b : bool or None
-        Whether the commands first move the piston towards the end of chamber b; None if they do not move it, or not
-        all of them the same way.
+        Whether the commands first move the piston towards the end of chamber b. None if they do not move it, or if the
+        members differ.
     states : sequence of str
-        Those that are kept by default.
+        Signals that are kept by default.
     """
 
     def __init__(self, columns: Sequence[str], towards_b: bool | None = None, states: Sequence[str] = STATE) -> None:
@@ -231,7 +232,7 @@ class SignalNames:
         Raises
         ------
         CommandError
-            There is none.
+            The signal does not exist.
         """
         if signal not in self._columns:
             known = {meaning(column)[0] for column in self._columns.values()}
@@ -239,7 +240,7 @@ class SignalNames:
         return self._columns[signal]
 
     def has(self, signal: str) -> bool:
-        """Whether there is such a signal."""
+        """Return whether the signal exists."""
         return signal in self._columns
 
 
@@ -288,7 +289,7 @@ def _settling(signals: SignalNames, signal: str, band: str | float, rate: str | 
 
 
 def _settled(half: float, signals: dict[str, Array], times: Array) -> Array:
-    """Return when a signal enters for good the band about its last value, between two samples on a straight line."""
+    """Return when a signal finally enters the band around its last value, by linear interpolation."""
     (x,) = signals.values()
     away = np.abs(x - x[:, -1:])
     beyond = away > half
@@ -351,7 +352,7 @@ def read_output(text: str) -> Output:
     Raises
     ------
     CommandError
-        Unknown word, or another number of arguments than it takes.
+        Unknown word, or a wrong number of arguments.
 
     Examples
     --------
@@ -372,14 +373,14 @@ def read_output(text: str) -> Output:
 
 
 def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tuple[Reduction, ...]:
-    """Return what is kept of each run.
+    """Return the outputs of each run.
 
     Parameters
     ----------
     asked : sequence of str or Output, optional
-        Where nothing is said, the state at the end and the stroke time.
+        Default: the state at the end and the stroke time.
     signals : SignalNames
-        Of the drive.
+        Signals of the drive.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What each member is told: its commands and how long it runs, one for all members or one for each."""
+"""Commands and duration of each member, one for all members or one for each."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class Alike(NamedTuple):
     Attributes
     ----------
     places : ndarray of int, or slice
-        Which of the members.
+        Indices of the members.
     plans : list
-        Input, its times in s, and its values: shape (times,), or (members, times).
+        Input, its times in s, and its values with shape (times,) or (members, times).
     durations : ndarray
         s, shape (1,) or (members,).
     """
@@ -72,18 +72,18 @@ class MemberPlans:
 
     @property
     def moves_up(self) -> bool | None:
-        """Whether the first command other than 0 is positive; None where members differ, or none has one."""
+        """Whether the first command other than 0 is positive. None if members differ, or if no command does so."""
         every = (values for each in self.steps.values() for _, values in each)
         signs = {next((value > 0.0 for value in values if value), None) for values in every}
         return signs.pop() if len(signs) == 1 else None
 
     def check(self, size: int) -> None:
-        """Refuse commands or durations whose number is not that of the members.
+        """Refuse commands or durations whose number differs from the number of members.
 
         Raises
         ------
         CommandError
-            It is not.
+            The numbers differ.
         """
         of = {name: name.rpartition(".")[0] for name in self.steps}
         found = {f"the command of {of[name]}" if of[name] else "the command": len(x) for name, x in self.steps.items()}
@@ -95,12 +95,12 @@ class MemberPlans:
                 )
 
     def part(self, first: int, last: int) -> MemberPlans:
-        """Return those of the members from `first` to before `last`."""
+        """Return the commands and durations of the members from `first` to before `last`."""
         own = {name: each if len(each) == 1 else each[first:last] for name, each in self.steps.items()}
         return MemberPlans(own, self.durations if len(self.durations) == 1 else self.durations[first:last])
 
     def alike(self) -> Iterator[Alike]:
-        """Yield the members by the times of their commands: those of equal times run side by side."""
+        """Yield the members by the times of their commands. Those with equal times run side by side."""
         longest = max((len(each) for each in self.steps.values()), default=1)
         if longest == 1:
             plans = [(name, list(each[0][0]), np.array(each[0][1])) for name, each in self.steps.items()]
@@ -119,7 +119,7 @@ class MemberPlans:
             yield Alike(places, plans, self.durations if len(self.durations) == 1 else self.durations[places])
 
     def about(self) -> dict[str, Any]:
-        """Say what they are, as plain data; many of them by their SHA-256."""
+        """Describe them as plain data. Long data are replaced by their SHA-256."""
         said = {name: _said(each) for name, each in self.steps.items()}
         command = next(iter(said.values())) if list(said) == ["command"] else said
         durations = self.durations.tolist()
@@ -166,7 +166,7 @@ def circuit_plans(command: Any, duration: Any, commandable: Mapping[str, Signal 
     rows: dict[str, EachSteps] = {}
     if isinstance(command, Mapping):
         for name, given in command.items():
-            # With a stand-in for the steps: whether there is such a component, and none has two commands.
+            # Check with a placeholder for the steps that the component exists and does not have two commands.
             ((own, _),) = commands.plans({name: 0.0}, commandable)
             if own in rows:
                 raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
@@ -191,7 +191,7 @@ def read_rows(given: Any, signal: Signal | None) -> EachSteps:  # noqa: ANN401
     Raises
     ------
     CommandError
-        One of them is not valid; the message names the member.
+        One of them is not valid. The message names the member.
 
     Examples
     --------
@@ -208,7 +208,7 @@ def read_rows(given: Any, signal: Signal | None) -> EachSteps:  # noqa: ANN401
 
 
 def _is_many(given: Any) -> bool:  # noqa: ANN401
-    """Return whether it is a list of commands: one whose entries are not all pairs of time and value."""
+    """Return whether it is a list of commands, that is, whether an entry is not a pair of time and value."""
     if isinstance(given, np.ndarray):
         return given.ndim in (1, 3) and len(given) > 0
     if isinstance(given, str) or not isinstance(given, Sequence):
@@ -233,7 +233,7 @@ def _member(place: int, read: Any, *given: Any) -> Any:  # noqa: ANN401
 
 
 class _naming:  # noqa: N801 - reads as a statement
-    """Says of whom an error of a command is."""
+    """Adds the member to an error in a command."""
 
     def __init__(self, whom: str) -> None:
         self.whom = whom
@@ -256,7 +256,7 @@ def _durations(given: Any) -> Array:  # noqa: ANN401
 
 
 def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN401
-    """Part a start state into what is for all members, and a column for each key if there is one for each member.
+    """Split a start state into the part for all members, and a column for each key with one value for each member.
 
     Raises
     ------

@@ -47,17 +47,17 @@ class Rows(Protocol):
         ...
 
     def part(self, first: int, last: int) -> Rows:
-        """Return what gives the rows of these members, and needs no more than that."""
+        """Return the source of these rows, without other data."""
         ...
 
     def about(self) -> dict[str, Any]:
-        """Say what the design is, as plain data: two designs with the same words have the same rows."""
+        """Describe the design as plain data. Two designs with the same description have the same rows."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class TableRows:
-    """Rows as given; those before the member `begin` are left out."""
+    """Rows as given. Those before the member `begin` are left out."""
 
     names: tuple[str, ...]
     given: Array
@@ -73,18 +73,18 @@ class TableRows:
         return self.given[first - self.begin : last - self.begin]
 
     def part(self, first: int, last: int) -> TableRows:
-        """Return these rows alone."""
+        """Return only these rows."""
         return TableRows(self.names, self.take(first, last), first)
 
     def about(self) -> dict[str, Any]:
-        """Say what the design is."""
+        """Describe the design."""
         digest = hashlib.sha256(np.ascontiguousarray(self.given).tobytes()).hexdigest()
         return {"design": "table", "names": list(self.names), "members": self.size, "sha256": digest}
 
 
 @dataclass(frozen=True, eq=False)
 class WiderRows:
-    """Rows of a design, and beside each what was given for its member."""
+    """Rows of a design, each followed by the given values of its member."""
 
     design: Rows
     beside: TableRows
@@ -104,17 +104,17 @@ class WiderRows:
         return np.column_stack([self.design.take(first, last), self.beside.take(first, last)])
 
     def part(self, first: int, last: int) -> WiderRows:
-        """Return what gives these rows."""
+        """Return the source of these rows."""
         return WiderRows(self.design.part(first, last), self.beside.part(first, last))
 
     def about(self) -> dict[str, Any]:
-        """Say what the design is."""
+        """Describe the design."""
         return {**self.design.about(), "beside": self.beside.about()}
 
 
 @dataclass(frozen=True, eq=False)
 class GridRows:
-    """All combinations of the values of each number, the last one fastest."""
+    """All combinations of the values of each number. The last number varies fastest."""
 
     axes: dict[str, Array]
 
@@ -139,12 +139,12 @@ class GridRows:
         return np.column_stack([axis[at] for axis, at in zip(self.axes.values(), places, strict=True)])
 
     def part(self, first: int, last: int) -> GridRows:
-        """Return itself: it makes rows from little."""
+        """Return itself, because it needs little data."""
         del first, last
         return self
 
     def about(self) -> dict[str, Any]:
-        """Say what the design is."""
+        """Describe the design."""
         return {"design": "grid", "axes": {name: axis.tolist() for name, axis in self.axes.items()}}
 
 
@@ -159,7 +159,7 @@ class SampledRows:
     size : int
     seed : int
     shape : Marginals or NormalCoordinates
-        What it makes of the cube.
+        Mapping from the cube to values.
     """
 
     method: str
@@ -178,18 +178,18 @@ class SampledRows:
         return self.shape.values(SAMPLERS[self.method](first, last, self.size, len(self.names), self.seed))
 
     def part(self, first: int, last: int) -> SampledRows:
-        """Return itself: it makes rows from little."""
+        """Return itself, because it needs little data."""
         del first, last
         return self
 
     def about(self) -> dict[str, Any]:
-        """Say what the design is."""
+        """Describe the design."""
         return {"design": self.method, "members": self.size, "seed": self.seed, **self.shape.about()}
 
 
 @dataclass(frozen=True, eq=False)
 class Marginals:
-    """A distribution of each number, SI; their normal scores may be correlated."""
+    """A distribution of each number, SI. Their normal scores may be correlated."""
 
     each: dict[str, Distribution]
     correlation: Array | None = None
@@ -207,7 +207,7 @@ class Marginals:
         return np.column_stack([one.quantile(share) for one, share in zip(self.each.values(), cube.T, strict=True)])
 
     def about(self) -> dict[str, Any]:
-        """Say what is drawn from."""
+        """Describe the distributions."""
         return {
             "distributions": {name: str(one) for name, one in self.each.items()},
             "correlation": None if self.correlation is None else self.correlation.tolist(),
@@ -218,8 +218,8 @@ class Marginals:
 class NormalCoordinates:
     """Values whose coordinates (`pneudrive.estimate.transforms`) are jointly normal: the posterior of a fit.
 
-    On the scale of the coordinates, as intervals of a fit are: a positive value stays positive; that of a `folded` one,
-    next to zero, is taken without its sign.
+    On the scale of the coordinates, as for intervals of a fit. A positive value stays positive. A `folded` value, next
+    to zero, loses its sign.
     """
 
     names: tuple[str, ...]
@@ -238,12 +238,12 @@ class NormalCoordinates:
         return found
 
     def about(self) -> dict[str, Any]:
-        """Say what is drawn from."""
+        """Describe the distributions."""
         return {"posterior": {"names": list(self.names), "covariance": self.covariance.tolist(), **self.source}}
 
 
 def _mixed(scores: Array, by: Array) -> Array:
-    """Return ``scores by'`` row by row: the bits of a row do not depend on how many there are, as those of BLAS do."""
+    """Return ``scores by'`` row by row. The bits of a row do not depend on the number of rows, unlike those of BLAS."""
     return sum(scores[:, k, None] * by[:, k] for k in range(scores.shape[1]))  # pyright: ignore[reportReturnType]
 
 
@@ -262,7 +262,7 @@ def _sobol(first: int, last: int, size: int, d: int, seed: int) -> Array:
 
 @lru_cache(maxsize=4)
 def _few_sobol(size: int, d: int, seed: int) -> Array:
-    """Return all points of a few members: beside a slider they are asked for with each answer."""
+    """Return all points of a few members, because a slider requests them with each answer."""
     points = _next(qmc.Sobol(d, scramble=True, rng=seed), size)
     points.setflags(write=False)
     return points

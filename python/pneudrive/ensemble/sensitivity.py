@@ -1,4 +1,4 @@
-"""Which numbers of a drive its outputs depend on: Sobol indices and Morris' elementary effects."""
+"""Sensitivity of a drive's outputs to its numbers: Sobol indices and Morris' elementary effects."""
 
 from __future__ import annotations
 
@@ -63,44 +63,46 @@ def sensitivity(
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Say which numbers of a drive its outputs depend on.
+    """Find the numbers of a drive that its outputs depend on.
 
-    ``"sobol"`` gives the shares of each output's variance that each number brings alone (first order) and with its
-    interactions (total) [saltelli2010,jansen1999]; it runs n (d + 2) members for d numbers. ``"morris"`` screens many
-    numbers with few runs, n (d + 1): means and standard deviation of elementary effects [morris1991,campolongo2007].
+    ``"sobol"`` gives the fraction of each output's variance that each number causes alone (first order) and with its
+    interactions (total) [saltelli2010,jansen1999]. It runs n (d + 2) members for d numbers. ``"morris"`` screens many
+    numbers with few runs, n (d + 1). It gives means and standard deviation of elementary effects
+    [morris1991,campolongo2007].
 
     Parameters
     ----------
     drive, command, duration, outputs, initial, rtol, executor, progress, cancel
-        As for `pneudrive.simulate_many`; outputs that are samples have no sensitivity.
+        As for `pneudrive.simulate_many`. Outputs that are samples do not have a sensitivity.
     vary : mapping
-        Name -> distribution, ``"normal(30 N, 10 %)"``; the numbers vary independently.
+        Name -> distribution, ``"normal(30 N, 10 %)"``. The numbers vary independently.
     method : str
         ``"sobol"`` or ``"morris"``.
     n : int, optional
         Base points (by default 1024; best a power of 2), or trajectories (50).
     seed : int
-        Of the design and of the bootstrap.
+        Random seed of the design and of the bootstrap.
     confidence : float
-        Probability that an interval is meant to cover with; by the bootstrap.
+        Nominal coverage of the bootstrap intervals.
 
     Returns
     -------
     xarray.Dataset
-        Dimensions number and output. ``first``, ``total``, with ``first_interval`` and ``total_interval`` (dimension
-        end: lower, upper); or ``mu_star`` with ``mu_star_interval``, ``mu`` and ``sigma``, in the unit of the output
-        (coordinate ``unit``) over the whole distribution of the number. ``used`` counts the base points or trajectories
-        of each output all of whose values are finite. NaN for an output that does not vary.
+        Dimensions number and output. They contain ``first``, ``total``, with ``first_interval`` and ``total_interval``
+        (dimension end: lower, upper). With the method of Morris, they contain ``mu_star`` with ``mu_star_interval``,
+        ``mu`` and ``sigma``. Their unit is that of the output (coordinate ``unit``) over the whole distribution of the
+        number. ``used`` counts the base points or trajectories of each output without missing values. NaN for an output
+        that does not vary.
 
     Warns
     -----
     PneudriveWarning
-        Members failed, or an output has no value for some: their base points or trajectories are left out.
+        Members failed, or an output has no value for some members. Their base points or trajectories are left out.
 
     Raises
     ------
     CommandError
-        As `pneudrive.simulate_many`; or an unknown method, or a number without a distribution.
+        As `pneudrive.simulate_many`, or an unknown method, or a number without a distribution.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A folder of finished chunks, one sealed Parquet file each, and what the study is."""
+"""A folder of finished chunks, one sealed Parquet file each, with the description of the study."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STUDY = "study.json"
 
 
 class ChunkStore:
-    """Chunks of one study, by the members that they hold. What is there already is not run again.
+    """Chunks of one study, by their members. Existing chunks are not run again.
 
     Parameters
     ----------
@@ -32,12 +32,12 @@ class ChunkStore:
         Made if it does not exist.
     study : EnsembleStudy
     members : int, optional
-        Of a chunk; a folder that was begun keeps its own.
+        Members of a chunk. A folder with chunks keeps its chunk size.
 
     Raises
     ------
     CommandError
-        The folder holds another study, or something else; or it cannot be written to.
+        The folder contains another study or other files, or it is not writable.
     """
 
     def __init__(self, folder: Path, study: EnsembleStudy, members: int | None = None) -> None:
@@ -81,7 +81,7 @@ class ChunkStore:
         return self.folder / f"members-{chunk.first:012d}.parquet"
 
     def missing(self) -> list[Chunk]:
-        """Return the chunks that are still to be run: those without a file, or with one that is damaged."""
+        """Return the chunks to run: those without a file, or with a damaged file."""
         return [chunk for chunk in self.chunks if not self._is_whole(self.path(chunk))]
 
     @staticmethod
@@ -92,12 +92,12 @@ class ChunkStore:
             return False
 
     def write(self, chunk: Chunk, frame: pl.DataFrame) -> None:
-        """Keep a finished chunk.
+        """Store a finished chunk.
 
         Raises
         ------
         CommandError
-            The disk is full, for instance; chunks of before are kept.
+            The chunk cannot be written, for example on a full disk. Earlier chunks are kept.
         """
         write_frame(frame, self.path(chunk), {"pneudrive": json.dumps({"study": self.study.study_hash})})
 
@@ -109,7 +109,7 @@ class ChunkStore:
             yield pl.read_parquet(self.path(chunk))
 
     def failed(self) -> int:
-        """Return how many members failed."""
+        """Return the number of failed members."""
         import polars as pl
 
         return sum(
@@ -125,7 +125,7 @@ class ChunkStore:
 
 
 class _writing:  # noqa: N801 - reads as a statement
-    """Says that a folder cannot be made."""
+    """Report that a folder cannot be made."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -140,7 +140,7 @@ class _writing:  # noqa: N801 - reads as a statement
 
 
 def _different(before: dict[str, Any], now: dict[str, Any]) -> str:
-    """Name what differs between two studies."""
+    """Name the differences between two studies."""
     names = {"description_hash": "drive", "duration_s": "duration"}
     differ = [names.get(key, key) for key in now if before.get(key) != now[key]]
     return ", ".join(differ) or "study"

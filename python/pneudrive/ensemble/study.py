@@ -1,4 +1,7 @@
-"""A study: everything that decides what its members give. A chunk of it is a pure function of its first and last."""
+"""A study: everything that determines the results of its members.
+
+A chunk of it is a pure function of its first and last member.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,7 @@ class Chunk(NamedTuple):
 
 
 class ChunkResult(NamedTuple):
-    """What a chunk gave.
+    """Result of a chunk.
 
     Attributes
     ----------
@@ -49,10 +52,10 @@ class ChunkResult(NamedTuple):
     varied : ndarray, shape (n, names)
         Rows of the design, SI.
     values : list of ndarray
-        Of each output, shape (n,) or (n, samples).
+        One array for each output, shape (n,) or (n, samples).
     status : ndarray of uint8, shape (n,)
     reasons : dict
-        Place in the chunk -> why that member failed.
+        Index in the chunk -> reason of that member's failure.
     """
 
     chunk: Chunk
@@ -64,7 +67,7 @@ class ChunkResult(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class EnsembleStudy:
-    """What is run, in SI and checked; it can be pickled and sent to another machine.
+    """The work of a study, in SI and checked. It can be pickled and sent to another machine.
 
     Attributes
     ----------
@@ -88,7 +91,7 @@ class EnsembleStudy:
     begin: int = 0
 
     def about(self) -> dict[str, Any]:
-        """Say what decides the results, as plain data."""
+        """Describe everything that determines the results, as plain data."""
         return {
             "description_hash": self.variation.drive.description_hash,
             "initial": self.variation.start_said(),
@@ -101,11 +104,11 @@ class EnsembleStudy:
 
     @property
     def study_hash(self) -> str:
-        """SHA-256 of what decides the results."""
+        """SHA-256 of everything that determines the results."""
         return hashlib.sha256(json.dumps(self.about(), sort_keys=True).encode()).hexdigest()
 
     def chunks(self, members: int | None = None) -> list[Chunk]:
-        """Return the chunks of so many members."""
+        """Return the chunks of this number of members."""
         size, step = self.rows.size, members or self._usual_chunk()
         return [Chunk(first, min(first + step, size)) for first in range(0, size, step)]
 
@@ -117,7 +120,7 @@ class EnsembleStudy:
         return [one for one in self.outputs if one.word in ("samples", "own")]
 
     def part(self, chunk: Chunk) -> EnsembleStudy:
-        """Return what runs a chunk and needs no more than that: it is sent to another machine."""
+        """Return the object that runs a chunk, without other data, to be sent to another machine."""
         return replace(self, rows=self.rows.part(*chunk), plans=self.plans.part(*chunk), begin=chunk.first)
 
     def sample_times(self, rate_hz: float) -> Array:
@@ -131,12 +134,12 @@ class EnsembleStudy:
         ----------
         chunk : Chunk
         look : callable, optional
-            Is told how many members are done.
+            Receives the number of finished members.
 
         Raises
         ------
         SimulationError
-            A function of the user's fails, or gives something else than a number for each member.
+            A user function fails, or returns something other than a number for each member.
         """
         rows = self.rows.take(*chunk)
         asked: list[Reduction] = []
@@ -159,7 +162,7 @@ class EnsembleStudy:
         return [replace(output, word="samples", columns=(column,), function=None) for column in output.columns]
 
     def _own(self, output: Reduction, seen: list[Array], status: NDArray[np.uint8]) -> Array:
-        """Ask a function of the user's for the members that were done."""
+        """Call a user function for the finished members."""
         assert output.function is not None
         done = status == engine.DONE
         out = np.full(len(status), np.nan)
@@ -177,7 +180,7 @@ class EnsembleStudy:
         return out
 
     def frame(self, result: ChunkResult) -> pl.DataFrame:
-        """Return a chunk as a table: member, status, reason, what varies, outputs; columns carry their units."""
+        """Return a chunk as a table: member, status, reason, varied numbers, outputs. Columns carry their units."""
         import polars as pl
 
         chunk = result.chunk

@@ -1,4 +1,4 @@
-"""Which numbers of a drive vary: their names, how their quantities are read, and what each member is for the core."""
+"""Numbers of a drive that vary: their names, the reading of their quantities, and the members in the core's form."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ CHECKED_ROWS = 65536
 
 
 class Varied(NamedTuple):
-    """A number that varies: its name in the drive file, SI unit, and how the drive file writes it."""
+    """A number that varies: its name in the drive file, its SI unit, and its written form."""
 
     name: str
     unit: str
@@ -54,7 +54,7 @@ class Varied(NamedTuple):
         return units.column_name(self.name, self.unit)
 
     def written(self, si: float) -> str | float:
-        """Write a value as the drive file has it."""
+        """Write a value in the form of the drive file."""
         if self.unit == "Pa" and isinstance(self.mark, StatedPressure):
             return f"{si!r} Pa abs"
         return si if self.unit in ("1", "") else units.write(si, self.unit)
@@ -71,12 +71,12 @@ def all_numbers(drive: Drive) -> dict[str, Varied]:
 
 
 def chosen_numbers(what: str, known: Mapping[str, Varied], names: Sequence[str]) -> list[Varied]:
-    """Return the numbers of these names.
+    """Return the numbers with these names.
 
     Raises
     ------
     CommandError
-        A name is not known, or stands twice.
+        A name is unknown or repeated.
     """
     for name in names:
         if name not in known:
@@ -94,12 +94,12 @@ class CoreForm(NamedTuple):
 
 
 class CoreMembers(NamedTuple):
-    """Members as the core takes them.
+    """Members in the form of the core.
 
     Attributes
     ----------
     paths : list of str
-        Numbers of the core's form that vary, what follows from others among them.
+        Varied numbers in the core's form, including those that follow from others.
     values : ndarray, shape (n, paths)
     starts : dict
         Name of a start value -> number, or an array of one for each member; SI.
@@ -110,7 +110,7 @@ class CoreMembers(NamedTuple):
     starts: dict[str, float | Array]
 
     def at(self, places: NDArray[np.intp]) -> CoreMembers:
-        """Return some of them."""
+        """Return some of the members."""
         starts = dict(self.starts)
         starts |= {name: one[places] for name, one in starts.items() if isinstance(one, np.ndarray)}
         return CoreMembers(self.paths, self.values[places], starts)
@@ -123,14 +123,14 @@ class Variation:
     ----------
     drive : Drive
     names : sequence of str
-        As in the drive file; ``initial.position`` and the like are of the start state.
+        As in the drive file. ``initial.position`` and similar names belong to the start state.
     initial : Initial, mapping or str, optional
         Start state of all members.
 
     Raises
     ------
     CommandError
-        A name is not known, or stands twice.
+        A name is unknown or repeated.
     """
 
     def __init__(self, drive: Drive, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
@@ -154,27 +154,27 @@ class Variation:
         return CoreForm("drive", drive.core_json())
 
     def start_said(self) -> dict[str, str]:
-        """Return the start state of all members in words: with the same ones, studies start alike."""
+        """Return the start state of all members in words. Studies with the same words have the same start."""
         return {key: str(value) for key, value in self._start_table().items()}
 
     def _start_table(self) -> dict[str, Any]:
         return {} if self.initial is None else self.initial.to_dict()
 
     def reader(self, name: str) -> QuantityReader:
-        """Return what reads the quantities of one number."""
+        """Return the reader for the quantities of one number."""
         ambient = self.drive.ambient.pressure_pa
         gauge_from = None if "ambient.pressure" in self.names else ambient
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
     def changes(self, row: Array) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return what a member changes of the drive (see `Drive.replace`) and of its start state, as in their files."""
+        """Return a member's changes to the drive (see `Drive.replace`) and its start state, in the form of their files."""
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
         start = self._start_table()
         start |= {name.removeprefix(INITIAL): text for name, text in texts.items() if name.startswith(INITIAL)}
         return {name: text for name, text in texts.items() if not name.startswith(INITIAL)}, start
 
     def single(self, row: Array) -> tuple[Drive, Initial]:
-        """Return the drive and the start state that a member is.
+        """Return the drive and the start state of a member.
 
         Raises
         ------
@@ -196,16 +196,16 @@ class Variation:
         drive.circuit_initial(initial) if drive.runs_as_circuit else drive.core_initial(initial)
 
     def coupled(self) -> Iterator[tuple[str, str]]:
-        """Yield the pairs of numbers the first of which must not exceed the second."""
+        """Yield the pairs of numbers of which the first must not exceed the second."""
         return (pair for pair in COUPLED if {*pair} <= {*self.names})
 
     def check(self, rows: Array, first: int = 0) -> None:
-        """Refuse rows that no member can have: those with the extreme values are read by themselves.
+        """Refuse impossible rows. Rows with the extreme values are read one by one.
 
         Raises
         ------
         CommandError
-            One of them is not valid; the message names the row.
+            One of them is not valid. The message names the row.
         """
         for start in range(0, len(rows), CHECKED_ROWS):
             own = rows[start : start + CHECKED_ROWS]
@@ -217,7 +217,7 @@ class Variation:
                     self.try_row(own[place])
 
     def members(self, rows: Array) -> CoreMembers:
-        """Return members as the core takes them.
+        """Return members in the form of the core.
 
         Parameters
         ----------
@@ -253,13 +253,13 @@ class Variation:
 
 
 class QuantityReader:
-    """Reads quantities of one number as users write them, or takes numbers as SI."""
+    """Reader of one number's quantities as users write them, or of numbers in SI."""
 
     def __init__(self, number: Varied, gauge_from: float | None) -> None:
         self.number, self._gauge_from = number, gauge_from
 
     def value(self, given: object) -> float:
-        """Return a value in SI, a pressure absolute.
+        """Return a value in SI, with an absolute pressure.
 
         Raises
         ------
@@ -285,7 +285,7 @@ class QuantityReader:
         return pressure.absolute_pa(self._gauge_from or 0.0)
 
     def width(self, given: object, about: float) -> float:
-        """Return a difference in SI; ``"10 %"`` is a share of `about`.
+        """Return a difference in SI. ``"10 %"`` refers to `about`.
 
         Raises
         ------
@@ -305,7 +305,7 @@ class QuantityReader:
 
 @contextmanager
 def _named(name: str) -> Iterator[None]:
-    """Name the number whose quantity cannot be read."""
+    """Add the name of the number whose quantity cannot be read."""
     try:
         yield
     except PneudriveError as error:
@@ -316,7 +316,7 @@ def _named(name: str) -> Iterator[None]:
 
 @contextmanager
 def _of_row(place: int, numbers: Sequence[Varied], row: Array) -> Iterator[None]:
-    """Name the row that is not valid."""
+    """Add the row that is not valid."""
     try:
         yield
     except DescriptionError as error:
@@ -328,14 +328,14 @@ def _of_row(place: int, numbers: Sequence[Varied], row: Array) -> Iterator[None]
 
 
 def field_marks(kind: type[Described]) -> dict[str, Quantity | StatedPressure]:
-    """Return how each quantity of a table is written, by its key."""
+    """Return the written form of each quantity of a table, by its key."""
     fields = zip(kind.keys(), kind.model_fields.values(), strict=True)
     marked = ((key, mark) for key, field in fields for mark in field.metadata)
     return {key: mark for key, mark in marked if isinstance(mark, Quantity | StatedPressure)}
 
 
 def mark_unit(mark: Quantity | StatedPressure) -> str:
-    """Return the SI unit of what is written so."""
+    """Return the SI unit for a written form."""
     return "Pa" if isinstance(mark, StatedPressure) else mark.si_unit or "1"
 
 
@@ -345,7 +345,7 @@ def check_lengths(columns: Mapping[str, Array]) -> None:
     Raises
     ------
     CommandError
-        They are.
+        The lengths differ, or there is not a single row.
     """
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:

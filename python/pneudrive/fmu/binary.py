@@ -1,4 +1,4 @@
-"""The library that every FMU and every C program of a drive carries."""
+"""The library inside every FMU and every C program of a drive."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OK = 0
 
 
 def binary_name() -> str:
-    """Return the file name that the library has on this platform."""
+    """Return the file name of the library on this platform."""
     return f"libpneudrive{PLATFORMS.get(sys.platform, PLATFORMS['linux'])[0]}"
 
 
@@ -32,7 +32,7 @@ def binary_path() -> Path:
     Raises
     ------
     CommandError
-        This installation has no library for this platform.
+        This installation does not include a library for this platform.
     """
     path = Path(__file__).with_name(binary_name())
     if not path.is_file():
@@ -56,26 +56,26 @@ _LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ct
 
 
 def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
-    """Return what the library has for a plan, which it reads, checks and starts: event indicators, sizes of its states.
+    """Return the event indicators and the sizes of the states from the library, which checks and starts the plan.
 
     Parameters
     ----------
     json, token : str
-        Of a `pneudrive.fmu.variables.FmuPlan`.
+        Form and token of a `pneudrive.fmu.variables.FmuPlan`.
     states : int
-        How many states the other tool integrates.
+        Number of states that the other tool integrates.
 
     Returns
     -------
     int
-        How many event indicators there are.
+        Number of event indicators.
     list of float
         Nominal values of the states, SI.
 
     Raises
     ------
     DescriptionError
-        The library refuses the plan.
+        The library rejects the plan.
     """
     library, messages = load_library(), []
 

@@ -34,7 +34,7 @@ def export_c(
     ----------
     drive : Drive or Circuit
     folder : path-like
-        Made if it does not exist; files of these names in it are replaced.
+        It is made if it does not exist. Files with these names in it are replaced.
     initial : Initial, dict or str, optional
         Start state, as for `pneudrive.simulate`.
     rtol : float
@@ -48,7 +48,7 @@ def export_c(
     Raises
     ------
     CommandError
-        The folder cannot be written, or this installation lacks the library.
+        The folder cannot be written, or this installation does not include the library.
     DescriptionError
         The start state does not fit.
     """

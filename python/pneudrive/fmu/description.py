@@ -120,7 +120,7 @@ def _units(root: ElementTree.Element, plan: FmuPlan) -> None:
 
 
 def _kind(one: FmuVariable) -> dict[str, str]:
-    """Return causality, variability and, of what follows from other variables, how it begins."""
+    """Return causality, variability and, for a value that follows from other variables, its initial attribute."""
     if one.causality == "parameter":
         return {"causality": "parameter", "variability": "fixed"}
     variability = "discrete" if one.is_discrete else "continuous"

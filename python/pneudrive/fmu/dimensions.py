@@ -1,4 +1,4 @@
-"""Units as FMI writes them: exponents of base units, and the unit in which a tool shows a value."""
+"""Units in the form of FMI: exponents of base units, and the display unit."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def exponents(unit: str) -> dict[str, int]:
     Raises
     ------
     DescriptionError
-        A part of it is unknown.
+        A part of the unit is unknown.
 
     Examples
     --------

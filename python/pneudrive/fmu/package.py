@@ -93,9 +93,10 @@ def export_fmu(
 ) -> FmuFile:
     """Write a drive or a circuit as a Functional Mock-up Unit for co-simulation and model exchange.
 
-    Inputs are the command and the external force in N, outputs the variables of a trajectory in SI, parameters the
-    numbers of the drive file by their keys and ``start.position``, ``start.pressure_a``, ... Pressures are absolute.
-    Each number stands for itself: what a drive file derives from another number does not follow it in the FMU.
+    Inputs are the command and the external force in N. Outputs are the variables of a trajectory in SI. Parameters are
+    the numbers of the drive file by their keys, and ``start.position``, ``start.pressure_a`` and so on. Pressures are
+    absolute. Each number is independent: a value that a drive file derives from another number does not follow it in
+    the FMU.
 
     Parameters
     ----------
@@ -105,12 +106,12 @@ def export_fmu(
     version : str
         ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
     actuator : bool
-        Whether the other tool moves the piston: position and velocity are inputs, the force on what it moves is an
-        output; for model exchange, and for friction laws with bristles.
+        Whether the other tool moves the piston. Then position and velocity are inputs, and the force on the moved body
+        is an output. This needs model exchange, and a friction law with bristles.
     initial : Initial, dict or str, optional
         Start state, as for `pneudrive.simulate`.
     rtol : float
-        Relative tolerance of co-simulation, unless the other tool gives one.
+        Relative tolerance of co-simulation, unless the other tool sets one.
 
     Returns
     -------
@@ -119,7 +120,8 @@ def export_fmu(
     Raises
     ------
     CommandError
-        The version or the path is not valid, the file cannot be written, or this installation lacks the library.
+        The version or the path is not valid, the file cannot be written, or this installation does not include the
+        library.
     DescriptionError
         The start state does not fit, or the drive cannot be an actuator.
     """
@@ -128,7 +130,7 @@ def export_fmu(
 
 
 def check_fmu(path: str | Path, version: str) -> Path:
-    """Return the path of an FMU to be, or raise a CommandError."""
+    """Return the path of a new FMU, or raise a CommandError."""
     if version not in VERSIONS:
         raise CommandError(f'FMI "{version}" is not available', remedy=nearest(version, VERSIONS))
     return check_target(path, (".fmu",))

@@ -1,4 +1,4 @@
-"""What an FMU says of itself: its version, inputs, outputs and parameters, read from its description."""
+"""Content of an FMU from its description: its version, inputs, outputs and parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SHOWN = ("input", "output", "parameter")
 
 @dataclass(frozen=True)
 class SeenVariable:
-    """A variable as another tool sees it; its unit as written in the description."""
+    """A variable as another tool sees it, with its unit as written in the description."""
 
     name: str
     unit: str
@@ -32,12 +32,12 @@ class SeenVariable:
 
 @dataclass(frozen=True)
 class SeenFmu:
-    """What another tool sees of an FMU.
+    """Content of an FMU as another tool sees it.
 
     Attributes
     ----------
     title, tool, version, token : str
-        Name of the model, what wrote it, version of FMI, token.
+        Name of the model, generating tool, version of FMI, token.
     kinds : tuple of str
         ``"CoSimulation"``, ``"ModelExchange"``.
     variables : tuple of SeenVariable
@@ -53,12 +53,12 @@ class SeenFmu:
 
 
 def read_fmu(path: Path) -> SeenFmu:
-    """Read the description of an FMU; nothing of it is run.
+    """Read the description of an FMU without running it.
 
     Raises
     ------
     CommandError
-        The file is no FMU, or its description is too large or has entities of its own.
+        The file is not an FMU, or its description is too large or defines XML entities.
     """
     check_file(path, CommandError)
     try:
@@ -85,7 +85,7 @@ def read_fmu(path: Path) -> SeenFmu:
 
 
 def _seen(one: ElementTree.Element) -> SeenVariable:
-    """Return a variable; in FMI 2.0 unit and start stand in an element of its type."""
+    """Return a variable. In FMI 2.0, unit and start are attributes of a type element."""
     typed = one if one.get("unit") is not None or not len(one) else one[0]
     keys = ("name", "description", "causality")
     name, meaning, causality = (one.get(key, "") for key in keys)

@@ -43,15 +43,15 @@ class FmuVariable:
     causality : str
         ``independent``, ``parameter``, ``input``, ``output`` or ``local``.
     role : dict
-        What the library has it for.
+        Role of the variable in the library.
     start : float or None
         Start value of a parameter or an input.
     is_discrete : bool
-        Whether it changes at events only.
+        Whether it changes only at events.
     rate_of : str
         Name of the state of which it is the rate.
     nominal : float or None
-        Size of a state, from which a tool derives its absolute tolerance; absent, tools take 1.
+        Size of a state, from which a tool derives its absolute tolerance. Without it, tools use 1.
     """
 
     name: str
@@ -67,7 +67,7 @@ class FmuVariable:
 
 @dataclass(frozen=True)
 class FmuPlan:
-    """What an FMU contains: a circuit, its start and its variables.
+    """Content of an FMU: a circuit, its start and its variables.
 
     Attributes
     ----------
@@ -78,13 +78,13 @@ class FmuPlan:
         Start values by the core's names, SI.
     rtol : float
     variables : tuple of FmuVariable
-        The place of a variable is its value reference.
+        The index of a variable is its value reference.
     is_actuator : bool
         Whether position and velocity of the piston are inputs.
     notes : tuple of str
         Warnings and assumed values of the description.
     law : dict or None
-        A controller in place of a circuit, as `pneudrive.control` has it.
+        A controller in place of a circuit, in the form of `pneudrive.control`.
     """
 
     title: str
@@ -97,7 +97,7 @@ class FmuPlan:
     law: dict[str, Any] | None = None
 
     def json(self) -> str:
-        """Return the plan as the library reads it, with its token."""
+        """Return the plan in the form of the library, with its token."""
         own = {
             **({} if self.law is None else {"law": self.law}),
             "circuit": self.form,
@@ -113,7 +113,7 @@ class FmuPlan:
 
     @property
     def token(self) -> str:
-        """Token that binds the description of an FMU to its plan: a hash of all that is run."""
+        """Token that binds the description of an FMU to its plan: a hash of everything that runs."""
         roles = [[one.name, one.role, one.start] for one in self.variables]
         law = [] if self.law is None else [self.law]
         text = json.dumps([self.form, self.start, self.rtol, roles, self.is_actuator, *law], sort_keys=True)
@@ -134,7 +134,7 @@ def plan_of(
     ----------
     described : Drive or Circuit
     initial : Initial, dict or str, optional
-        Start state, as for `pneudrive.simulate`; each of its values can be changed in the other tool.
+        Start state, as for `pneudrive.simulate`. Each of its values can be changed in the other tool.
     rtol : float
         Relative tolerance of co-simulation.
     actuator : bool
@@ -143,7 +143,7 @@ def plan_of(
     Raises
     ------
     DescriptionError
-        The start does not fit; or the description cannot be an actuator.
+        The start does not fit, or the description cannot be an actuator.
     """
     from pneudrive.describe.circuit import compiled
     from pneudrive.describe.parts import Initial
@@ -186,7 +186,7 @@ def session_notes(described: Drive | Circuit) -> list[str]:
 
 
 def _as_actuator(described: Drive | Circuit) -> Drive:
-    """Check that a description is a drive, and take off the load's force and spring, which the other tool has."""
+    """Check that a description is a drive, and remove the load's force and spring, which are part of the other tool."""
     if is_circuit(described):
         raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
     load = described.carried.model_copy(update={"force_n": 0.0, "spring": None})
@@ -275,7 +275,7 @@ def _friction(entry: dict[str, Any], own: dict[str, Any], prefix: str, path: str
 
 
 def _starts(start: dict[str, float], is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
-    """Yield the numbers of the start; gas of a drive's tubes begins at the pressure of their chamber."""
+    """Yield the numbers of the start. Gas in a drive's tubes starts at the pressure of their chamber."""
     followers: dict[str, list[str]] = {}
     for core in start:
         last = core.rpartition(".")[2]

@@ -33,35 +33,35 @@ _BETWEEN = 256
 class Differentiable:
     """Results of a run as a function of numbers of the drive.
 
-    It is a plain function of an array for `scipy.optimize`, and what `jax` and `torch` make of it takes part in their
-    own differentiation.
+    It is a plain function of an array for `scipy.optimize`. Its forms for `jax` and `torch` take part in their
+    differentiation.
 
     Parameters
     ----------
     drive : Drive
     command, duration, initial, rtol
-        As for `pneudrive.simulate`; the start is held.
+        As for `pneudrive.simulate`. The start is fixed.
     vary : sequence of str
-        Numbers of the drive file: what the function is of.
+        Numbers of the drive file: the arguments of the function.
     outputs : sequence of str or Output
         Its results: ``"final(position)"``, ``"max(pressure_a)"``, ``"integral(mass_flow_a)"``,
         ``"time_when(position > 0.45 m)"``, ``"samples(position)"``; see `pneudrive.ensemble.outputs`.
     sample_rate : str or float
-        At which integrals, means, extremes and samples are taken.
+        Sampling rate of integrals, means, extremes and samples.
 
     Attributes
     ----------
     names, units : list of str
-        Of the numbers, in the order of the argument.
+        Names and units of the numbers, in the order of the argument.
     start : ndarray, shape (p,)
         Their values in the drive, SI.
     output_names : list of str
-        One for each result; of samples one for each of them, ``"position[3]"``.
+        One name for each result. Samples have one for each of them, ``"position[3]"``.
 
     Raises
     ------
     CommandError
-        A name or an output that is not there, or an output without a derivative.
+        Unknown name or output, or an output without a derivative.
 
     Examples
     --------
@@ -103,7 +103,7 @@ class Differentiable:
         return [f"{one.name}[{i}]" for i in range(len(self._times))] if one.word == "samples" else [one.name]
 
     def __call__(self, values: ArrayLike) -> Array:
-        """Return the results, shape (k,), of the numbers' values in SI, shape (p,).
+        """Return the results, shape (k,), for the numbers in SI, shape (p,).
 
         Raises
         ------
@@ -113,15 +113,15 @@ class Differentiable:
         return self._reduce(self._run(values, derivatives=False))[0]
 
     def jacobian(self, values: ArrayLike) -> Array:
-        """Return the derivatives of the results, shape (k, p); errors as when called."""
+        """Return the derivatives of the results, shape (k, p). Errors are those of a call."""
         return self.value_and_jacobian(values)[1]
 
     def value_and_jacobian(self, values: ArrayLike) -> tuple[Array, Array]:
-        """Return results and derivatives of one run, shapes (k,) and (k, p); errors as when called."""
+        """Return results and derivatives of one run, shapes (k,) and (k, p). Errors are those of a call."""
         return self._reduce(self._run(values, derivatives=True))
 
     def jax(self) -> Any:  # noqa: ANN401 - a function of JAX
-        """Return a function of a JAX array; forward and backward differentiation go through it."""
+        """Return a function of a JAX array with forward and backward differentiation."""
         from pneudrive.gradients.frameworks import jax_function
 
         return jax_function(self)
@@ -133,7 +133,7 @@ class Differentiable:
         return torch_function(self)
 
     def _run(self, values: ArrayLike, *, derivatives: bool) -> tuple[Array, Sensitivities]:
-        """Run the drive, with more samples where a level is passed or an extreme lies."""
+        """Run the drive, with more samples at the passing of a level and at extremes."""
         searches = [one for one in self._reductions if one.word in SOUGHT]
         times, given = self._times, self._times
         if searches:
@@ -170,7 +170,7 @@ def _passes(x: Array, one: Reduction) -> int:
 
 
 def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
-    """Return the time at which a signal passes a level, and its derivatives: of the signal, by its slope in time."""
+    """Return the time at which a signal passes a level, and its derivatives, from the signal's slope in time."""
     k = _passes(x, one)
     share = (one.level - x[k]) / (x[k + 1] - x[k])
     near = slice(max(k - 1, 0), k + 3)
@@ -180,7 +180,7 @@ def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array,
 
 
 def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
-    """Return the extreme, that of a parabola about the largest or smallest sample, and its derivatives."""
+    """Return the extreme of a parabola around the largest or smallest sample, and its derivatives."""
     k = int(x.argmax() if one.word == "max" else x.argmin())
     if not 0 < k < len(x) - 1:
         return x[k : k + 1], by[k : k + 1]
@@ -188,7 +188,7 @@ def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, 
     slopes = (x[k] - x[k - 1]) / before, (x[k + 1] - x[k]) / after
     if slopes[0] == slopes[1]:
         return x[k : k + 1], by[k : k + 1]
-    # where the parabola is level; moving along it changes nothing there
+    # at the vertex of the parabola, where a shift in time changes nothing
     at = 0.5 * (times[k - 1] + times[k]) - slopes[0] * 0.5 * (before + after) / (slopes[1] - slopes[0])
     t = times[k - 1 : k + 2]
     weights = np.array([np.prod((at - np.delete(t, i)) / (t[i] - np.delete(t, i))) for i in range(3)])
@@ -200,7 +200,7 @@ SOUGHT = {"time_when": _crossing, "max": _extreme, "min": _extreme}
 
 
 def _where(x: Array, one: Reduction) -> tuple[int, int]:
-    """Return the samples between which a result lies."""
+    """Return the samples around a result."""
     if one.word == "time_when":
         k = _passes(x, one)
         return k, k + 1
@@ -209,7 +209,7 @@ def _where(x: Array, one: Reduction) -> tuple[int, int]:
 
 
 def _reduced(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
-    """Return results, shape (k,), and their derivatives, shape (k, p), of a signal, shape (n,), and its, (n, p)."""
+    """Return results, shape (k,), and derivatives, shape (k, p), from a signal, shape (n,), and its derivatives."""
     if one.word == "final":
         return x[-1:], by[-1:]
     if one.word == "samples":

@@ -1,4 +1,4 @@
-"""A `Differentiable` as a function of JAX and of PyTorch: the run is ours, what lies around it is theirs."""
+"""A `Differentiable` as a function of JAX and of PyTorch, which differentiate around pneudrive's run."""
 
 # pyright: reportMissingImports=false, reportFunctionMemberAccess=false
 # JAX and PyTorch are not installed with pneudrive.
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class ArrayFunction(Protocol):
-    """A function of an array, shape (p,), with results, shape (k,), and their Jacobian; `Differentiable` is one."""
+    """A function of an array, shape (p,), with results, shape (k,), and their Jacobian. `Differentiable` is one."""
 
     names: list[str]
     output_names: list[str]
@@ -32,10 +32,10 @@ class ArrayFunction(Protocol):
 
 
 def jax_function(of: ArrayFunction) -> Any:  # noqa: ANN401 - a function of JAX
-    """Return a function of a JAX array, shape (p,), that gives the results, shape (k,).
+    """Return a function of a JAX array, shape (p,), that returns the results, shape (k,).
 
-    It has a rule for forward differentiation, which JAX transposes for the backward one; it can be compiled and mapped
-    over members, which then run one after the other.
+    It has a rule for forward differentiation, which JAX transposes for backward differentiation. It can be compiled and
+    mapped over members, which then run one after the other.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def jax_function(of: ArrayFunction) -> Any:  # noqa: ANN401 - a function of JAX
 
 
 def torch_function(of: ArrayFunction) -> Any:  # noqa: ANN401 - a function of PyTorch
-    """Return a function of a tensor of doubles, shape (p,), that gives the results, shape (k,)."""
+    """Return a function of a tensor of doubles, shape (p,), that returns the results, shape (k,)."""
     import torch
 
     class TorchRun(torch.autograd.Function):

@@ -1,4 +1,5 @@
 """The page of `pneudrive web`: a server for one user on this machine, over a folder of files.
 
-It holds no numerics: it calls what the command line and Python call, and packs results for a page that draws them.
+It computes nothing itself: it calls the same functions as the command line and Python, and packs results for a page
+that draws them.
 """

@@ -1,6 +1,7 @@
-"""Routes of the server: files, descriptions, runs. Every one answers with JSON or with a frame of `messages`.
+"""Routes of the server: files, descriptions, runs. Every route answers with JSON or with a frame of `messages`.
 
-What the first curves do not need is imported where it is used: `BEHIND` are these modules, for who loads them ahead.
+Modules that the first curves do not need are imported where they are used. `BEHIND` lists these modules, so that they
+can be loaded ahead.
 """
 
 from __future__ import annotations
@@ -162,7 +163,7 @@ def make_app(
 
 
 def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Asked], Any]:
-    """Return the endpoint of a view, which runs in a thread; our errors become answers."""
+    """Return the endpoint of a view, which runs in a thread. Our errors become answers."""
 
     async def endpoint(asked: Asked) -> Response:
         given = {**asked.query_params, "if-match": asked.headers.get("if-match", "")}
@@ -185,7 +186,7 @@ def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Aske
 
 
 def _json(found: Any) -> JSONResponse:  # noqa: ANN401 - plain data
-    """Return an answer; what is no number, which a file may hold, becomes null."""
+    """Return an answer. Infinite values and NaN, which a file may hold, become null."""
     try:
         return JSONResponse(found)
     except ValueError:
@@ -193,7 +194,7 @@ def _json(found: Any) -> JSONResponse:  # noqa: ANN401 - plain data
 
 
 class _Views:
-    """What each address answers, from its parameters and its body."""
+    """Handler of each address, called with its parameters and its body."""
 
     def __init__(self, workspace: Workspace, build: str, reports: OpenReports, *, control: bool) -> None:
         self.workspace, self.build, self.reports, self.control = workspace, build, reports, control
@@ -219,7 +220,7 @@ class _Views:
         return {**about, "files": [vars(one) for one in files], "catalogue": drives}
 
     def lineage(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return what a file was made from, and what was made from it."""
+        """Return the inputs of a file, and the files made from it."""
         from pneudrive.web.lineage import shown_lineage
 
         return shown_lineage(self.workspace, given.get("path", ""))
@@ -231,14 +232,14 @@ class _Views:
         return stale_results(self.workspace)
 
     def read(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the text of a file, and what is to be said of it as a description if that is asked for."""
+        """Return the text of a file, and on request its check as a description."""
         path = given.get("path", "")
         text, sha256 = description.text_at(self.workspace, path)
         about = {"checked": description.checked(self.workspace, path, text)} if "checked" in given else {}
         return {"text": text, "sha256": sha256, **about}
 
     def write(self, given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Write a file that is still what the page knows."""
+        """Write a file that has not changed since the page read it."""
         known = given["if-match"].strip('"') or None
         asked = _table(body, "text")
         path = given.get("path", "")
@@ -254,7 +255,7 @@ class _Views:
         return description.checked(self.workspace, asked["path"], asked["text"])
 
     def edit(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Change one value of a text; with a unit, write the value in it."""
+        """Change one value of a text. With a unit, write the value in this unit."""
         asked = _table(body, "text", "key")
         value = asked.get("value")
         if not isinstance(value, str | int | float):
@@ -284,7 +285,7 @@ class _Views:
         return {"command": command, "python": python}
 
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Open a recording, or say how far its reading is, or what is wrong with it by now: it may be half written."""
+        """Open a recording, or report the progress of its reading, or its present errors: it may be half written."""
         from pneudrive.web.recordings import layout_above, layout_in
 
         name = given.get("path", "")
@@ -307,9 +308,9 @@ class _Views:
         }
 
     def window(self, given: Mapping[str, Any]) -> bytes:
-        """Return a view of a recording, as it was with the key that is asked for, as a frame; without one if it is not.
+        """Return a view of a recording with the requested key as a frame, or None if the recording has another key.
 
-        A view of it as it is by now would have other times and channels than the page knows of.
+        A view of the changed recording would have other times and channels than the page knows.
         """
         name, key = str(given.get("path", "")), str(given.get("key", ""))
         head: dict[str, Any] = {"number": given.get("number"), "path": given.get("path"), "key": None}
@@ -376,7 +377,7 @@ class _Views:
         return map_slice(self.workspace, given.get("path", ""), Path(given.get("fit", "")).name or FIT, speed)
 
     def map_difference(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return what another map lies above a map."""
+        """Return the difference between two maps."""
         from pneudrive.web.friction import FIT, map_difference
 
         path, other = given.get("path", ""), given.get("other", "")
@@ -389,7 +390,7 @@ class _Views:
         return shown_fit(self.workspace.path(given.get("path", ""), (".toml",)))
 
     def behind(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return what lies behind a fit: residuals, ellipses, profiles."""
+        """Return the details of a fit: residuals, ellipses, profiles."""
         from pneudrive.web.friction import behind_fit
 
         return behind_fit(self.workspace, given.get("path", ""))
@@ -418,14 +419,14 @@ class _Views:
         return shown_validation(self.workspace, given.get("path", ""))
 
     def differences(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Return what differs between two drives or fits."""
+        """Return the differences between two drives or fits."""
         from pneudrive.web.validation import compared
 
         asked = _table(body, "before", "after")
         return compared(self.workspace, asked["before"], asked["after"])
 
     def task(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Check the text of a task; without one, return a task to begin with."""
+        """Check the text of a task. Without a text, return a task to start from."""
         from pneudrive.web.sizing import FIRST, checked_task
 
         text = _table(body).get("text")
@@ -438,7 +439,7 @@ class _Views:
         return shown_sizing(self.workspace, given.get("path", ""))
 
     def fmu(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return what another tool sees of an FMU."""
+        """Return the description of an FMU for another tool."""
         from pneudrive.web.handover import shown_fmu
 
         return shown_fmu(self.workspace, given.get("path", ""))
@@ -448,7 +449,7 @@ class _Views:
         return {"address": self.reports.address(given.get("path", ""))}
 
     async def drop(self, asked: Asked) -> Response:
-        """Take a file that was dropped onto the page."""
+        """Accept a file that was dropped onto the page."""
         length = asked.headers.get("content-length")
         said = int(length) if length is not None else None
         try:
@@ -460,7 +461,7 @@ class _Views:
         return JSONResponse({"size": size})
 
     async def open_report(self, asked: Asked) -> Response:
-        """Answer with a report, as it is in its folder, or with a picture of it."""
+        """Answer with the report of a folder, or with a picture of it."""
         try:
             data, kind = await asyncio.to_thread(self.reports.read, **asked.path_params)
         except PneudriveError as error:
@@ -481,7 +482,7 @@ class _Views:
         return self.running.start(self._job(body)).about()
 
     def cancel(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """End a job as Ctrl-C does."""
+        """Cancel a job, like Ctrl-C."""
         self.running.cancel(_table(body).get("number"))
         return self.jobs(_given, body)
 
@@ -492,11 +493,11 @@ class _Views:
         return self.campaigns.setdefault(folder, WatchedCampaign(folder))
 
     def campaign(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return how a campaign stands."""
+        """Return the state of a campaign."""
         return self._watched(given.get("path", "")).about()
 
     def cycle(self, given: Mapping[str, str], _body: bytes) -> bytes:
-        """Return the cycle that a campaign runs now as a frame."""
+        """Return the running cycle of a campaign as a frame."""
         return self._watched(given.get("path", "")).live()
 
     def plan(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
@@ -512,19 +513,19 @@ class _Views:
         return {}
 
     def control_choices(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return what can be chosen for a drive under control."""
+        """Return the options for a drive under control."""
         from pneudrive.web import control
 
         return control.choices(self.workspace, given.get("path", ""))
 
     def comparison(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the score card of a comparison."""
+        """Return the score card of a benchmark."""
         from pneudrive.web import control
 
         return control.shown_card(self.workspace, given.get("path", ""), given.get("measure", "max_error_m"))
 
     def tracks(self, given: Mapping[str, str], _body: bytes) -> bytes:
-        """Return the tracks of a comparison's laws along a reference as a frame."""
+        """Return the tracks of a benchmark's controllers along a reference as a frame."""
         from pneudrive.web import control
 
         pixels = given.get("pixels", "1000")
@@ -533,7 +534,7 @@ class _Views:
         return control.shown_tracks(self.workspace, given.get("path", ""), given.get("reference", ""), int(pixels))
 
     def compare(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Compare laws, or go on with a comparison."""
+        """Run a benchmark of controllers, or continue one."""
         from pneudrive.web import control
 
         return self.running.start(control.comparison_job(_table(body), self.workspace)).about()
@@ -544,7 +545,7 @@ class _Views:
 
 
 def _view(found: OpenRecording, given: Mapping[str, Any]) -> tuple[list[str], tuple[float, float], int]:
-    """Read what part of a recording is asked for: channels, span and pixels."""
+    """Read the requested part of a recording: channels, span and pixels."""
     known = [one.column for one in found.channels]
     columns = [name for name in str(given.get("columns", "")).split("\n") if name in known]
     try:
@@ -569,7 +570,7 @@ def _number(given: Mapping[str, Any], key: str) -> float:
 
 
 def _table(body: bytes, *texts: str) -> dict[str, Any]:
-    """Read a body of JSON that is a table with these texts in it."""
+    """Read a JSON body that is a table with these texts."""
     try:
         table = json.loads(body)
         json.dumps(table, ensure_ascii=False).encode()  # half of a pair of UTF-16 is no text

@@ -1,4 +1,4 @@
-"""What Simulate shows beside a run: other drives and runs, a band of many members, p-V loops, what moves."""
+"""Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, animation."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _PLACES = (("{}.position_m", "{}.a.pressure_pa", "{}.b.pressure_pa"), ("position
 
 
 class ExtrasRequest(PageRequest):
-    """What is asked for beside a run.
+    """Requested comparisons with a run.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class ExtrasRequest(PageRequest):
     spreads : dict
         Key of a value -> its two ends as text, between which members lie evenly.
     loops, motion, energy : bool
-        Whether p-V loops are, what an animation needs to know of the cylinders, and the balance of energy.
+        Whether to return p-V loops, the data for an animation of the cylinders, and the balance of energy.
     """
 
     others: Annotated[tuple[StrictStr, ...], Field(max_length=MOST_OTHERS)] = ()
@@ -82,14 +82,14 @@ class ExtrasRequest(PageRequest):
         shown: Sequence[str],
         limit: RunLimit,
     ) -> tuple[dict[str, Any], dict[str, Array]]:
-        """Return head and arrays beside those of a run of `described`, of which `shown` are the columns that are drawn.
+        """Return head and arrays of the comparisons with the run of `described`. `shown` are the drawn columns.
 
         Raises
         ------
         PneudriveError
-            A name leads out of the workspace, a description is not valid, or a run cannot go on.
+            A name leads out of the workspace, a description is not valid, or a run fails.
         Cancelled
-            The time is over, or the page waits no longer.
+            The time is over, or the page no longer waits.
         """
         arrays: dict[str, Array] = {}
         others = []
@@ -161,7 +161,7 @@ class ExtrasRequest(PageRequest):
         return f"samples({name}, {BAND_SAMPLES / parse(asked.duration, 's')!r} Hz)"
 
     def as_command(self, asked: RunRequest, shown: Sequence[str], out: str, names: NewNames) -> str:
-        """Return the lines of a shell that make what is beside the run that is written into `out`."""
+        """Return the shell lines that make the comparisons with the run written to `out`."""
         others = [asked.with_path(path) for path in self.others if _is_described(path)]
         lines = [one.as_command(names.of(one.stem())) for one in others]
         lines += [f"{asked.as_command(out)} --energy"] if self.energy else []
@@ -179,7 +179,7 @@ class ExtrasRequest(PageRequest):
         return "\n".join(lines)
 
     def as_python(self, workspace: Workspace, asked: RunRequest, shown: Sequence[str]) -> str:
-        """Return the lines of Python that make what is beside the run, to follow those of the run."""
+        """Return the Python lines that make the comparisons, after those of the run."""
         lines = []
         for number, path in enumerate(self.others, start=1):
             if _is_described(path):
@@ -205,7 +205,7 @@ class ExtrasRequest(PageRequest):
 
 
 def _valid(study: EnsembleStudy, limit: RunLimit) -> tuple[Array, str]:
-    """Return the rows of a study that a member can have, and why the first one of the others cannot."""
+    """Return the valid rows of a study, and why the first of the other rows is not valid."""
     rows = study.rows.take(0, study.rows.size)
     try:
         study.variation.check(rows)
@@ -228,7 +228,7 @@ def _reading(name: str, path: str) -> list[str]:
 
 
 def _quantile(ordered: Array, share: float) -> Array:
-    """Return a quantile of each row of values in order: that of `numpy.quantile` to the bit, in a fifth of its time."""
+    """Return a quantile of each sorted row, with the same bits as `numpy.quantile` in a fifth of its time."""
     part, place = math.modf(share * (ordered.shape[1] - 1))
     below, above = ordered[:, int(place)], ordered[:, min(int(place) + 1, ordered.shape[1] - 1)]
     step = above - below
@@ -277,9 +277,9 @@ def _other(
 
 
 def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, dict[str, float]]:
-    """Return the last values of another run, and the largest differences to a run at its times within both.
+    """Return the last values of another run, and the largest differences from a run at its times inside both.
 
-    What is no number is left out.
+    NaN is left out.
     """
     ends, largest = {}, {}
     time, own = np.asarray(other["time_s"]), np.asarray(run["time_s"])
@@ -312,7 +312,7 @@ def _energy(described: Drive | Circuit, command: Any, asked: RunRequest, limit: 
 
 
 def _loops(described: Drive | Circuit, columns: Mapping[str, Array], pixels: int) -> dict[str, dict[str, Array]]:
-    """Return volume and pressure of each chamber; of many samples every so manieth."""
+    """Return volume and pressure of each chamber. Long runs are thinned."""
     each = chamber_sizes(circuit_of(described).core_json())
     count = len(columns["time_s"])
     part = slice(None) if count <= 2 * pixels + 1 else np.linspace(0, count - 1, 2 * pixels).astype(int)

@@ -1,4 +1,4 @@
-"""The page's cache: in the user's own cache folder, as a folder of somebody else could hold a forged one."""
+"""Cache of the page, in the user's own cache folder. A folder of another user could contain forged data."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ LONGEST_UNUSED_S = 30 * 86400.0
 
 
 def cache_folder() -> Path:
-    """Return the folder of converted recordings, which only this user can open; it is made at the first call.
+    """Return the folder of converted recordings, which only this user can open. The first call makes it.
 
-    Without a home that can be written to, it is `log_folder`.
+    Without a writable home, it is `log_folder`.
     """
     folder = _user_cache() / "pneudrive" / "page"
     try:
@@ -32,7 +32,7 @@ def cache_folder() -> Path:
 
 
 def forget_unused(folder: Path, now_s: float | None = None) -> None:
-    """Remove what was not opened for `LONGEST_UNUSED_S`."""
+    """Remove files that were not opened for `LONGEST_UNUSED_S`."""
     oldest = (time.time() if now_s is None else now_s) - LONGEST_UNUSED_S
     for entry in os.scandir(folder):
         if entry.is_dir(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_mtime < oldest:
@@ -41,7 +41,7 @@ def forget_unused(folder: Path, now_s: float | None = None) -> None:
 
 @cache
 def log_folder() -> Path:
-    """Return a new folder that only this user can open, for logs of jobs; it is removed when Python ends."""
+    """Return a new folder for logs of jobs that only this user can open. It is removed when Python ends."""
     folder = tempfile.mkdtemp(prefix="pneudrive-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder).resolve()
@@ -52,7 +52,7 @@ def _is_ours(folder: Path) -> bool:
 
 
 def _user_cache() -> Path:
-    """Return where programs of this user keep what can be made again."""
+    """Return the folder for this user's data that can be made again."""
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches"
     named = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME", "")

@@ -1,4 +1,4 @@
-"""Campaigns as the page watches them: from their folders alone, whatever process runs them, near or far."""
+"""Campaigns as the page watches them: from their folders only, for any local or remote process that runs them."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ CONTROL = "Start the server with --control to send requests to a campaign."
 
 
 def planned(given: Mapping[str, Any], workspace: Workspace) -> dict[str, Any]:
-    """Return the plan of a protocol on the simulated rig in words, with what gives the same.
+    """Return the plan of a protocol on the simulated rig in words, with the command and the Python lines for it.
 
     Raises
     ------
     CommandError, ProtocolError
-        As for `campaign_job`; or a cycle of the plan breaks a limit of the rig.
+        As for `campaign_job`, or a cycle of the plan breaks a limit of the rig.
     """
     from pneudrive.campaign.plan import lay_out
     from pneudrive.campaign.plan_words import show
@@ -65,7 +65,7 @@ def planned(given: Mapping[str, Any], workspace: Workspace) -> dict[str, Any]:
 
 
 class WatchedCampaign:
-    """One campaign folder; what was read stays until it is old."""
+    """One campaign folder. Its data are kept until they are out of date."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -75,12 +75,12 @@ class WatchedCampaign:
         self._seen, self._next = 0, 0.0
 
     def about(self) -> dict[str, Any]:
-        """Return how the campaign stands.
+        """Return the state of the campaign.
 
         Raises
         ------
         CampaignError
-            The folder is no campaign.
+            The folder is not a campaign.
         """
         with self._lock:
             began = time.monotonic()
@@ -111,7 +111,7 @@ class WatchedCampaign:
         }
 
     def live(self) -> bytes:
-        """Return the cycle in progress as a frame; its head has no cycle where none runs."""
+        """Return the running cycle as a frame. Without one, the head does not contain a cycle."""
         found = read_live(self.folder) if holder(self.folder) is not None else None
         if found is None:
             return pack({"cycle": ""}, {})
@@ -119,7 +119,7 @@ class WatchedCampaign:
         return pack(head, {**found.points})
 
     def _changed(self) -> int:
-        """Return when a cycle was last stored: a cycle is renamed into its folder once it is whole."""
+        """Return when a cycle was last stored. A cycle is renamed into its folder once it is complete."""
         try:
             return (self.folder / CYCLES).stat().st_mtime_ns
         except OSError:
@@ -147,12 +147,12 @@ class WatchedCampaign:
             return []
 
     def ask(self, word: object, *, control: bool) -> None:
-        """Send one of the four words of a campaign to the process that runs it.
+        """Send one of the four requests of a campaign to the process that runs it.
 
         Raises
         ------
         CommandError
-            The server only watches, or the word is none of them.
+            The server only watches, or the request is unknown.
         CampaignError
             No process runs the campaign.
         """
@@ -164,7 +164,7 @@ class WatchedCampaign:
 
 
 def _groups(points: list[Finished], ambient_pa: float) -> list[dict[str, Any]]:
-    """Return the quick estimates of friction over speed, in groups of one pair of chamber pressures."""
+    """Return the preliminary estimates of friction over speed, grouped by pair of chamber pressures."""
     groups: dict[tuple[float, float], list[dict[str, Any]]] = {}
     for one in points[:MOST_POINTS]:
         cycle, friction = one.cycle, one.point.friction_n

@@ -1,4 +1,4 @@
-"""Laws of control as the page asks for them: a run, a comparison as a job, the score card of its folder."""
+"""Control requests of the page: a run, a benchmark as a job, the score card of its folder."""
 
 from __future__ import annotations
 
@@ -58,18 +58,18 @@ _REFERENCE_FILES = (*DESCRIPTIONS, *RECORDS, *PROGRAMS)
 
 
 class ControlRequest(PageRequest):
-    """A run under control, checked as far as it can be without its drive.
+    """A run under control, checked as far as possible without its drive.
 
     Attributes
     ----------
     path : str
         Drive or circuit: a name in the workspace, or ``catalogue:NAME``.
     law : str
-        A word of `pneudrive.control.laws`, or a controller file of the workspace.
+        A key of `pneudrive.control.laws`, or a controller file of the workspace.
     gains : dict
-        Gain -> value, in place of what follows from the drive; only with a word.
+        Gain -> value, in place of the derived gain. Only with a key.
     reference, setup, mismatch : str
-        As `pneudrive.control.run` takes them; files lie in the workspace. An empty `mismatch` is none.
+        As for `pneudrive.control.run`. Files are in the workspace. An empty `mismatch` stands for no mismatch.
     seed : int
     duration : str
         Empty: from the reference.
@@ -88,7 +88,7 @@ class ControlRequest(PageRequest):
     pixels: Pixels = 1000
 
     def prepared(self, workspace: Workspace) -> Prepared:
-        """Return all that decides the run but its seed.
+        """Return everything that determines the run, except its seed.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class ControlRequest(PageRequest):
         Raises
         ------
         CommandError
-            It is neither ready nor a file of the workspace.
+            It is neither a ready mismatch nor a file of the workspace.
         """
         return _ready(workspace, self.mismatch, ready_mismatches(), "mismatch")
 
@@ -131,9 +131,9 @@ class ControlRequest(PageRequest):
         Raises
         ------
         PneudriveError
-            As for `prepared`; the run is too long for a page, or the drive cannot go on.
+            As for `prepared`, or the run is too long for a page, or the drive cannot continue.
         Cancelled
-            The time is over, or the page waits no longer.
+            The time is over, or the page no longer waits.
         """
         prepared = self.prepared(workspace)
         samples = prepared.duration_s / prepared.tuning.period_s
@@ -148,7 +148,7 @@ class ControlRequest(PageRequest):
         return prepared, run_prepared(prepared, self.seed, Watch(cancel=limit))
 
     def as_command(self, names: NewNames) -> str:
-        """Return the lines of a shell that make the same run in the folder of the workspace."""
+        """Return the shell lines that make the same run in the folder of the workspace."""
         lines, law = [], self.law
         stem = posixpath.splitext(self.path.rpartition(":")[2].rpartition("/")[2])[0] or "axis"
         if self.gains:
@@ -183,7 +183,10 @@ def _is_file(law: str) -> bool:
 
 
 def _controller(workspace: Workspace, name: str) -> str:
-    """Return the place of a controller file; what it believes in lies in the workspace too, or in the catalogue."""
+    """Return the place of a controller file.
+
+    The drive that it assumes must also be in the workspace or the catalogue.
+    """
     tables = toml.parse(workspace.read(name)[0], name)
     drive = tables.get("drive")
     if isinstance(drive, str):
@@ -202,14 +205,14 @@ def _ready(workspace: Workspace, name: str, ready: Mapping[str, Path], what: str
 
 
 def _reference(workspace: Workspace, text: str) -> str:
-    """Return a reference as it is, or the place of its file, which lies in the workspace."""
+    """Return a reference unchanged, or the place of its file in the workspace."""
     program, colon, axis = text.rpartition(":")
     name, behind = (program, colon + axis) if program.endswith(PROGRAMS) else (text, "")
     return str(workspace.path(name, _REFERENCE_FILES)) + behind if name.endswith(_REFERENCE_FILES) else text
 
 
 def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | None = None) -> bytes:
-    """Run what a message asks for, and return the frame of the answer, which carries its number.
+    """Run the request of a message, and return the frame of the answer with its number.
 
     Raises
     ------
@@ -247,7 +250,7 @@ def _error_unit(errors_m: list[Any]) -> dict[str, Any]:
 
 
 def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
-    """Return what a law was told, what was true, and how it did."""
+    """Return the assumed drive, the true drive and the results of a run."""
     tuning, said = prepared.tuning, run.provenance
     score = Score(**said["score"])
     gains = []
@@ -276,7 +279,7 @@ def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
 
 
 def _score(score: Score) -> list[dict[str, Any]]:
-    """Return the measures that a run has, as text and as number; a number that JSON does not know is none."""
+    """Return the measures of a run, as text and as number. A number that JSON does not support becomes None."""
     each = ((name, title, getattr(score, name)) for name, (title, *_) in SHOWN.items())
     return [
         {"name": name, "title": title, "text": written(name, value), "value": _number(value)}
@@ -290,12 +293,12 @@ def _number(value: float | None) -> float | None:
 
 
 def choices(workspace: Workspace, path: str) -> dict[str, Any]:
-    """Return what can be chosen for a drive: laws, ready setups and mismatches, the standard references as text.
+    """Return the options for a drive: controllers, ready instrumentations and mismatches, standard references.
 
     Raises
     ------
     PneudriveError
-        The description is not valid, or is none that a law can command.
+        The description is not valid, or no controller can command it.
     """
     usual = standard(described_at(workspace, path))
     ready = {name: read_mismatch(name)[0].is_spread for name in sorted(ready_mismatches())}
@@ -317,12 +320,12 @@ def _is_text(text: str) -> bool:
 
 
 def comparison_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that compares laws into a new folder, or goes on in the folder of a comparison.
+    """Return the job that runs a benchmark into a new folder, or continues the benchmark of a folder.
 
     Raises
     ------
     PneudriveError
-        A part is missing, leads out of the workspace, or is not valid; or the folder does not say what was asked for.
+        A part is missing, leads out of the workspace, or is not valid, or the folder does not match the request.
     """
     folder = given.get("resume")
     if isinstance(folder, str):
@@ -367,7 +370,7 @@ def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bo
 
 
 def _words(given: object, what: str) -> list[str]:
-    """Return a list of words, of which a command makes one word: none has a comma."""
+    """Return a list of words for one argument of a command. No word contains a comma."""
     each = [given] if isinstance(given, str) else given
     if not isinstance(each, list) or not each or not all(isinstance(one, str) and one.strip() for one in each):
         raise CommandError(f"{what} are missing", remedy="Choose at least one.")
@@ -378,12 +381,12 @@ def _words(given: object, what: str) -> list[str]:
 
 
 def shown_card(workspace: Workspace, name: str, measure: str) -> dict[str, Any]:
-    """Return the score card of a folder: a measure of each run and its medians, what was told and what was true.
+    """Return the score card of a folder: a measure of each run and its medians, the assumed drive and the true drive.
 
     Raises
     ------
     CommandError
-        The folder is none of a comparison, or there is no such measure.
+        The folder is not a benchmark, or the measure does not exist.
     """
     card = read_comparison(workspace.folder(name))
     if measure not in SHOWN:
@@ -431,7 +434,7 @@ def shown_card(workspace: Workspace, name: str, measure: str) -> dict[str, Any]:
 
 
 def _cell(card: StoredComparison, law: str, along: str, measure: str) -> dict[str, Any]:
-    """Return a measure of a law along a reference: median, least and largest, or of a spread 95 and 100 %."""
+    """Return a measure of a controller along a reference: median, least and largest, or 95 and 100 % limits."""
     shares = (0.5, 0.95, 1.0) if card.spread else (0.5, 0.0, 1.0)
     middle, *others = (card.within(law, along, measure, share) for share in shares)
     lost = sum(run.score is None or run.score.lost for run in card.of(law, along))
@@ -447,7 +450,7 @@ def _cell(card: StoredComparison, law: str, along: str, measure: str) -> dict[st
 
 
 def _table(card: StoredComparison, along: str) -> dict[str, Any]:
-    """Return the medians of all measures that a reference has."""
+    """Return the medians of all measures of a reference."""
     heads = ["law", *(title for title, *_ in SHOWN.values()), "lost"]
     rows = card.rows(along)
     used = [i for i in range(len(heads)) if i == 0 or any(row[i] for row in rows)]
@@ -455,7 +458,7 @@ def _table(card: StoredComparison, along: str) -> dict[str, Any]:
 
 
 def _true(card: StoredComparison) -> list[dict[str, str]]:
-    """Return what was true where it was not what the laws were told: over all runs least and largest."""
+    """Return the true values that differ from the assumed ones: over all runs, the least and the largest."""
     each: dict[str, list[float]] = {}
     for run in card.runs:
         for name, value in run.truth.items():
@@ -464,12 +467,12 @@ def _true(card: StoredComparison) -> list[dict[str, str]]:
 
 
 def shown_tracks(workspace: Workspace, name: str, along: str, pixels: int) -> bytes:
-    """Return the tracks of all laws along a reference, and their errors, as a frame; of each law its first run.
+    """Return the tracks of all controllers and their errors as a frame, with each controller's first run.
 
     Raises
     ------
     CommandError
-        The folder is none of a comparison, or has no such reference.
+        The folder is not a benchmark, or does not have this reference.
     """
     card = read_comparison(workspace.folder(name))
     if along not in card.references:

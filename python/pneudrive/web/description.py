@@ -1,4 +1,4 @@
-"""What the page shows of a description: its problems by line, its values as fields, its drawing."""
+"""View of a description: its problems by line, its values as fields, its drawing."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
 
 
 def _copies(text: str) -> dict[str, list[str]]:
-    """Return, of each component that one table describes with others, the names of them all."""
+    """Return, for each component whose table describes several, the names of them all."""
     try:
         tables = toml.parse(text, "").get("components", {}).values()
     except PneudriveError:  # another format
@@ -66,7 +66,7 @@ def _copies(text: str) -> dict[str, list[str]]:
 
 
 def fields_of(described: Drive | Circuit) -> dict[str, Any]:
-    """Return the name, values, assumptions and commands of a description, and the sliders to begin with."""
+    """Return the name, values, assumptions and commands of a description, and the initial sliders."""
     owner = _owners(described)
     every = values_of(described)
     absent = _absent(described, every)
@@ -84,7 +84,7 @@ def fields_of(described: Drive | Circuit) -> dict[str, Any]:
 
 
 def _absent(described: Drive | Circuit, every: Sequence[DescribedValue]) -> set[str]:
-    """Return the keys of defaults that are not valid alone: of a table or a pair that is not given, as of a cushion."""
+    """Return the keys of defaults that are not valid alone, such as those of an absent cushion."""
     logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
     out = {f"{key.removesuffix('growth')}exponent" for key in logs}
     given = {key for key, _ in leaves(described.to_dict())}
@@ -97,7 +97,7 @@ def _absent(described: Drive | Circuit, every: Sequence[DescribedValue]) -> set[
 
 
 def _lowest_commands(circuit: Circuit) -> dict[str, int]:
-    """Return the lowest command of each component that has one: -1, or 0 of one that is on or off."""
+    """Return the lowest command of each component that has one: -1, or 0 for an on-off valve."""
     try:
         bounds = {one.name: one.bounds for one in start(circuit, None).variables if one.kind == "input"}
     except PneudriveError:  # Simulate says why it cannot run
@@ -106,13 +106,13 @@ def _lowest_commands(circuit: Circuit) -> dict[str, int]:
 
 
 def _owners(described: Drive | Circuit) -> Callable[[str], str]:
-    """Return what tells of a key the component of the drawing that it belongs to; empty: none."""
+    """Return a function from a key to its component in the drawing. Empty: no component."""
     if is_circuit(described):
         places = {f"components.{name}": f"components.{name}" for name in described.components}
     else:
         tables = described.to_dict() | {"friction": described.friction}
         places = expanded(tables, Problems()).places | {"components.supply.gas": "gas"}
-    # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
+    # A part of a table comes before the whole table: [load.spring] is a component, and the rest of [load] is another.
     ordered = sorted(places.items(), key=lambda one: -len(one[1]))
     if not is_circuit(described) and "components.load" not in places:
         ordered.append(("components.cylinder", "load"))
@@ -128,7 +128,7 @@ def _ends(key: str, end: str) -> bool:
 
 
 def field_of(one: DescribedValue) -> dict[str, Any]:
-    """Return a value as a field of a form; one with a number also as a slider."""
+    """Return a value as a field of a form. A value with a number is also a slider."""
     out = {"key": one.key, "text": str(one.value), "origin": one.origin, "kind": one.kind}
     found = _QUANTITY.fullmatch(one.value) if isinstance(one.value, str) else None
     if found:
@@ -144,7 +144,7 @@ def field_of(one: DescribedValue) -> dict[str, Any]:
 
 
 def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
-    """Return the drawing of a description as shapes, with its paper, and its pistons; lengths in modules, y up.
+    """Return the drawing of a description as shapes, with its paper and its pistons. Lengths are in modules, y up.
 
     Raises
     ------
@@ -162,12 +162,12 @@ def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
 
 
 def edited(text: str, key: str, value: str | float) -> str:
-    """Return a TOML text with one value changed; comments and order stay.
+    """Return a TOML text with one value changed. Comments and order stay.
 
     Raises
     ------
     CommandError
-        The text is not TOML, or the key leads through a value that is no table.
+        The text is not TOML, or the key leads through a value that is not a table.
     """
     try:
         document = tomlkit.parse(text)
@@ -177,7 +177,7 @@ def edited(text: str, key: str, value: str | float) -> str:
     *tables, last = _written_as(document, key)
     while tables or last not in at:
         name = tables[0] if tables else last
-        # dead_volume_a, of a file with dead_volume = { a = ..., b = ... }
+        # dead_volume_a, in a file with dead_volume = { a = ..., b = ... }
         outer = next((one for one, own in at.items() if hasattr(own, "keys") and name.startswith(f"{one}_")), None)
         if name not in at and outer is not None:
             name, inner = outer, name.removeprefix(f"{outer}_")
@@ -207,7 +207,7 @@ def edited(text: str, key: str, value: str | float) -> str:
 
 
 def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
-    """Return the parts of the key under which a text has a value: in a table of copies, or in a table of a drive."""
+    """Return the parts of the key in a text: in a table of copies, or in a table of a drive."""
     names = key.split(".")
     if names[0] != "components" or len(names) < 3:
         return names
@@ -223,7 +223,10 @@ def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
 
 
 def text_at(workspace: Workspace, path: str) -> tuple[str, str | None]:
-    """Return the text of a file and its hash; of a drive of the catalogue a text that begins with it, and None."""
+    """Return the text of a file and its hash.
+
+    For a drive of the catalogue, return a text that starts from it, and None.
+    """
     if is_in_catalogue(path):
         return f'drive = "{path}"\n', None
     return workspace.read(path)

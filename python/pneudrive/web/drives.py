@@ -29,7 +29,7 @@ def is_fit(path: Path) -> bool:
 
 @kept(MOST_DRIVES)
 def drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
-    """Return the drive of a file, or of the fit of one; None for another file, or one that is not valid."""
+    """Return the drive of a file, or of a fit. None for another file, or one that is not valid."""
     try:
         path = workspace.path(name)
         if is_fit(path):
@@ -43,7 +43,7 @@ def drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
 
 @lru_cache(maxsize=MOST_DRIVES)
 def hash_at(path: Path, _changed: float) -> str:
-    """Return the hash of a fit as values that came from it carry it; empty for another file."""
+    """Return the hash of a fit in the form that identified values carry. Empty for another file."""
     try:
         return read_fit(path).identified_as({}).fit
     except PneudriveError:

@@ -1,4 +1,4 @@
-"""Files that are dropped onto the page: into the workspace, whole or not at all, never over one that is there."""
+"""Files that are dropped onto the page: written completely or not at all, never over an existing file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOOK_BYTES = 1 << 26
 
 
 async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncIterator[bytes]) -> int:
-    """Write a file of a known kind beside the others and return its size in bytes.
+    """Write a file of a known kind into the workspace and return its size in bytes.
 
     Parameters
     ----------
@@ -31,14 +31,14 @@ async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncI
     name : str
         A name without folders.
     said : int or None
-        Its size as the browser says it.
+        Size reported by the browser.
     pieces : async iterator of bytes
 
     Raises
     ------
     CommandError
-        The name is none of a recording or a description, the file is there already, the disk has too little room for
-        it, or it did not arrive whole.
+        The name does not belong to a recording or a description, the file exists, the disk is too full, or the file is
+        incomplete.
     """
     target = workspace.path(name)
     if "/" in name:
@@ -76,7 +76,7 @@ def _check_room(folder: Path, name: str, size: int) -> None:
 
 
 def _place(part: Path, target: Path) -> None:
-    """Give a file that is whole its name, which nobody took meanwhile."""
+    """Rename a complete file, if its name is still free."""
     try:
         target.hardlink_to(part)
     except FileExistsError:

@@ -47,13 +47,13 @@ SAME_PA = 1e4  # chamber pressures that differ by less make one curve
 
 
 def fit_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that fits one law to a friction map, into a file beside it.
+    """Return the job that fits one law to a friction map, into a file next to it.
 
     Raises
     ------
     CommandError
-        The map is not in the workspace, the law or the dependence on pressure is unknown, or the name is none of a
-        file beside the map.
+        The map is not in the workspace, the law or the dependence on pressure is unknown, or the file name is not
+        valid.
     """
     name, law, pressure, out = (given.get(key, "") for key in ("map", "law", "pressure", "name"))
     if not workspace.path(name, (".parquet", ".csv")).is_file():
@@ -77,7 +77,7 @@ def fit_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
 def shown_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
     """Return the points of a map, in groups of one assembly and pair of chamber pressures, with curves of fits.
 
-    A curve is that of the fit of its own seal, mounting and drive: a fit over several of them has no curve.
+    Each curve belongs to the fit of one seal, mounting and drive. A fit over several of them does not have a curve.
 
     Raises
     ------
@@ -130,9 +130,9 @@ def map_slice(workspace: Workspace, name: str, fit_name: str, speed_m_s: float) 
     ----------
     workspace : Workspace
     name : str
-        Of the map.
+        Name of the map.
     fit_name : str
-        Of the fit beside the map whose curves are drawn.
+        Name of the fit next to the map whose curves are drawn.
     speed_m_s : float
         Points count within `NEAR` of it.
 
@@ -190,10 +190,9 @@ def _fit_name(map_name: str, fit_name: str) -> str:
 
 
 def map_difference(workspace: Workspace, path: str, fit_name: str, other: str) -> dict[str, Any]:
-    """Return what another map lies above a map, for each pair of pressures that both have measured.
+    """Return the difference between two maps, for each pair of pressures that both have measured.
 
-    Points are paired one to one (same direction, speeds within `NEAR`), the curves are those of the fits beside the
-    maps.
+    Points are paired one to one (same direction, speeds within `NEAR`). The curves belong to the fits next to the maps.
 
     Raises
     ------
@@ -206,7 +205,7 @@ def map_difference(workspace: Workspace, path: str, fit_name: str, other: str) -
     places = [workspace.path(name, (".parquet", ".csv")) for name in names]
     beside = [fit_name, FIT]
     old, new = (shown_map(place, fit)["groups"] for place, fit in zip(places, beside, strict=True))
-    # Maps of one assembly each are compared whatever their labels; otherwise equal assemblies are.
+    # Maps with one assembly each are compared in any case. Otherwise equal assemblies are compared.
     several = all(len({one["assembly"] for one in groups}) == 1 for groups in (old, new))
     listed = (list(dict.fromkeys(one["assembly"] for one in groups)) for groups in (old, new))
     fits = [fits_of(place, fit, one) for place, fit, one in zip(places, beside, listed, strict=True)]
@@ -244,7 +243,7 @@ def map_difference(workspace: Workspace, path: str, fit_name: str, other: str) -
 
 
 def _paired(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the differences of the points of two maps, each used once; spreads are taken as independent."""
+    """Return the differences of the points of two maps, each used once. Spreads are treated as independent."""
     left, out = list(new), []
     for one in old:
         near = [two for two in left if two["direction"] == one["direction"]]
@@ -264,10 +263,10 @@ def _band(said: Prediction) -> dict[str, list[float]]:
 
 
 def _heat(groups: list[dict[str, Any]], fits: Mapping[str, FrictionFit]) -> dict[str, Any]:
-    """Return friction over speed and pressure as cells: the mean of the points in a cell, else what the fit says.
+    """Return friction over speed and pressure as cells: the mean of the points, otherwise the value of the fit.
 
-    Of each pair of pressures one row of cells ``[friction, kind]``: ``"measured"``, ``"fit"`` between the measured
-    speeds of the row, ``"extrapolated"`` beyond them; None where there is neither point nor fit.
+    Each pair of pressures has one row of cells ``[friction, kind]``. The kind is ``"measured"``, ``"fit"`` between the
+    measured speeds of the row, or ``"extrapolated"`` beyond them. A cell without point and fit is None.
     """
     speeds = np.array([one["speed"] for group in groups for one in group["points"]])
     if not len(speeds) or not 0.0 < speeds.min() < speeds.max():
@@ -333,12 +332,12 @@ def _label(gauges: Any) -> str:  # noqa: ANN401 - two numbers
 
 
 def bar(gauge_pa: float) -> str:
-    """Return a gauge pressure in bar for people, zero where it is nearly that."""
+    """Return a gauge pressure in bar as text. Values near zero become zero."""
     return f"{0.0 if abs(gauge_pa) < 0.5 * SAME_PA else gauge_pa / 1e5:.3g}"
 
 
 def shown_fit(path: Path) -> dict[str, Any]:
-    """Return a fit of any kind: values with intervals, what is not determined, notes.
+    """Return a fit of any kind: values with intervals, undetermined values, notes.
 
     Raises
     ------
@@ -372,9 +371,9 @@ def shown_fit(path: Path) -> dict[str, Any]:
 
 
 def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
-    """Return what lies behind a fit: ellipses of its values and, with its map, residuals and profiles.
+    """Return the details of a fit: ellipses of its values and, with its map, residuals and profiles.
 
-    Numbers are in the units that are shown beside them.
+    Numbers are in the displayed units.
 
     Raises
     ------
@@ -431,7 +430,7 @@ def _axis(name: str, scales: Mapping[str, tuple[float, str]]) -> dict[str, str]:
 
 
 def next_points(workspace: Workspace, path: str, points: int | None) -> dict[str, Any]:
-    """Return the next points to measure for a fit on the simulated rig, with what is expected of them.
+    """Return the next points to measure for a fit on the simulated rig, with their expected benefit.
 
     Raises
     ------
@@ -474,7 +473,7 @@ def design_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     Raises
     ------
     CommandError
-        The fit is not in the workspace, the number of points is none, or the name is none of a file.
+        The fit is not in the workspace, the number of points is not positive, or the file name is not valid.
     """
     fit, points, out = given.get("fit", ""), given.get("points"), f"{folder_name(given.get('name'))}.toml"
     if not workspace.path(fit, (".toml",)).is_file():
@@ -486,5 +485,5 @@ def design_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
 
 
 def _number(value: object) -> float | None:
-    """Return a number for JSON, which knows neither infinity nor NaN."""
+    """Return a number for JSON, which supports neither infinity nor NaN."""
     return float(value) if isinstance(value, int | float) and np.isfinite(value) else None

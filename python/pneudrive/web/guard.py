@@ -1,4 +1,4 @@
-"""Who may talk to the server: one user, one page, this machine. Every request and every socket passes here first."""
+"""Access control of the server: one user, one page, this machine. Every request and every socket passes here first."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ class RefusedError(Exception):
 
 @dataclass
 class Guard:
-    """Pure ASGI guard around an application: what is not allowed does not reach it.
+    """Pure ASGI guard around an application: forbidden requests do not reach it.
 
     Parameters
     ----------
     app : ASGI application
     port : int
-        Port of the server, as it stands in `Host`.
+        Port of the server, as in `Host`.
     token : str
         Secret of this run.
     open_paths : iterable of str
@@ -84,7 +84,7 @@ class Guard:
     sockets: int = field(default=0, init=False)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Check a request, then hand it on."""
+        """Check a request, then pass it to the application."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -141,13 +141,13 @@ class Guard:
             raise RefusedError(401, "the token is missing or wrong: open the address that the server printed")
 
     def _is_report(self, path: str) -> bool:
-        """Whether an address has the secret of a report in it."""
+        """Return whether an address contains the secret of a report."""
         given = path.removeprefix(REPORTS).partition("/")[0] if path.startswith(REPORTS) else ""
         found = [hmac.compare_digest(given.encode("utf-8", "replace"), one.encode()) for one in list(self.reports)]
         return any(found)
 
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Take the whole body, which is bounded, then hand it on; add the headers of the page's rules."""
+        """Read the whole body up to a limit, then pass the request on. Add the security headers."""
         body, is_more = b"", not _is_drop(scope)
         while is_more:
             message = await receive()
@@ -184,7 +184,7 @@ def _headers(scope: Scope) -> dict[str, list[str]]:
 
 
 def _one(headers: dict[str, list[str]], name: str) -> str | None:
-    """Return a header that may be there once; None without it."""
+    """Return a header that may occur once, or None."""
     values = headers.get(name, [])
     if len(values) > 1:
         raise RefusedError(400, f"{name} is given twice")
@@ -203,5 +203,5 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refused: RefusedEr
 
 
 def address(port: int, token: str) -> str:
-    """Return the address that opens the page; the token stands in the fragment, which no server sees."""
+    """Return the address that opens the page. The token is in the fragment, which a browser never sends."""
     return f"http://{NAMES[0]}:{port}/#token={token}"

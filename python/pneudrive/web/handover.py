@@ -1,4 +1,4 @@
-"""Drives for other tools: the export as a job, and what an FMU of the folder says of itself."""
+"""Drives for other tools: the export as a job, and the description of an FMU of the folder."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ def export_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
 
 
 def shown_fmu(workspace: Workspace, name: str) -> dict[str, Any]:
-    """Return what another tool sees of an FMU of the workspace, its hash, and the lines that run it in FMPy.
+    """Return the description of an FMU of the workspace, its hash, and the lines that run it in FMPy.
 
     Raises
     ------
     CommandError
-        The file is no FMU.
+        The file is not an FMU.
     """
     path = workspace.path(name, FMUS)
     data, found = read_bytes(path, CommandError), read_fmu(path)

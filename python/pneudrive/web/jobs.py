@@ -1,4 +1,4 @@
-"""Long work as the command line does it: a process for each job, its last lines, an end by Ctrl-C."""
+"""Long work as on the command line: one process for each job, its last lines, cancellation by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ _NAME = re.compile(r"[\w][\w .-]{0,80}")
 
 @dataclass(frozen=True)
 class AskedJob:
-    """A command that makes a folder, or goes on in one.
+    """A command that makes a folder, or continues in one.
 
     Attributes
     ----------
     arguments : tuple of str
-        Of ``pneudrive``.
+        Arguments of ``pneudrive``.
     out : str
         The folder.
-    is_new : bool
+    Whether the folder must not exist yet.
         Whether the folder must not be there.
     python : str
-        Lines of Python that give the same numbers; empty if there are none.
+        Python lines that give the same numbers. Empty if there are none.
     """
 
     arguments: tuple[str, ...]
@@ -62,7 +62,7 @@ class AskedJob:
 
     @property
     def command(self) -> str:
-        """The lines of a shell that do the same in the folder of the workspace."""
+        """Shell lines that do the same in the folder of the workspace."""
         line = shlex.join(["pneudrive", *self.arguments])
         folder = self.out.rpartition("/")[0]
         return f"{shlex.join(['mkdir', '-p', folder])}\n{line}" if self.is_new and folder else line
@@ -74,7 +74,7 @@ def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob
     Raises
     ------
     CommandError
-        A recording is not in the workspace or has no layout there, or the name is none of a folder.
+        A recording is not in the workspace or has no layout there, or the folder name is not valid.
     """
     names: Any = given.get("recordings")
     out = f"{RESULTS}/{folder_name(given.get('name'))}"
@@ -95,12 +95,12 @@ def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob
 
 
 def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that runs a protocol on the simulated rig into a new folder, or goes on in a folder.
+    """Return the job that runs a protocol on the simulated rig into a new folder, or continues in a folder.
 
     Raises
     ------
     CommandError
-        The protocol or the folder is not in the workspace, or the pace is no number.
+        The protocol or the folder is not in the workspace, or the speed is not a number.
     """
     folder, pace = given.get("resume"), given.get("pace")
     if not (pace is None or (isinstance(pace, int | float) and 1.0 <= pace <= FASTEST)):
@@ -115,7 +115,7 @@ def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
 
 
 def protocol_named(given: Mapping[str, Any], workspace: Workspace) -> str:
-    """Return the protocol that is named: one of `READY`, or a file of the workspace."""
+    """Return the named protocol: one of `READY`, or a file of the workspace."""
     protocol = given.get("protocol")
     if not isinstance(protocol, str) or not (protocol in READY or workspace.path(protocol, DESCRIPTIONS).is_file()):
         raise CommandError(f"there is no protocol {str(protocol)[:80]}", rule=f"a file, or {', '.join(READY)}")
@@ -123,7 +123,7 @@ def protocol_named(given: Mapping[str, Any], workspace: Workspace) -> str:
 
 
 def folder_name(given: object) -> str:
-    """Return a name that a folder may have."""
+    """Check a folder name and return it."""
     if not isinstance(given, str) or not _NAME.fullmatch(given) or len(given.encode()) > MOST_BYTES:
         rule = f"letters, digits, spaces, -, _ and .; at most 81 of them and {MOST_BYTES} bytes"
         raise CommandError(f"{str(given)[:80]!r} is no name of a folder", rule=rule)
@@ -145,14 +145,14 @@ class PageJob:
 
     @property
     def state(self) -> str:
-        """How it stands: ``"running"``, ``"done"``, ``"failed"`` or ``"cancelled"``."""
+        """State: ``"running"``, ``"done"``, ``"failed"`` or ``"cancelled"``."""
         status = self.process.poll()
         if status is None:
             return "running"
         return "done" if status == 0 else "cancelled" if self.cancelled else "failed"
 
     def about(self) -> dict[str, Any]:
-        """Return what the page shows."""
+        """Return the displayed data."""
         about = {
             "number": self.number,
             "kind": self.kind,
@@ -168,7 +168,7 @@ class PageJob:
 
 
 def _said(log: Path) -> dict[str, Any]:
-    """Return the last lines of a job's output, and how far it is by its own last report."""
+    """Return the last lines of a job's output, and its last reported progress."""
     try:
         with log.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
@@ -185,7 +185,7 @@ def _said(log: Path) -> dict[str, Any]:
 
 
 class PageJobs:
-    """The jobs of this server: as many at a time as there are processors."""
+    """Jobs of this server: at most one for each processor."""
 
     def __init__(self, workspace: Workspace) -> None:
         self.workspace = workspace
@@ -199,7 +199,7 @@ class PageJobs:
         Raises
         ------
         CommandError
-            The folder is there already, leads out of the workspace or cannot be made; or all processors are busy.
+            The folder exists, leads out of the workspace or cannot be made, or all processors are busy.
         """
         with self._lock:
             running = [one.out for one in self.all if one.state == "running"]
@@ -228,7 +228,7 @@ class PageJobs:
             return job
 
     def cancel(self, number: object) -> None:
-        """End a job as Ctrl-C does: what is finished is kept."""
+        """Cancel a job, like Ctrl-C. Finished parts are kept."""
         for one in self.all:
             if one.number == number and one.state == "running":
                 one.cancelled = True

@@ -1,8 +1,8 @@
-"""What each result of the workspace was made from, by the hashes that it carries, and whether that is still so.
+"""Lineage of each result of the workspace, from the hashes that it carries, and its present validity.
 
-A result names its inputs with their hashes: a run, a fit of a drive and a validation the description, a fit of a
-friction map the values of the map, an applied drive its fit, fits and validations the samples of their recordings, a
-friction map (Parquet) the files of its recordings; as CSV it carries their names alone.
+A result names its inputs with their hashes. A run, a fit of a drive and a validation name the description. A fit of a
+friction map names the values of the map, and an applied drive its fit. Fits and validations name the samples of their
+recordings. A friction map names the files of its recordings with hashes (Parquet) or without (CSV).
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ SAME, CHANGED, DIFFERS, MISSING, NAMED, UNREAD = "same", "changed", "differs", "
 
 
 class Input(NamedTuple):
-    """An input as a result names it: what it is, its name, its hash; without a hash it is known by its name alone.
+    """An input named by a result: kind, name and hash. Without a hash, only the name identifies the input.
 
-    `part` is what else the result says of it: of a map the fit's options, of a fit the value that came from it, of a
-    drive ``"identified"`` if it had identified values, of a recording ``"volume"``, or ``"file"`` if the hash is not
-    that of its samples.
+    `part` has further data. For a map, it has the fit's options. For a fit, it is the value that came from it. For a
+    drive, it is ``"identified"`` if the drive had identified values. For a recording, it is ``"volume"``, or ``"file"``
+    if the hash is not that of its samples.
     """
 
     kind: str
@@ -76,17 +76,17 @@ class Input(NamedTuple):
 
 @dataclass(frozen=True)
 class Edge:
-    """An input and the file of the workspace that is, or was, that input.
+    """An input, and the present file of the workspace for it.
 
     Attributes
     ----------
     input : Input
     path : str
-        Of the file; empty where there is none.
+        Path of the file. Empty if the file is missing.
     state : str
-        ``"same"``, ``"changed"`` (the file is there with other content), ``"differs"`` (a run of other values than the
-        file has, which may have been set for the run), ``"missing"``, ``"named"`` (the result holds no hash of it),
-        ``"unread"`` (too long, or not readable).
+        ``"same"``, ``"changed"`` (the file has other content), ``"differs"`` (the run had other values than the file,
+        possibly set for the run), ``"missing"``, ``"named"`` (the result does not contain its hash), ``"unread"`` (too
+        long or not readable).
     """
 
     input: Input
@@ -96,7 +96,7 @@ class Edge:
 
 @dataclass
 class Lineage:
-    """The files of a workspace, as they are now, and what was made from what."""
+    """The files of a workspace in their present state, and their lineage."""
 
     workspace: Workspace
     most: int
@@ -116,7 +116,10 @@ class Lineage:
 
     @cached_property
     def _drives(self) -> tuple[dict[str, str], dict[tuple[str, str], list[str]]]:
-        """Files of drives, before fits of drives, before the catalogue: by hash, and by name and `Input.part`."""
+        """Files by hash, and by name and `Input.part`.
+
+        Drives come before fits of drives, and both before the catalogue.
+        """
         by_hash: dict[str, str] = {}
         by_name: dict[tuple[str, str], list[str]] = {}
         for one in [*self._of_kind("drive", "circuit"), *self._of_kind("fit")]:
@@ -136,7 +139,7 @@ class Lineage:
         return by_stem(self._newest)
 
     def edges(self, path: str) -> list[Edge]:
-        """Return the inputs of a file, each with the file that it is now."""
+        """Return the inputs of a file, each with its present file."""
         one = self.files.get(path)
         if one is None or one.kind not in KINDS:
             return []
@@ -164,7 +167,7 @@ class Lineage:
 
     @cached_property
     def _circuits(self) -> dict[str, str]:
-        """Files of drives by the hash of their circuit, which laws of control are told."""
+        """Files of drives by the hash of their circuit, which controllers refer to."""
         found = {_circuit_hash(self.workspace, one.path, one.changed): one.path for one in self._of_kind("drive")}
         return _catalogue_circuits() | found
 
@@ -197,7 +200,7 @@ class Lineage:
         return None
 
     def _recording(self, each: Input, _of: str) -> tuple[str, str]:
-        """Return the file of a recording: of several of its name the one of its hash, or none."""
+        """Return the file of a recording. Among several of its name, return the one with its hash, or None."""
         own, alike = each.name in self.files, self._recordings.get(stem(Path(each.name)), [])
         paths = list(dict.fromkeys([each.name, *alike])) if own else alike
         path = paths[0] if own or len(paths) == 1 else ""
@@ -222,7 +225,10 @@ class Lineage:
         return SAME if each.digest in digests else CHANGED if digests else UNREAD
 
     def file_of(self, each: Input) -> str:
-        """Return the file of a recording by its name; of several of that name the one of its hash, or none."""
+        """Return the file of a recording by its name.
+
+        Among several of that name, return the one with its hash, or None.
+        """
         alike = [each.name] if each.name in self.files else self._recordings.get(stem(Path(each.name)), [])
         return alike[0] if len(alike) == 1 else self._recording(each, "")[0]
 
@@ -235,7 +241,7 @@ class Lineage:
         return (own[0] if own else ""), CHANGED if paths else MISSING
 
     def why_stale(self, path: str, seen: tuple[str, ...] = ()) -> list[str]:
-        """Return the names of the inputs that changed since, of the result or of what it was made from."""
+        """Return the names of changed inputs, of the result or of its inputs."""
         said = []
         for one in self.edges(path):
             if one.state == CHANGED:
@@ -245,7 +251,7 @@ class Lineage:
         return list(dict.fromkeys(said))
 
     def tree(self, path: str, seen: tuple[str, ...] = ()) -> list[dict[str, Any]]:
-        """Return the inputs of a file, and theirs, as plain tables."""
+        """Return the inputs of a file, and their inputs, as plain tables."""
         return [
             {
                 "kind": one.input.kind,
@@ -260,12 +266,15 @@ class Lineage:
 
     @cached_property
     def results(self) -> list[str]:
-        """All files that can have inputs, the newest first; of recordings those that a simulation may have written."""
+        """Return all files that can have inputs, the newest first.
+
+        Recordings are limited to those that a simulation may have written.
+        """
         runs = (one for one in self._newest if one.kind != "recording" or one.path.endswith(".parquet"))
         return [one.path for one in runs if one.kind in KINDS]
 
     def again(self, path: str) -> dict[str, Any] | None:
-        """Return what a page asks for to make a result again from its inputs as they are now; None if it cannot."""
+        """Return the request that makes a result again from the present inputs, or None if this is not possible."""
         one = self.files[path]
         edges = [each for each in self.edges(path) if each.input.kind != "recording"]
         recordings = [each.path for each in self.edges(path) if each.input.kind == "recording"]
@@ -295,13 +304,13 @@ class Lineage:
         return None
 
     def _new(self, path: str, suffix: str = "") -> str:
-        """Return a name like that of a path, without its folder and suffix, that no file beside it has."""
+        """Return a free name similar to that of a path, without folder and suffix."""
         places = ((number, self.workspace.folder(f"{path}-{number}{suffix}")) for number in count(2))
         return f"{Path(path).name}-{next(number for number, place in places if not place.exists())}"
 
 
 def _beside(path: str, name: str) -> str:
-    """Return the path of a file in the folder of another."""
+    """Return the path of a file in another file's folder."""
     return (Path(path).parent / name).as_posix()
 
 
@@ -324,7 +333,7 @@ def _circuit_hash(workspace: Workspace, path: str, changed: float) -> str:
 
 @kept(2 * MOST_TRACED)
 def _described(workspace: Workspace, path: str, kind: str, changed: float) -> tuple[str, str]:
-    """Return hash and name of the description in a file; empty where there is none."""
+    """Return hash and name of the description in a file. Empty without a description."""
     try:
         found = described_at(workspace, path) if kind == "circuit" else drive_at(workspace, path, changed)
     except PneudriveError:
@@ -338,7 +347,7 @@ def _hash_at(workspace: Workspace, path: str, changed: float) -> str:
 
 
 def _law(fit: FrictionFit) -> str:
-    """Return the name by which a fit is asked for; empty if options of it have none, or its law was reduced."""
+    """Return the name that requests a fit. Empty if some options cannot be named, or its law was reduced."""
     plain = fit.provenance["direction"] == "both" and fit.provenance["robust"] and not fit.provenance["exclude_flags"]
     own = (fit.law, fit.model.exponent, fit.model.lorentzian)
     named = ((name, (one.law, one.exponent, one.lorentzian)) for name, one in CANDIDATES.items())
@@ -436,7 +445,7 @@ def _fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
 
 
 def recordings_of_map(workspace: Workspace, path: str) -> dict[str, str]:
-    """Return the files of a friction map's recordings by their names, as far as they can be told."""
+    """Return the files of a friction map's recordings by their names, as far as they are known."""
     found = Lineage(workspace, MOST_TRACED)
     files = {one.name: found.file_of(one) for one in _of_map(workspace, path)}
     return {name: file for name, file in files.items() if file}
@@ -444,7 +453,7 @@ def recordings_of_map(workspace: Workspace, path: str) -> dict[str, str]:
 
 @lru_cache(maxsize=64)
 def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | None:
-    """Return a friction map; None for a file that is none."""
+    """Return a friction map, or None for another file."""
     try:
         return read_map(workspace.path(path))
     except PneudriveError:
@@ -453,7 +462,7 @@ def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | Non
 
 @lru_cache(maxsize=2 * MOST_TRACED)
 def _contents(workspace: Workspace, path: str, _changed: float) -> frozenset[str]:
-    """Return the hashes of a recording's file as friction maps carry one of them; empty if it cannot be read."""
+    """Return the hashes of a recording's file that friction maps may carry. Empty if it cannot be read."""
     try:
         return hashes_of(workspace.path(path))
     except PneudriveError:
@@ -462,7 +471,7 @@ def _contents(workspace: Workspace, path: str, _changed: float) -> frozenset[str
 
 @lru_cache(maxsize=2 * MOST_TRACED)
 def _samples(workspace: Workspace, path: str, _changed: float, *, is_volume: bool) -> frozenset[str]:
-    """Return the hash of a recording's samples as fits and validations carry it; empty if it cannot be read."""
+    """Return the hash of a recording's samples in the form of fits and validations. Empty if it cannot be read."""
     place = workspace.path(path)
     try:
         own = place.suffix in SUFFIXES and len(columns_in(place, NEEDED)) == len(NEEDED)
@@ -477,12 +486,12 @@ def _samples(workspace: Workspace, path: str, _changed: float, *, is_volume: boo
 
 
 def shown_lineage(workspace: Workspace, path: str) -> dict[str, Any]:
-    """Return what a file was made from, what was made from it, and how it is made again.
+    """Return the inputs of a file, the files made from it, and the request that makes it again.
 
     Raises
     ------
     CommandError
-        There is no such file.
+        The file does not exist.
     """
     found = Lineage(workspace, MOST_TRACED)
     if path not in found.files and not is_in_catalogue(path):
@@ -493,7 +502,7 @@ def shown_lineage(workspace: Workspace, path: str) -> dict[str, Any]:
 
 
 def stale_results(workspace: Workspace) -> dict[str, Any]:
-    """Return the results whose inputs changed since, with their names, and how many results were not looked at."""
+    """Return the results whose inputs have changed, with their names, and the number of unchecked results."""
     found = Lineage(workspace, MOST_CHECKED)
     stale = {path: why for path in found.results[:MOST_CHECKED] if (why := found.why_stale(path))}
     return {"stale": stale, "unchecked": max(len(found.results) - MOST_CHECKED, 0)}

@@ -1,4 +1,4 @@
-"""The socket behind the sliders: the newest request waits, older ones are dropped, a thread runs it."""
+"""The socket of the sliders: the newest request waits, older ones are dropped, and a thread runs it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MOST_IMPACTS = 3
 
 
 class Mailbox:
-    """A place for one message: a new one takes the place of one that nobody has taken."""
+    """A place for one message. A new message replaces one that was not taken."""
 
     def __init__(self) -> None:
         self._new = asyncio.Event()
@@ -64,7 +64,7 @@ class Mailbox:
 async def live(
     socket: WebSocket, workspace: Workspace, threads: asyncio.Semaphore, window: Callable[[Any], bytes]
 ) -> None:
-    """Answer runs, and by `window` views of recordings, until the page goes."""
+    """Answer runs, and views of recordings through `window`, until the page disconnects."""
     await socket.accept(subprotocol=PROTOCOL)
     mailbox, limit = Mailbox(), RunLimit(0.0)
 
@@ -95,7 +95,7 @@ def answer(
     limit: RunLimit | None = None,
     window: Callable[[Any], bytes] | None = None,
 ) -> bytes:
-    """Run what a message asks for, and return the frame of the answer, which carries its number."""
+    """Run the request of a message, and return the frame of the answer with its number."""
     number = path = None
     try:
         asked = _read(message)
@@ -140,7 +140,7 @@ def _read(message: str) -> Any:  # noqa: ANN401 - plain data
 
 
 def shown_columns(run: Run) -> list[str]:
-    """Return the columns of a run that the page draws."""
+    """Return the drawn columns of a run."""
     return [name for panel in PANELS for name in _of_panel(run, panel)[:MOST_CURVES]]
 
 
@@ -149,7 +149,7 @@ def _of_panel(run: Run, panel: tuple[str, str, str]) -> list[str]:
 
 
 def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]) -> bytes:
-    """Pack what the page draws of a run: time and the columns of its panels, in SI, and what is to be said of it."""
+    """Pack the drawn data of a run: time and the columns of its panels, in SI, with notes."""
     columns, panels = {"time_s": run.columns["time_s"]}, []
     for panel in PANELS:
         _, si_unit, title = panel
@@ -175,7 +175,7 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]
 
 
 def _quantity(column: str) -> tuple[str, str]:
-    """Return the quantity of a column, of whichever component or chamber, and its unit."""
+    """Return the quantity of a column, independent of component and chamber, and its unit."""
     name, unit, _ = meaning(column)
     last = name.rpartition(".")[2]
     return (last.removesuffix("_a").removesuffix("_b") if last.startswith("pressure") else last), unit

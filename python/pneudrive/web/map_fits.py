@@ -1,4 +1,4 @@
-"""Fits beside a friction map: which fit belongs to which seal, mounting and drive."""
+"""Fits next to a friction map: the fit of each seal, mounting and drive."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def assemblies_of(found: xr.Dataset, rows: Any) -> Any:  # noqa: ANN401 - arrays
 
 
 def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, FrictionFit], str]:
-    """Return the fit of each assembly, and why one is missing.
+    """Return the fit of each assembly, and reasons for missing fits.
 
-    Of a map with several assemblies, the usual name stands for the fit of each; another file is that of one of them.
+    In a map with several assemblies, the usual name refers to the fit of each. Another file belongs to one of them.
     """
     if len(names) == 1:
         fit, why = fit_beside(path, fit_name)
@@ -44,7 +44,7 @@ def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, Fric
 
 
 def fit_beside(path: Path, name: str) -> tuple[FrictionFit | None, str]:
-    """Return the fit in the folder of a map, or why there is none."""
+    """Return the fit in the folder of a map, or the reason why it is missing."""
     place = path.parent / name
     if not place.is_file():
         return None, f"There is no {name} beside the map."

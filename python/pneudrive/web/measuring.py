@@ -1,4 +1,4 @@
-"""A recording measured at two times, as the page asks for it, and the same as command and as Python."""
+"""A recording measured at two times, requested by the page, and the same as command and as Python."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class MeasureRequest(PageRequest):
-    """Two times at which a recording is measured, as the page asks for them.
+    """Two times at which the page measures a recording.
 
     Attributes
     ----------
@@ -34,11 +34,11 @@ class MeasureRequest(PageRequest):
         s, or numbers of samples.
     columns : tuple of str
     beside : str
-        Another recording; empty for none.
+        Another recording. Empty for no other.
     strokes : (int, int)
-        That begin together, from 1.
+        Numbers of the aligned strokes, from 1.
     shift : float
-        What that adds to the times of the other one, s.
+        Resulting time shift of the other recording, s.
     """
 
     path: StrictStr
@@ -49,7 +49,7 @@ class MeasureRequest(PageRequest):
     shift: FiniteFloat
 
     def answer(self, recordings: Recordings) -> dict[str, Any]:
-        """Return the channels at two samples, also of the recording beside, and the same as command and as Python.
+        """Return the channels at two samples, also of the other recording, and the same as command and as Python.
 
         Raises
         ------
@@ -72,7 +72,7 @@ class MeasureRequest(PageRequest):
         return {"rows": plain(told), "command": self.as_command(timed=timed), "python": self.as_python()}
 
     def as_command(self, *, timed: bool) -> str:
-        """Return the line of a shell that measures the same in the folder of the workspace."""
+        """Return the shell line that measures the same in the folder of the workspace."""
         words = ["pneudrive", "measure", safe(self.path)]
         for option, at in zip(("--at", "--to"), self.at, strict=True):
             words += [option, f"{at!r} s" if timed else repr(at)]
@@ -81,7 +81,7 @@ class MeasureRequest(PageRequest):
         return shlex.join(words)
 
     def as_python(self) -> str:
-        """Return the lines of Python that measure the same in the folder of the workspace."""
+        """Return the Python lines that measure the same in the folder of the workspace."""
         beside = f", beside={self.beside!r}, strokes={self.strokes!r}" if self.beside else ""
         return f"import pneudrive as pn\n\nfound = pn.measure({self.path!r}, {self.at[0]!r}, {self.at[1]!r}{beside})\n"
 

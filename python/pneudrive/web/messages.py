@@ -1,4 +1,4 @@
-"""Frames of a socket or a body: a head of JSON, then arrays that the page reads where they lie.
+"""Frames of a socket or a body: a head of JSON, then arrays that the page reads in place.
 
 Length of the head (4 bytes, little-endian), the head, then each array, each on a multiple of 8 bytes.
 """
@@ -31,8 +31,8 @@ TYPES = {"float32": "<f4", "float64": "<f8"}
 def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = False) -> bytes:
     """Pack a head and arrays of 32- or 64-bit floats.
 
-    The head gets ``arrays``: name, type (``"f4"`` or ``"f8"``), place behind the head and length of each. What is no
-    number in it becomes null, as JSON has no other word for it.
+    The head gets ``arrays``: name, type (``"f4"`` or ``"f8"``), offset after the head and length of each. Infinite
+    values and NaN in the head become null, because JSON does not support them.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = 
     arrays : mapping
         Shape (n,) each.
     drawn : bool
-        Whether arrays are only drawn: 32 bits about the middle of their values, which is listed last. No value is off
-        by more than 2^-25 of the range of its array.
+        Whether arrays are only drawn. They are sent in 32 bits as differences from a middle value, which is listed
+        last. No value has an error above 2^-25 of the range of its array.
     """
     listed, blocks, at = [], [], 0
     for name, values in arrays.items():
@@ -83,7 +83,7 @@ def unpack(frame: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
 
 
 def problems_of(error: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - a PneudriveError
-    """Return an error and those that it carries as plain data: file, line, what, value, rule and remedy."""
+    """Return an error and its sub-errors as plain data: file, line, what, value, rule and remedy."""
     out = []
     for one in error.each():
         file, _, line = (one.where or "").rpartition(":")
@@ -102,7 +102,7 @@ def problems_of(error: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - a Pneudri
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - plain data
-    """Return plain data for JSON, which knows neither infinity nor NaN: null in their place."""
+    """Return plain data for JSON, with null in place of infinity and NaN."""
     if isinstance(value, dict):
         return {key: plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
@@ -115,14 +115,14 @@ _OF_CONTENT = (LookupError, TypeError, ValueError, AttributeError, ArithmeticErr
 
 
 def fault_of(fault: BaseException, path: str = "") -> CommandError:
-    """Return the error for an exception that no reader foresaw.
+    """Return the error for an unexpected exception.
 
     Parameters
     ----------
     fault : BaseException
-        Panics of the core are no `Exception`.
+        Panics of the core are not of the class `Exception`.
     path : str
-        File that was read; empty if the request names none.
+        File that was read. Empty if the request names no file.
     """
     text = f"{type(fault).__name__}: {fault}"
     if path and isinstance(fault, _OF_CONTENT):

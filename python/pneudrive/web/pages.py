@@ -1,4 +1,4 @@
-"""The built page over ASGI, by the standard library alone: it is answered while what answers the rest is imported."""
+"""The built page over ASGI, by the standard library only. It answers while the rest of the server is imported."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class BuiltPage:
     Attributes
     ----------
     answers : dict
-        Headers and body by path, `"/"` included; it is asked for no other path.
+        Headers and body by path, including `"/"`. No other path is requested.
     """
 
     def __init__(self, files: Mapping[str, bytes]) -> None:
@@ -51,7 +51,7 @@ class BuiltPage:
 
 
 class Opening:
-    """ASGI application that has another one in its place as soon as that is made: till then it answers the page alone.
+    """ASGI application that is replaced by another one as soon as that is ready. Until then it serves only the page.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Opening:
         Around the page.
     page : BuiltPage
     whole : Future
-        Of the application that answers everything, behind a guard of its own.
+        Future of the application that answers everything, behind its own guard.
     """
 
     def __init__(self, guard: Guard, page: BuiltPage, whole: Future[App]) -> None:
@@ -67,7 +67,7 @@ class Opening:
         whole.set_running_or_notify_cancel()  # a browser that goes while it waits does not cancel it
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer the page at once, the rest when what answers it is there."""
+        """Answer the page at once, and the rest when the full application is ready."""
         is_page = scope["type"] == "http" and scope["method"] in READING and scope["path"] in self.page.answers
         if self.whole.done():
             app = self.whole.result()

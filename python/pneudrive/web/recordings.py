@@ -1,4 +1,4 @@
-"""Recordings as the page shows them: channels by name, windows of any width, strokes, a layout proposed."""
+"""Recordings for the page: channels by name, windows of any width, strokes, a proposed layout."""
 
 from __future__ import annotations
 
@@ -58,17 +58,17 @@ class OpenRecording:
 
     @property
     def time(self) -> FileChannel | None:
-        """Column of the time; None: samples are counted."""
+        """Column of the time. None: samples are counted."""
         return self.file.time
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be said of how it is read."""
+        """Notes on the way of reading."""
         return self.file.notes
 
     @property
     def channels(self) -> tuple[FileChannel, ...]:
-        """What is shown of it."""
+        """Displayed metadata."""
         return self.file.channels
 
     def sample_at(self, at: float, columns: Sequence[str]) -> tuple[float, dict[str, float]]:
@@ -80,7 +80,7 @@ class OpenRecording:
         return float(found.time_s[row]), {name: float(found.values[name][row]) for name in columns}
 
     def window(self, span: tuple[float, float], pixels: int, columns: Sequence[str]) -> TileWindow:
-        """Return a view; see `Pyramid.window`."""
+        """Return a view. See `Pyramid.window`."""
         return self.pyramid.window(span, pixels, columns, self.samples)
 
     def spectrum(self, span: tuple[float, float], column: str) -> tuple[Any, Any]:
@@ -111,12 +111,12 @@ class OpenRecording:
 
     @cached_property
     def samples(self) -> KeptSamples:
-        """Its samples, of which those near the last view are kept."""
+        """Samples of the recording. Those near the last view are kept."""
         return KeptSamples(self.file)
 
     @cached_property
     def span(self) -> tuple[float, float]:
-        """First and last time, s; about one time alone a second, as a view has a width."""
+        """First and last time, s. A single time gets a span of one second, because a view needs a width."""
         first, last = float(self.pyramid.time[0, 0]), float(self.pyramid.time[-1, 1])
         return (first, last) if first < last else (first - 0.5, last + 0.5)
 
@@ -132,11 +132,11 @@ class Reading:
 
     @property
     def goes_on(self) -> bool:
-        """It has not ended yet."""
+        """The reading has not ended."""
         return self.done is None and self.error is None
 
     def need(self, name: str) -> OpenRecording:
-        """Return what has been read.
+        """Return the recording after reading.
 
         Raises
         ------
@@ -153,10 +153,10 @@ class Reading:
 
 
 class Recordings:
-    """The recordings of a workspace that are open; each is read once, in the background.
+    """Open recordings of a workspace. Each is read once, in the background.
 
-    A file may change while it is shown. A reading has the key that the file had before it was read: what came into it
-    meanwhile gives it another key, by which whoever asks again finds that there is more to be read.
+    A file may change while it is shown. A reading has the key of the file before it was read. Later additions give the
+    file another key, so that the next request reads it again.
     """
 
     def __init__(self, workspace: Workspace) -> None:
@@ -166,7 +166,7 @@ class Recordings:
         self._versions: dict[Path, list[str]] = {}  # keys that a file has had, the newest last
 
     def opened(self, name: str) -> Reading:
-        """Return a recording, or how far its reading is; the first call begins it."""
+        """Return a recording, or the progress of its reading. The first call starts the reading."""
         path = self.workspace.path(name, TABLES)
         layout = layout_in(self.workspace, path)
         key = (_key(path), "" if layout is None else hashlib.sha256(layout.text.encode()).hexdigest())
@@ -182,7 +182,7 @@ class Recordings:
         return found
 
     def _forget_older(self, path: Path, key: str) -> None:
-        """Forget what was kept of a file as it was before, or one that grows would fill the disk."""
+        """Delete the stored data of an earlier version of a file. Otherwise a growing file would fill the disk."""
         keys = self._versions.setdefault(path, [])
         if key in keys:
             keys.remove(key)
@@ -210,11 +210,11 @@ class Recordings:
             reading.ended.set()
 
     def need(self, name: str) -> OpenRecording:
-        """Return a recording that has been read; see `Reading.need`."""
+        """Return a recording that has been read. See `Reading.need`."""
         return self.opened(name).need(name)
 
     def version(self, name: str, key: str) -> OpenRecording | None:
-        """Return a recording as it was when it had a key; None: it can be read as such no more."""
+        """Return the recording with this key, or None if this version is no longer readable."""
         path = self.workspace.path(name, TABLES)
         with self._lock:
             reading = self._open.get(tuple(key.split("-", 1)))  # pyright: ignore[reportArgumentType] - of any length
@@ -223,10 +223,10 @@ class Recordings:
         return None if is_changed else found  # one that was converted is as it was
 
     def motion(self, name: str) -> dict[str, Any]:
-        """Return strokes and faults of a recording of a rig or a drive that has a layout, or of a trajectory.
+        """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
 
-        Of each stroke begin, end, direction and speed; of each kind of fault the count, and places as first and last
-        time. None of both, and why, where samples are counted, or there are too many of them.
+        A stroke has start, end, direction and speed. A kind of fault has a count, and places as first and last time. If
+        samples are counted or too numerous, both are None, with the reason.
         """
         path = self.workspace.path(name, TABLES)
         reading = self.opened(name)
@@ -262,7 +262,7 @@ class Recordings:
         pixels: int,
         columns: Sequence[str],
     ) -> dict[str, Array]:
-        """Return a view of another recording with the columns, the units and the clock of one."""
+        """Return a view of another recording with the columns, units and clock of this one."""
         other = self.need(name)
         both = [one for one in pairs(own.file, other.file) if one.own.column in columns]
         low, high = other.span
@@ -275,7 +275,7 @@ class Recordings:
 
 
 def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:
-    """Return the recordings of each name without folder and suffix, by which results may name them."""
+    """Return the recordings of each name without folder and suffix, which results may refer to."""
     out: dict[str, list[str]] = {}
     for one in files:
         if one.kind == "recording":
@@ -284,7 +284,7 @@ def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:
 
 
 def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
-    """Return why no strokes and faults of a recording are shown; empty if nothing hinders."""
+    """Return the reason why strokes and faults of a recording are not shown. Empty if they are."""
     count = opened.pyramid.count
     if count > MOST_SAMPLES_OF_STROKES:
         strokes = (
@@ -300,9 +300,9 @@ def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
 
 
 def layout_in(workspace: Workspace, path: Path) -> Layout | None:
-    """Return the layout beside a recording, or in the folder above, inside the workspace; None without one.
+    """Return the layout next to a recording, or in the folder above, inside the workspace. None without a layout.
 
-    A trajectory needs none, and another file's does not fit it.
+    A trajectory needs no layout, and that of another file does not fit.
     """
     if _needs_none(path):
         return None
@@ -314,7 +314,10 @@ def layout_in(workspace: Workspace, path: Path) -> Layout | None:
 
 
 def layout_above(workspace: Workspace, path: Path) -> tuple[str, ...]:
-    """Return a word on a layout above the workspace, which commands read for a file in it, and the page does not."""
+    """Return a note about a layout above the workspace.
+
+    Commands read it for a file in the workspace, but the page does not.
+    """
     above = path.parent == workspace.root and (workspace.root.parent / "layout.toml").is_file()
     if not above or _needs_none(path):
         return ()
@@ -332,15 +335,15 @@ def _needs_none(path: Path) -> bool:
 
 @lru_cache(maxsize=4 * MOST_OPEN)
 def _is_trajectory(path: Path, _size: int, _changed_ns: int) -> bool:
-    """Ask a file as it is once: what reads files may be busy reading ahead, and the next view would wait for it."""
+    """Query a file once, because the reader process may be busy, and the next view would wait."""
     return is_trajectory(path)
 
 
 def _key(path: Path) -> str:
-    """Return the key of a file: its place, its number on the disk, its size and times, and the bytes at both ends.
+    """Return the key of a file: its path, its inode, its size and times, and the bytes at both ends.
 
-    Another file of the same size and time has another place; a file whose middle changes has another time of change,
-    which nobody can set back.
+    Another file of the same size and time has another inode. A file with a changed middle has another change time,
+    which users cannot set.
     """
     if not path.is_file():
         raise RecordingError("there is no such file", where=path.name)
@@ -358,7 +361,7 @@ def _key(path: Path) -> str:
 
 
 def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> OpenRecording:
-    """Open a recording: a file that is not Parquet is converted once, its blocks are made once."""
+    """Open a recording. A file that is not Parquet is converted once, and its blocks are made once."""
     cache.mkdir(mode=0o700, parents=True, exist_ok=True)
     os.utime(cache)  # `forget_unused` looks at it
     file = open_channels(path, layout, cache)
@@ -370,7 +373,7 @@ def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> Ope
 
 
 def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid:
-    """Return the blocks of a recording, which are made once for each way to read it."""
+    """Return the blocks of a recording. They are made once for each way of reading."""
     how = (file.table.path.name, file.first, file.time, file.channels)
     place = cache / hashlib.sha256(repr(how).encode()).hexdigest()[:16]
     pyramid = Pyramid.open(place)
@@ -384,7 +387,7 @@ def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid
 
 
 def proposed(path: Path) -> dict[str, Any]:
-    """Propose a layout for a recording: its text, what is not clear yet, and why each column is what it is.
+    """Propose a layout for a recording: its text, the open points, and the reason for each column.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Reports of the folder as pages of their own: an address that opens one report, and nothing else.
+"""Reports of the folder as separate pages: each address opens one report and nothing else.
 
-A tab that a link opens carries no token, so that the address itself is the key: a secret of the length of a token, for
-one folder, as long as the server runs. A report runs no code, whoever wrote it.
+A tab that opens from a link carries no token. The address itself is therefore the key: a secret of the length of a
+token, for one folder, valid until the server stops. A report never runs code.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 
 
 class OpenReports:
-    """Addresses of reports, by the secret that each has.
+    """Addresses of reports, by their secrets.
 
     Parameters
     ----------
     workspace : Workspace
     folders : dict
-        Secret -> folder; the guard lets these in.
+        Secret -> folder. The guard accepts these secrets.
     """
 
     def __init__(self, workspace: Workspace, folders: MutableMapping[str, str]) -> None:
         self.workspace, self._folders = workspace, folders
 
     def address(self, name: str) -> str:
-        """Return the address of the report in a folder; empty where there is none."""
+        """Return the address of the report in a folder. Empty without a report."""
         if not (self.workspace.folder(name) / REPORT).is_file():
             return ""
         secret = next((one for one, folder in self._folders.items() if folder == name), None) or new_token()
@@ -51,7 +51,7 @@ class OpenReports:
         Raises
         ------
         CommandError
-            It is neither.
+            The file is neither.
         """
         if secret in self._folders and (name == REPORT or _PICTURE.fullmatch(name)):
             path = self.workspace.folder(f"{self._folders[secret]}/{name}")

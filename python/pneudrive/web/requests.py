@@ -1,4 +1,4 @@
-"""Requests of the page as models: their fields are checked once, when they are read."""
+"""Requests of the page as models, whose fields are checked once, when they are read."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Value = StrictStr | StrictInt | FiniteFloat
 
 
 class PageRequest(BaseModel):
-    """A request of the page; fields of others are ignored, as one message may hold several requests."""
+    """A request of the page. Additional fields are ignored, because one message may hold several requests."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 

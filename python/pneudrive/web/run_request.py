@@ -1,4 +1,4 @@
-"""One run as the page asks for it: its drive with changed values, its result, and the same as command and as Python."""
+"""A run requested by the page: its drive with changed values, its result, and the same as command and as Python."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def check_changes(changes: dict[str, Any]) -> dict[str, Any]:
     Raises
     ------
     CommandError
-        One does.
+        A value names a file.
     """
     for key, value in changes.items():
         if isinstance(value, str) and FILE_PREFIX in value:
@@ -63,14 +63,14 @@ _reading = Lock()
 
 
 class RunLimit:
-    """Cancel flag of a run: set by whoever waits no longer, or by the clock."""
+    """Cancel flag of a run, set by the reader of its result or by the clock."""
 
     def __init__(self, seconds: float = MOST_SECONDS) -> None:
         self.cancelled = False
         self.allow(seconds)
 
     def allow(self, seconds: float) -> None:
-        """End that many seconds from now."""
+        """End after this many seconds."""
         self.seconds, self.end = seconds, time.monotonic() + seconds
 
     def is_set(self) -> bool:
@@ -79,23 +79,23 @@ class RunLimit:
 
 
 class RunRequest(PageRequest):
-    """A run, checked as far as it can be without its drive.
+    """A run, checked as far as possible without its drive.
 
     Attributes
     ----------
     path : str
         Name in the workspace, or ``catalogue:NAME``.
     text : str or None
-        Text of the file where the page has changed it and not saved it.
+        Text of the file, if the page has unsaved changes of it.
     changes : dict
         Dotted keys and values, as `replace` takes them.
     command : str or list of str
-        As `pneudrive.simulate` takes it, a file by its name in the workspace; a list has a text for each valve of a
+        As for `pneudrive.simulate`, with a file by its name in the workspace. A list has a text for each valve of a
         circuit.
     duration, rate, initial : str
-        As `pneudrive.simulate` takes them; an empty `initial` is the usual start.
+        As for `pneudrive.simulate`. An empty `initial` is the default start.
     pixels : int
-        Width of the drawing: at most two samples a pixel are sent.
+        Width of the drawing. At most two samples for each pixel are sent.
     """
 
     path: StrictStr = ""
@@ -110,7 +110,7 @@ class RunRequest(PageRequest):
     @field_validator("command")
     @classmethod
     def _check_command(cls, command: str | list[str]) -> str | list[str]:
-        """Refuse a line that is neither a command nor a file; empty lines of a circuit are left out."""
+        """Refuse a line that is neither a command nor a file. Empty lines of a circuit are left out."""
         lines = command if isinstance(command, list) else [command]
         for line in lines:
             if line.strip() and not (_FILE if line.lower().rstrip().endswith(".csv") else _COMMAND).fullmatch(line):
@@ -138,14 +138,14 @@ class RunRequest(PageRequest):
         Raises
         ------
         PneudriveError
-            As `pneudrive.simulate`; or the run is too long for a page.
+            As for `pneudrive.simulate`, or the run is too long for a page.
         Cancelled
             The flag was set, or the time is over.
         """
         return self.run_of(self.described(workspace), workspace, cancel)
 
     def run_of(self, described: Drive | Circuit, workspace: Workspace, cancel: Flag | None = None) -> Run:
-        """Simulate what `described` has returned; errors are those of `run`."""
+        """Simulate the result of `described`. Errors are those of `run`."""
         samples = positive(self.duration, "s", "duration") * positive(self.rate, "1/s", "sample_rate")
         if not math.isfinite(samples) or samples > MOST_SAMPLES:
             raise CommandError(
@@ -158,7 +158,7 @@ class RunRequest(PageRequest):
         return run(described, self.command_of(described, workspace), self.duration, **options)
 
     def command_of(self, described: Drive | Circuit, workspace: Workspace) -> Any:  # noqa: ANN401 - any form of a command
-        """Return the command in the form that a description takes, files by their place.
+        """Return the command in the form of a description, with files by their place.
 
         Raises
         ------
@@ -171,19 +171,19 @@ class RunRequest(PageRequest):
         return _placed(self.command if isinstance(self.command, str) else ", ".join(self.command), workspace)
 
     def check_saved(self, workspace: Workspace) -> None:
-        """Check that a command, which reads the file, would read the text of the page.
+        """Check that the command, which reads the file, would read the page's text.
 
         Raises
         ------
         CommandError
-            Another text stands there.
+            The file has another text.
         """
         if self.text is not None and (is_in_catalogue(self.path) or workspace.read(self.path)[0] != self.text):
             remedy = "Save it under Drive first: a command and Python read the file."
             raise CommandError(f"{self.path} is not saved as it stands in the page", remedy=remedy)
 
     def as_command(self, out: str) -> str:
-        """Return the line of a shell that makes the same run in the folder of the workspace, into a file `out`."""
+        """Return the shell line that makes the same run in the folder of the workspace, into a file `out`."""
         words = ["pneudrive", "simulate", safe(self.path), *self.command_words()]
         words += ["--duration", self.duration, "--sample-rate", self.rate]
         words += ["--initial", self.initial] if self.initial else []
@@ -192,12 +192,12 @@ class RunRequest(PageRequest):
         return shlex.join([*words, "--out", out])
 
     def command_words(self) -> list[str]:
-        """Return the options of the command's words."""
+        """Return the options for the words of the command."""
         each = self.command if isinstance(self.command, list) else [self.command]
         return [word for one in each if one.strip() for word in ("--command", one)]
 
     def as_python(self, *, circuit: bool) -> str:
-        """Return the lines of Python that make the same run in the folder of the workspace."""
+        """Return the Python lines that make the same run in the folder of the workspace."""
         kind = "Circuit" if circuit else "Drive"
         lines = ["import pneudrive as pn", "", f"drive = pn.{kind}.load({self.path!r})"]
         if self.changes:
@@ -207,25 +207,25 @@ class RunRequest(PageRequest):
         return "\n".join([*lines, ""])
 
     def python_options(self, *, circuit: bool) -> tuple[Any, str]:
-        """Return the command as Python takes it, and the argument of the start state."""
+        """Return the command as a Python expression, and the argument of the start state."""
         command: Any = self.command or None if circuit else self.command
         return command, f", initial={self.initial!r}" if self.initial else ""
 
     def stem(self) -> str:
-        """Return the name of files that are made of its description."""
+        """Return the name of files made from its description."""
         return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem).lstrip("-") or "run"
 
 
 def _placed(command: str, workspace: Workspace) -> str:
-    """Return a command with the place of its file, if it is one."""
+    """Return a command with the place of its file, if it is a file."""
     found = _FILE.fullmatch(command)
     return f"{found[1]}{workspace.path(found[2], COMMANDS)}" if found else command
 
 
 def described_at(workspace: Workspace, path: str, text: str | None = None) -> Drive | Circuit:
-    """Read a drive or a circuit of the workspace or of the catalogue, or a text in its place.
+    """Read a drive or a circuit of the workspace or the catalogue, or a text in its place.
 
-    Each is read once, but for those that name files.
+    Each is read once, except those that refer to files.
 
     Raises
     ------
@@ -256,9 +256,9 @@ def described_at(workspace: Workspace, path: str, text: str | None = None) -> Dr
 
 
 def kept(most: int) -> Callable[[Callable[..., Found]], Callable[..., Found]]:
-    """Keep what is found in a file: by workspace, name, and last the time of its change.
+    """Keep the content of a file: by workspace, name, and time of its last change.
 
-    Not of one that names files, which may have changed.
+    A content that refers to other files is not kept, because they may change.
     """
 
     def decorate(function: Callable[..., Found]) -> Callable[..., Found]:
@@ -282,7 +282,7 @@ def _names_files(workspace: Workspace, name: str, _changed: float) -> bool:
 
 
 def with_changes(described: Drive | Circuit, changes: Mapping[str, Any]) -> Drive | Circuit:
-    """Return a drive or a circuit with values that `check_changes` has passed.
+    """Return a drive or a circuit with values that have passed `check_changes`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Samples of a recording that is looked at: what lies around the last view is read ahead, and kept for the next one."""
+"""Samples of an open recording. Samples around the last view are read ahead and kept for the next view."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PAINTED_S = 0.02  # reading ahead uses every processor: it begins when the view 
 
 
 class KeptRows(NamedTuple):
-    """Columns between two rows: times in s, and values, NaN where they are no number."""
+    """Columns between two rows: times in s, and values, with NaN for missing numbers."""
 
     first: int
     last: int
@@ -33,17 +33,17 @@ class KeptRows(NamedTuple):
     values: dict[str, Array]
 
     def holds(self, names: Sequence[str], rows: tuple[int, int]) -> bool:
-        """Whether some rows of some columns are here."""
+        """Return whether some rows of some columns are kept."""
         return self.first <= rows[0] and rows[1] <= self.last and all(name in self.values for name in names)
 
     def part(self, names: Sequence[str], rows: tuple[int, int]) -> KeptRows:
-        """Return some rows of some columns, not copied."""
+        """Return some rows of some columns without a copy."""
         own = slice(rows[0] - self.first, rows[1] - self.first)
         return KeptRows(*rows, self.time_s[own], {name: self.values[name][own] for name in names})
 
 
 class KeptSamples:
-    """The samples of one recording; of all recordings the one that was looked at last keeps some.
+    """The samples of one recording. Only the recording of the last view keeps samples.
 
     Parameters
     ----------
@@ -75,13 +75,13 @@ class KeptSamples:
         return kept.part(names, rows)
 
     def ahead(self, names: Sequence[str], rows: tuple[int, int], count: int) -> None:
-        """Read in the background what views beside and within some rows need, unless half of that is kept.
+        """Read in the background the samples that views around and inside some rows need, unless half of them are kept.
 
         Parameters
         ----------
         names : sequence of str
         rows : (int, int)
-            Of the view.
+            Rows of the view.
         count : int
             Rows of the recording.
         """

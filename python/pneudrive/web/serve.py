@@ -1,4 +1,4 @@
-"""Running the server: one port of this machine, its address printed, the browser opened."""
+"""Running the server: one port of this machine, a printed address, and the browser."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def serve(
 ) -> None:
     """Serve a folder until Ctrl-C.
 
-    The address is given as soon as the port listens; what serves it is imported while the browser starts.
+    The address is given as soon as the port listens. The rest is imported while the browser starts.
 
     Parameters
     ----------
     folder : Path
         Workspace.
     port : int
-        Port; 0 takes a free one.
+        Port. 0 selects a free port.
     opened : callable
         Called with the address when the server listens.
     control : bool
@@ -60,7 +60,7 @@ def serve(
         if find_spec(name) is None:
             raise CommandError(f"the page needs {name}", remedy=_NEEDED)
     workspace, page = Workspace.at(folder), built_page()
-    # The protocol is named: without it asyncio leaves small packets waiting for each other, 40 ms each.
+    # The protocol is set explicitly. Otherwise asyncio delays small packets by 40 ms each.
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -113,7 +113,7 @@ def serve(
 
 
 def warm_up() -> None:
-    """Simulate once, and behind the first curves import what other views need, so that no first click waits for it."""
+    """Simulate once, then import the modules of other views, so that the first click does not wait."""
     from pneudrive.web.app import BEHIND
     from pneudrive.web.cache import cache_folder, forget_unused
     from pneudrive.web.live import ANSWERED

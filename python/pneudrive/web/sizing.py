@@ -1,4 +1,4 @@
-"""Tasks and their candidates as the page shows them, from the text of a task and from the folder of its search."""
+"""Tasks and their candidates for the page, from the text of a task and from the folder of its search."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOST_TASKS = 500  # that are kept as they were read
 
 
 def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that sizes a drive for a task into a new folder, or goes on in a folder.
+    """Return the job that sizes a drive for a task into a new folder, or continues in a folder.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
 
 
 def checked_task(text: str) -> dict[str, Any]:
-    """Check the text of a task and return its problems, or what it says in full."""
+    """Check the text of a task and return its problems, or its full content."""
     try:
         task = SizingTask.load(text if "\n" in text else f"{text}\n")
     except PneudriveError as error:
@@ -74,14 +74,14 @@ def checked_task(text: str) -> dict[str, Any]:
 
 
 def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
-    """Return a search as its folder has it: its task, the candidates that were simulated, the ranking once it is made.
+    """Return a search from its folder: its task, the simulated candidates, and the ranking once it exists.
 
-    Where there is no folder yet, as the search has just been started, the answer is ``{"waits": True}``.
+    If the folder does not exist yet because the search has just started, the answer is ``{"waits": True}``.
 
     Raises
     ------
     CommandError
-        The folder holds no sizing.
+        The folder does not contain a sizing.
     """
     folder = workspace.folder(name)
     if not folder.exists():
@@ -127,7 +127,7 @@ def _json(path: Path, name: str, *keys: str) -> dict[str, Any]:
 
 
 def _choices(path: Path) -> tuple[list[SizedDrive], int]:
-    """Return the drives that were simulated, each with its most draws, and how many choices are short of the task."""
+    """Return the simulated drives, each with its largest number of samples, and how many choices miss the task."""
     simulated: dict[str, SizedDrive] = {}
     short: set[str] = set()
     for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
@@ -172,7 +172,7 @@ def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any
 
 
 def _wider(one: SizedDrive) -> tuple[float, float] | None:
-    """Return the interval of the load ratio, of the stroke with the larger one."""
+    """Return the interval of the load ratio, for the stroke with the larger ratio."""
     known = [one.intervals[name] for name in ("load_ratio_out", "load_ratio_back") if name in one.intervals]
     return max(known, key=lambda ends: ends[1], default=None)
 
@@ -188,14 +188,14 @@ def _limit(name: str, value: float, limit: float, unit: str, one: SizedDrive) ->
 
 
 def _file_of(workspace: Workspace, task: SizingTask) -> str:
-    """Return the file of a task; "" where none of the workspace is it any more."""
+    """Return the file of a task, or "" if the workspace no longer has it."""
     tasks = (one for one in workspace.files() if one.kind == "task")
     return next((one.path for one in tasks if _task_at(workspace.path(one.path), one.changed) == task), "")
 
 
 @lru_cache(maxsize=MOST_TASKS)
 def _task_at(path: Path, _changed: float) -> SizingTask | None:
-    """Return the task of a file; None where it is not valid."""
+    """Return the task of a file, or None if it is not valid."""
     try:
         return SizingTask.load(path)
     except PneudriveError:

@@ -1,8 +1,8 @@
-"""Lowest and highest value of every column of pixels, so that no sample of a recording is lost on the screen.
+"""Lowest and highest value of every pixel column, so that no sample of a recording is lost on the screen.
 
-One pass over a recording keeps, for every block of 256 samples, the lowest and the highest value of each channel, the
-times of its first and last sample, and how many values are no number. A view that has a block or more for each pixel
-needs nothing else; a closer one reads its samples.
+One pass over a recording builds blocks of 256 samples. A block has the lowest and the highest value of each channel,
+the times of its first and last sample, and the number of missing values. A view with at least one block for each pixel
+needs only the blocks. A closer view reads the samples.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _FILES = ("time", "low", "high", "missing")
 
 
 class TileWindow(NamedTuple):
-    """A view: times, and for each channel values to be joined by a line; NaN is a gap.
+    """A view: times, and for each channel values to be joined by a line. NaN is a gap.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class TileWindow(NamedTuple):
     channels : dict
         Values by name, shape (n,).
     missing : int
-        Values in the view that are no number.
+        Missing values in the view.
     samples : int
         Samples of the recording in the view.
     raw : bool
@@ -59,20 +59,20 @@ class TileWindow(NamedTuple):
 
 
 def low_high(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Return the lowest and the highest value between successive edges; NaN where all are NaN.
+    """Return the lowest and the highest value between successive edges, or NaN if all are NaN.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
     edges : ndarray, shape (m + 1,)
-        Rising indices from 0 to n, no two alike.
+        Strictly increasing indices from 0 to n.
     """
     starts = edges[:-1]
     return np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
 
 
 def per_pixel(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
-    """Return columns over ``time_s``, of many samples the lowest and the highest value of each pixel in their place."""
+    """Return columns over ``time_s``. Long columns become the lowest and the highest value of each pixel."""
     time = columns["time_s"]
     if len(time) <= 2 * pixels + 1:
         return dict(columns)
@@ -98,11 +98,11 @@ class Pyramid:
     time : ndarray, shape (blocks, 2)
         First and last time of each block, s.
     low, high : ndarray, shape (channels, blocks)
-        32-bit, rounded outward; NaN where no value is a number.
+        32-bit, rounded outward. NaN for a block without numbers.
     missing : ndarray, shape (channels, blocks)
-        Values that are no number.
+        Number of missing values.
     fall : int or None
-        First sample whose time is no number, or less than the one before it: the clock was set back.
+        First sample whose time is missing or less than the previous one: the clock was set back.
     """
 
     names: tuple[str, ...]
@@ -158,7 +158,7 @@ class Pyramid:
         return cls(tuple(names), count, time, low, high, missing, fall)
 
     def save(self, folder: Path) -> None:
-        """Write the blocks into a folder; its last file makes it valid."""
+        """Write the blocks into a folder. The last file makes it valid."""
         folder.mkdir(parents=True, exist_ok=True)
         for name in _FILES:
             np.save(folder / f"{name}.npy", getattr(self, name))
@@ -168,7 +168,7 @@ class Pyramid:
 
     @classmethod
     def open(cls, folder: Path) -> Pyramid | None:
-        """Open what `save` wrote, without reading it; None if it is not there or not whole."""
+        """Open the files of `save` without reading them. None if they are missing or incomplete."""
         try:
             about = json.loads((folder / "pyramid.json").read_text(encoding="utf-8"))
             arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FILES}
@@ -183,7 +183,7 @@ class Pyramid:
         channels: Sequence[str],
         samples: KeptSamples,
     ) -> TileWindow:
-        """Return a view of at most two values a pixel for each channel, or of the samples where there are fewer.
+        """Return a view of at most two values for each pixel and channel, or the samples if they are fewer.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class Pyramid:
         channels : sequence of str
             Some of `names`.
         samples : KeptSamples
-            Of the recording.
+            Samples of the recording.
         """
         starts = self.time[:, 0]
         first = max(int(np.searchsorted(starts, span[0], "right")) - 1, 0)
@@ -251,14 +251,14 @@ class _Pixels(NamedTuple):
     samples: int
 
     def filled(self, found: dict[str, tuple[Array, Array]]) -> TileWindow:
-        """Return the view: lowest and highest value of each column side by side, NaN where the clock paused.
+        """Return the view: lowest and highest value of each column side by side, with NaN at pauses of the clock.
 
-        A column whose samples lie on both sides of a pause is drawn on both sides.
+        A column with samples on both sides of a pause is drawn on both sides.
         """
         nothing = np.float32(np.nan)
         across = np.flatnonzero(self.ends - self.begins > PAUSE * self.width)
         before = np.flatnonzero(self.begins[1:] - self.ends[:-1] > PAUSE * self.width) + 1
-        # Behind which value of the line something is put in: a gap, and for a pause inside the column again.
+        # Places in the line where values are inserted: a gap, and for a pause inside a column the column again.
         at = np.concatenate([2 * before, np.repeat(2 * across + 2, 3)])
         middles = self.begins + 0.5 * np.minimum(self.ends - self.begins, self.width)
         again = np.column_stack([middles[across], self.ends[across], self.ends[across]]).ravel()
@@ -274,9 +274,10 @@ class _Pixels(NamedTuple):
 
 
 def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
-    """Return columns as `per_pixel` does; where it thins them, also ``NAME/at``: each as it is at the times sent.
+    """Return columns as `per_pixel` does. If it thins them, also return ``NAME/at``: the values at the sent times.
 
-    Lowest and highest values of pixels are for a drawing; a number that is read at a time is the run's at that time.
+    Lowest and highest values of pixels are for drawing. A number that the user reads is the value of the run at that
+    time.
     """
     drawn = per_pixel(columns, pixels)
     time, sent = np.asarray(columns["time_s"]), drawn["time_s"]
@@ -288,7 +289,7 @@ def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]
 
 
 def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
-    """Return where the columns of pixels begin among rising times; columns without a sample are left out."""
+    """Return where the columns of pixels begin among increasing times. Columns without a sample are left out."""
     wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1], "left")
     edges = np.concatenate([[0], wanted, [len(seconds)]])
     return edges[np.diff(edges, prepend=-1) > 0]

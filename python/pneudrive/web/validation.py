@@ -1,4 +1,4 @@
-"""A drive against recordings as the page shows it: what `pneudrive validate` wrote, and runs of a changed drive."""
+"""A drive against recordings for the page: the result of `pneudrive validate`, and runs of a changed drive."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def validate_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     Raises
     ------
     CommandError
-        The drive or a recording is not in the workspace, a recording has no layout, or the name is none of a folder.
+        The drive or a recording is not in the workspace, a recording has no layout, or the folder name is not valid.
     """
     drive, names = _drive_named(given, workspace), _recordings_named(given, workspace)
     out = f"{RESULTS}/{folder_name(given.get('name'))}"
@@ -65,12 +65,12 @@ def validate_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
 
 
 def identify_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that identifies values of a drive from recordings, into a fit beside their validation.
+    """Return the job that identifies values of a drive from recordings, into a fit next to their validation.
 
     Raises
     ------
     CommandError
-        As for `validate_job`; or no value is named.
+        As for `validate_job`, or no value is named.
     """
     drive, names = _drive_named(given, workspace), _recordings_named(given, workspace)
     free = given.get("free")
@@ -89,7 +89,7 @@ def apply_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     Raises
     ------
     CommandError
-        The fit or the drive is not in the workspace, or the name is none of a TOML file in it.
+        The fit or the drive is not in the workspace, or the name is not that of a TOML file in it.
     """
     fit = given.get("fit", "")
     if not workspace.path(fit, DESCRIPTIONS).is_file():
@@ -115,7 +115,7 @@ def _drive_named(given: Mapping[str, Any], workspace: Workspace) -> str:
 
 
 def _recordings_named(given: Mapping[str, Any], workspace: Workspace) -> list[str]:
-    """Return the names of recordings, each of which has a layout or the columns of a drive's recording."""
+    """Return the names of recordings that have a layout or the columns of a drive's recording."""
     names: Any = given.get("recordings")
     if not isinstance(names, list) or not 0 < len(names) <= MOST_RECORDINGS:
         raise CommandError("no recording is named", remedy="Choose at least one.")
@@ -136,14 +136,14 @@ def _new_file(given: Mapping[str, Any], workspace: Workspace) -> str:
 
 
 def _loaded(drive: str, workspace: Workspace) -> str:
-    """Return the line of Python that reads a drive, or the fit of one."""
+    """Return the Python line that reads a drive, or the fit of one."""
     if not is_in_catalogue(drive) and is_fit(workspace.path(drive)):
         return f"from pneudrive.identify.files import read_fit\n\ndrive = read_fit({drive!r})\n"
     return f"drive = pn.Drive.load({drive!r})\n"
 
 
 def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
-    """Return a validation as its file has it, with the drive and the recordings that are in the workspace.
+    """Return a validation from its file, with the drive and the recordings in the workspace.
 
     Raises
     ------
@@ -190,9 +190,9 @@ def _unit(column: str) -> dict[str, Any]:
 
 
 def _of_hash(workspace: Workspace, wanted: str) -> tuple[str, Drive | None]:
-    """Return the file whose drive has this hash, and the drive; "" where there is none any more.
+    """Return the file whose drive has this hash, and the drive, or "" if it no longer exists.
 
-    Drives come before fits, the newest first.
+    Drives come before fits, and newer files first.
     """
     files = [one for one in workspace.files() if one.kind in ("drive", "fit")]
     for one in sorted(files, key=lambda file: (file.kind, -file.changed))[:MOST_DRIVES]:
@@ -210,7 +210,7 @@ def _written(one: Parameter) -> str | float:
 
 
 def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the values that the causes name and the file does not give, as fields: they follow from others in it."""
+    """Return as fields the values that the causes name but the file does not contain. They follow from other values."""
     if drive is None:
         return []
     given = {one.key for one in values_of(drive)}
@@ -226,7 +226,7 @@ def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[st
 def _values(
     workspace: Workspace, drive: Drive | None, recordings: Mapping[str, str], identified: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """Return the values of the drive with where each comes from; without the drive, those that were identified."""
+    """Return the values of the drive with their sources, or without the drive the identified values."""
     known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
     fits = _fits(workspace) if known else {}
     own = [] if drive is None else values_of(drive)
@@ -260,15 +260,15 @@ class FrameRequest(PageRequest):
     path : str
         The validation.
     record : int
-        Place of the record in it.
+        Index of the record in the validation.
     span : (float, float)
         First and last time, s.
     pixels : int
         Width of the drawing.
     drive : str
-        Drive that is changed, by its name in the workspace or the catalogue.
+        Drive to change, by its name in the workspace or the catalogue.
     changes : dict
-        Its changed values; empty for none.
+        Changed values. Empty without changes.
     """
 
     path: StrictStr
@@ -280,12 +280,12 @@ class FrameRequest(PageRequest):
 
 
 def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> bytes:
-    """Return a view of one record as a frame: measured, both runs, residuals, and the run of a changed drive.
+    """Return a view of one record as a frame: measurement, both runs, residuals, and the run of a changed drive.
 
     Raises
     ------
     CommandError
-        The request is none, the validation is not there, or the recording is too long to be run again for a page.
+        The request is not valid, the validation is missing, or the recording is too long to be run again for a page.
     DescriptionError
         A changed value is not valid.
     """
@@ -320,7 +320,7 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
 
 @lru_cache(maxsize=4)
 def _run(path: Path, _changed_ns: int) -> tuple[dict[str, Any], Signals]:
-    """Read the file of a run, and make its recording of it."""
+    """Read the file of a run as a recording."""
     runs = [f"{run}.{channel}" for run in ("free", "restarted") for channel in CHANNELS]
     names = columns_in(path, (*NEEDED, *OPTIONAL, *runs))
     if not {*NEEDED, *runs} <= set(names):
@@ -330,7 +330,7 @@ def _run(path: Path, _changed_ns: int) -> tuple[dict[str, Any], Signals]:
 
 
 def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dict[str, float], Mapping[str, Any]]:  # noqa: ANN401
-    """Return the free run of a drive with changed values, and its fit to each channel, %."""
+    """Return the free run of a drive with changed values, and its agreement with each channel, %."""
     if is_circuit(drive):
         raise CommandError("a circuit is not validated")
     if signals.time_s.size > MOST_LIVE:
@@ -344,14 +344,14 @@ def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dic
 
 
 def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
-    """Return what differs between two drives, or two fits of one kind: values with their intervals.
+    """Return the differences between two drives, or two fits of one kind: values with their intervals.
 
-    Of drives also the lines of their full texts that differ.
+    For drives, also return the lines of their full texts that differ.
 
     Raises
     ------
     CommandError, DescriptionError, FitError
-        A name leads out of the workspace, a file is neither a valid drive nor a fit, or they are of two kinds.
+        A name leads out of the workspace, a file is neither a valid drive nor a fit, or the files are of two kinds.
     """
     names = (before, after)
     sources = [_source(workspace, name) for name in names]

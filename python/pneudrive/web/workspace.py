@@ -1,6 +1,7 @@
-"""The folder that the page shows: which files it may touch, and how they are written without losing anything.
+"""The folder of the page: which files it may use, and how they are written without losing data.
 
-Light to import, as the address is printed behind it: what knows of campaigns and descriptions is imported in functions.
+The import is fast, because the address is printed after it. Modules for campaigns and descriptions are imported in
+functions.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ _KINDS = tuple(
 
 
 class ChangedError(Exception):
-    """The file changed since the page read it; it is not overwritten."""
+    """The file changed since the page read it, and is not overwritten."""
 
     def __init__(self, text: str, version: str) -> None:
         super().__init__("the file changed on disk")
@@ -92,7 +93,7 @@ class Workspace:
         return cls(folder.resolve())
 
     def path(self, name: str, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-        """Return the place of a file by its name in the workspace: relative, of a known kind, inside.
+        """Return the place of a file by its name in the workspace: relative, of a known kind, inside the folder.
 
         Raises
         ------
@@ -105,7 +106,7 @@ class Workspace:
         return place
 
     def folder(self, name: str) -> Path:
-        """Return the place of a folder, or of a file of any kind, by its name: relative, inside, links included.
+        """Return the place of a folder, or of a file of any kind, by its name. Links must stay inside.
 
         Raises
         ------
@@ -128,7 +129,7 @@ class Workspace:
         return place
 
     def check_named(self, name: str, tables: dict[str, Any]) -> None:
-        """Refuse a description that names a file outside the workspace; names are relative to its own folder."""
+        """Refuse a description that names a file outside the workspace. Names are relative to its folder."""
         from pneudrive.describe.written import FILE_PREFIX
 
         for given in _texts(tables):
@@ -141,9 +142,9 @@ class Workspace:
         return self.listed()[0]
 
     def listed(self) -> tuple[list[Listed], int]:
-        """Return the files that the page knows, by name, and how many names it leaves out, as they are no UTF-8.
+        """Return the known files by name, and the number of names that are left out because they are not UTF-8.
 
-        What begins with a dot is not looked at.
+        Names that begin with a dot are ignored.
         """
         found: list[Listed] = []
         left_out: list[str] = []
@@ -173,7 +174,7 @@ class Workspace:
                 yield entry, f"{before}{entry.name}"
 
     def read(self, name: str) -> tuple[str, str]:
-        """Return the text of a file and its version; see `write`."""
+        """Return the text of a file and its version. See `write`."""
         path = self.path(name, DESCRIPTIONS)
         text = read_text(path, CommandError)
         return text, self._version(path, text)
@@ -182,21 +183,21 @@ class Workspace:
         return "-".join([fingerprint(text), *self._saves.get(path, ())])
 
     def write(self, name: str, text: str, known: str | None) -> str:
-        """Write a file if it is still what the page knows; return its new version.
+        """Write a file that has not changed since the page read it, and return its new version.
 
-        A version is the SHA-256 of the text. After a save of an unchanged text a random word follows, or a second
-        saver who knows the same version would be told that nothing happened since.
+        A version is the SHA-256 of the text. After a save without a change, a random word is appended. Otherwise a
+        second writer with the same version would not notice the save.
 
         Parameters
         ----------
         name, text : str
         known : str or None
-            Version of the text that the page read; None for a file that is not there yet.
+            Version of the text that the page read. None for a new file.
 
         Raises
         ------
         ChangedError
-            The file is another one now.
+            The file has changed.
         CommandError
             The file cannot be written.
         """
@@ -228,7 +229,7 @@ class Workspace:
 
 
 class NewNames:
-    """Names of files that copied commands write: none of a file that is there, as it would be written over."""
+    """Names of files that copied commands write. Existing names are avoided, because the file would be overwritten."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._root = workspace.root
@@ -243,12 +244,12 @@ class NewNames:
 
 
 def built_page(built: Path = BUILT) -> dict[str, bytes]:
-    """Read the built page once: a request chooses among these files by name, no path is ever made of it.
+    """Read the built page once. A request selects among these files by name, and no path is built from it.
 
     Raises
     ------
     CommandError
-        It is not built.
+        The page is not built.
     """
     if not (built / "index.html").is_file():
         raise CommandError("the page is not built", where=str(built), remedy="Run make setup.")
@@ -265,19 +266,19 @@ def fingerprint(text: str) -> str:
 
 
 def is_in_catalogue(name: str) -> bool:
-    """Return whether a name is one of the catalogue, which is no file of the workspace."""
+    """Return whether a name belongs to the catalogue and therefore not to a file of the workspace."""
     from pneudrive.describe.catalogue import PREFIX
 
     return name.startswith(PREFIX)
 
 
 def safe(name: str) -> str:
-    """Return a name that no command takes for an option."""
+    """Return a name that commands do not read as an option."""
     return f"./{name}" if name.startswith("-") else name
 
 
 def _is_utf8(name: str) -> bool:
-    """Return whether a name of the system's is one that the page can be told."""
+    """Return whether a file name can be sent to the page."""
     try:
         name.encode()
     except UnicodeEncodeError:
@@ -302,7 +303,7 @@ def _texts(value: object) -> Iterator[str]:
 
 @cache
 def _folder_marks() -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """Return the kinds of folders that are shown as one, by files in them."""
+    """Return the kinds of folders that are listed as one item, by files in them."""
     from pneudrive.campaign.folder import ABOUT, RIG
     from pneudrive.control.card import ABOUT as COMPARISON
     from pneudrive.sizing.folder import ABOUT as SIZING
@@ -311,13 +312,13 @@ def _folder_marks() -> tuple[tuple[str, tuple[str, ...]], ...]:
 
 
 def _folder_kind(path: str) -> str:
-    """Return the kind of a folder that is shown as one; empty for any other folder."""
+    """Return the kind of a folder that is listed as one item. Empty for other folders."""
     return next((kind for kind, own in _folder_marks() if all(Path(path, one).is_file() for one in own)), "")
 
 
 @lru_cache(maxsize=MOST_FILES)
 def _kind(path: str, _changed_ns: int, _size: int) -> str:
-    """Return the kind of a file; a TOML file is told by its tables."""
+    """Return the kind of a file. TOML files are distinguished by their tables."""
     if path.lower().endswith(FMUS):
         return "fmu"
     if not path.lower().endswith(DESCRIPTIONS):
