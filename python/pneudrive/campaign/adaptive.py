@@ -55,7 +55,7 @@ class QuickPoint:
     settled_s : float
         Settled time in the direction with less of it.
     why : str
-        Why there is no estimate.
+        Reason for a missing estimate.
     """
 
     friction_n: float = float("nan")
@@ -80,7 +80,7 @@ def finished_of(files: Sequence[CycleFile], identity: Identity, *, measured: boo
     ----------
     files : sequence of CycleFile
     identity : Identity
-        Of the rig.
+        Values of the rig.
     measured : bool
         Whether to read the samples and estimate the points.
 
@@ -284,9 +284,9 @@ def _added(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[C
 def choose_speed(members: Sequence[Finished], taken: Sequence[float] = ()) -> tuple[float, str] | None:
     """Choose the next speed of a characteristic.
 
-    Where a Stribeck curve can be fitted, the speed at which the variance of its prediction is largest: that one
-    raises the determinant of the information most (sequential D-optimal design [fedorov1972]). Otherwise the middle,
-    on a logarithmic scale, of the interval in which the measured curve bends most.
+    If a Stribeck curve can be fitted, this is the speed with the largest variance of the prediction. It raises the
+    determinant of the information most (sequential D-optimal design [fedorov1972]). Otherwise the middle, on a
+    logarithmic scale, of the interval in which the measured curve bends most.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ class Attempts:
     def run(self, rig: Rig, cycle: Cycle, settling_s: float) -> Measured:
         """Bring the rig to the start of a cycle, run its steps and return the samples.
 
-        For an operator's step, tell the rig what was changed.
+        For an operator's step, inform the rig about the change.
 
         Raises
         ------
@@ -175,7 +175,7 @@ def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
 
 
 def as_own_error(error: BaseException) -> PneudriveError:
-    """Return an error of pneudrive as it is; wrap an error of a laboratory's code."""
+    """Return an error of pneudrive unchanged. Wrap an error of a laboratory's code."""
     if isinstance(error, PneudriveError):
         return error
     frame, trace = "", error.__traceback__

@@ -222,7 +222,7 @@ class CampaignRun:
         Returns
         -------
         dict
-            Who answered, when and how.
+            Person who answered, with time and manner.
 
         Raises
         ------
@@ -300,7 +300,7 @@ class CampaignRun:
         Raises
         ------
         PneudriveError
-            The error of the rig, or that there are no more attempts.
+            Error of the rig, or the message that no attempts are left.
         """
         of_rig = None if isinstance(error, GivenUpError) else as_own_error(error)
         reason = str(of_rig or error).splitlines()[0].strip()
@@ -323,7 +323,7 @@ class CampaignRun:
             ) from of_rig
 
     def _trouble(self) -> str:
-        """Return why measuring cannot go on; empty if it can."""
+        """Return why measuring cannot continue. Empty if it can."""
         return self._on_rig(lambda rig: look(rig, self._bounds), moves=False).result()
 
     def _rest(self) -> None:

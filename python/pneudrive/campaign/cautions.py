@@ -20,7 +20,7 @@ BASE_RATE_HZ = 100.0
 
 
 def cautions(plan: Plan) -> tuple[str, ...]:
-    """Return what a plan cannot show, or shows badly."""
+    """Return effects that a plan cannot show, or shows poorly."""
     protocol, way = plan.protocol, Way.on(plan.protocol, plan.envelope)
     return (
         *_sampling(protocol, way),

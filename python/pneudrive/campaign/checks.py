@@ -1,6 +1,6 @@
 """Faults in the samples of a cycle on arrival: counted and named, never repaired.
 
-The samples stay as recorded; the counts go into the header of the cycle (``flags``), an adaptive campaign repeats
+The samples stay as recorded, and the counts go into the header of the cycle (``flags``). An adaptive campaign repeats
 the cycle, and the analysis drops unusable samples.
 """
 
@@ -56,7 +56,7 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
     cycle : Cycle
         As planned: its steps and sampling.
     identity : Identity
-        Of the rig: ``limits`` are the ranges of its sensors.
+        Values of the rig: ``limits`` are the ranges of its sensors.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Pause, resume and abort: from the keyboard, by a signal, and from another process by files in the folder.
 
-A request is a file in ``control/`` of the campaign folder, written whole; the process that runs the campaign looks for
-one five times a second, takes it and removes it. This works on any file system that the campaign works on, over
-the network too, and costs one system call each time.
+A request is a complete file in ``control/`` of the campaign folder. The process that runs the campaign looks for a
+request five times a second, takes it and removes it. This works on any file system of the campaign, also over the
+network, and costs one system call each time.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Request:
     word : str
         One of `WORDS`.
     by : str
-        Who asked, in words.
+        Person who made the request, in words.
     leave : bool
         Nobody can resume: a pause ends the campaign.
     """
@@ -67,7 +67,7 @@ class Requests:
     Parameters
     ----------
     folder : Path
-        Of the campaign.
+        Folder of the campaign.
     someone_there : bool
         Whether somebody answers prompts.
     cancel : object with ``is_set()``, optional
@@ -93,7 +93,7 @@ class Requests:
         self.wake()
 
     def take(self) -> Request | None:
-        """Remove and return the oldest request; None if there is none."""
+        """Remove and return the oldest request, or return None."""
         if self._cancel is not None and self._cancel.is_set():
             self._cancel = None
             return Request(ABORT, "the caller")
@@ -188,7 +188,7 @@ def ask(folder: Path, word: str, by: str) -> Holder:
     Returns
     -------
     Holder
-        That process, as it was before.
+        The process as it was before.
 
     Raises
     ------

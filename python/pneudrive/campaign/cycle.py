@@ -1,4 +1,4 @@
-"""A cycle: what a campaign plans, runs, stores and repeats as one."""
+"""A cycle: the unit that a campaign plans, runs, stores and repeats."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Cycle:
     kind : str
         One of `KINDS`.
     steps : tuple of Move and Hold
-        What the axis does, in order.
+        Steps of the axis, in order.
     sampling : Sampling
     pressure_a_pa, pressure_b_pa : float
         Set before the cycle, and held.
@@ -48,9 +48,9 @@ class Cycle:
     levels : dict
         Hard-to-change factors of the block: mounting, seal, drive.
     text : str
-        What the operator is asked to do.
+        Instruction to the operator.
     start_m : float or None
-        Where the axis stands before the first step; brought there without recording.
+        Position of the axis before the first step. The axis moves there without recording.
     weight_kg : float or None
         The known weight that is applied.
     """

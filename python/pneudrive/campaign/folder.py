@@ -92,8 +92,8 @@ class CycleFile(Shown):
         Returns
         -------
         Samples
-            As recorded. A missing pressure is that of the cycle; a missing temperature is NaN; missing steps are
-            derived from the motion.
+            As recorded. A missing pressure is replaced by that of the cycle. A missing temperature is NaN. Missing
+            steps are derived from the motion.
 
         Raises
         ------
@@ -180,7 +180,7 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
     Parameters
     ----------
     folder : Path
-        Of the campaign.
+        Folder of the campaign.
     head : Head
         Its ``sha256`` is filled in.
     samples : Samples or None

@@ -59,7 +59,7 @@ class Family:
     efficiency : float
         D-efficiency: information per cell, as a share of that of the full factorial.
     error_ratio : float
-        How many times greater the standard errors of the model are than those of the full factorial (geometric mean).
+        Standard errors of the model relative to those of the full factorial (geometric mean).
     lost : dict
         ``factor x factor`` -> (degrees of freedom that can still be estimated, all), where some are lost.
     """
@@ -82,7 +82,7 @@ class CellProposal:
     Attributes
     ----------
     names : tuple of str
-        Of the cells, as `[fraction] cells` takes them.
+        Number of design points, as in `[fraction] cells`.
     families : tuple of Family
     """
 
@@ -113,7 +113,7 @@ def propose(plan: Plan, limit_s: float) -> CellProposal:
     Parameters
     ----------
     plan : Plan
-        Of the full protocol, without a fraction.
+        Number of design points of the full protocol, without a fraction.
     limit_s : float
 
     Returns
@@ -334,7 +334,7 @@ def _updated(inverse: Array, row: Array) -> Array:
 def _lost(
     candidates: list[_Candidate], factors: dict[str, list[Any]], model: Array, chosen: list[int]
 ) -> dict[str, tuple[int, int]]:
-    """Return for each pair of factors how much of its interaction can still be estimated beside the model."""
+    """Return for each pair of factors how much of its interaction can still be estimated in addition to the model."""
     rows = model[chosen]
     base, out = _rank(rows), {}
     for one, other in combinations(factors, 2):

@@ -17,7 +17,7 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class Head:
-    """The header of a cycle's file: its data beside the samples.
+    """Header of a cycle's file: its data other than the samples.
 
     Attributes
     ----------
@@ -33,13 +33,13 @@ class Head:
     memory : dict
         Snapshot from which a simulated rig continues.
     confirmed : dict
-        Who confirmed the operator's step, and when: ``name``, ``time``, ``how``.
+        Person who confirmed the operator's step, and time: ``name``, ``time``, ``how``.
     attempts : int
-        How often the cycle was begun; more than 1 if it was interrupted and repeated.
+        Number of starts of the cycle. More than 1 if it was interrupted and repeated.
     reason : str
         Why a cycle was run that is not in the protocol.
     sha256 : str
-        Of the columns, see `pneudrive.campaign.folder.digest`; empty if the file holds none.
+        Hash of the columns, see `pneudrive.campaign.folder.digest`. Empty if the file does not contain one.
     """
 
     index: int

@@ -1,9 +1,9 @@
-"""What a running campaign does now, as two files in ``control/`` that any process may read, over the network too.
+"""Present action of a running campaign, as two files in ``control/`` that any process may read, also over the network.
 
 ``live.json`` has the cycle, counts and the time left, ``live.f4`` points of the cycle so far as 32-bit floats, one row
-of `COLUMNS` each. Both are written by rename five times a second while something is new, by a thread of their own, so
-that a slow disk holds nothing up; they are gone once the campaign ends. Of many samples the ones with the lowest and
-the highest force of each stretch are kept.
+of `COLUMNS` each. Both are written by rename five times a second if anything is new. A separate thread writes them, so
+that a slow disk delays nothing. They are removed when the campaign ends. Long recordings are reduced to the samples
+with the lowest and the highest force of each interval.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class LiveFiles(Display):
     Parameters
     ----------
     folder : Path
-        Of the campaign; has the folder ``control``.
+        Folder of the campaign, which contains the folder ``control``.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -149,7 +149,7 @@ class LiveCycle(NamedTuple):
     done, planned, samples : int
         Finished and planned cycles; samples of this cycle so far.
     points : dict of ndarray, shape (n,)
-        By `COLUMNS`.
+        Values by `COLUMNS`.
     """
 
     cycle: str

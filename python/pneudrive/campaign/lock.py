@@ -1,4 +1,4 @@
-"""The lock of a campaign folder: one process works in it and writes there what it is doing."""
+"""Lock of a campaign folder: one process works in it and writes its present action there."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def now() -> str:
 
 @dataclass(frozen=True)
 class Holder:
-    """The process that works in a folder, and what it is doing.
+    """Process that works in a folder, and its present action.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Holder:
     state : str
         One of `STATES`.
     text : str
-        What it waits for, in words.
+        Reason for waiting, in words.
     cycle : str
         Key of the cycle that runs.
     """
@@ -128,7 +128,7 @@ class FolderLock:
 
 
 def holder(folder: Path) -> Holder | None:
-    """Return the process that works in a folder; None if there is none. The lock does not change."""
+    """Return the process that works in a folder, or None. The lock does not change."""
     path = folder / NAME
     return (_read(path) or Holder(0, "?", "?", "?")) if is_held(path) else None
 

@@ -41,8 +41,8 @@ def steps_from_motion(time_s: Array, position_m: Array, stop_s: float | None = N
 
     Notes
     -----
-    A move slower than 6 deviations of the position noise per 50 ms counts as a hold: a recording of such moves
-    needs its own column ``step``.
+    A move slower than 6 deviations of the position noise per 50 ms counts as a hold. A recording of such moves needs a
+    separate column ``step``.
     """
     numbers = np.zeros(time_s.size, dtype=np.int64)
     usable = np.isfinite(time_s) & np.isfinite(position_m)

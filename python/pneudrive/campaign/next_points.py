@@ -1,4 +1,4 @@
-"""The next points of a fit on a rig: what it can hold, and the protocol that measures them."""
+"""Next points of a fit on a rig: the points that the rig can hold, and the protocol that measures them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes:
     fit : FrictionFit
         Its law says which pressures matter.
     identity, envelope : Identity, Envelope
-        Of the rig.
+        Limits of the rig.
     strokes : int
         In each direction for one point.
     """
@@ -53,7 +53,7 @@ def protocol_of(plan: Design, identity: Identity, envelope: Envelope) -> str:
     ----------
     plan : Design
     identity, envelope : Identity, Envelope
-        Of the rig.
+        Limits of the rig.
     """
     text = plan.protocol()
     wanted = [(p.speed_m_s, p.gauge_a_pa, p.gauge_b_pa) for p in plan.points]

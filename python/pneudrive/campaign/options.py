@@ -18,7 +18,7 @@ class Options:
     patience_s : float
         Longest wait for good conditions before the campaign ends.
     steady_s : float
-        Time of good conditions before it goes on.
+        Time of good conditions before the campaign continues.
     look_s : float
         Interval of the queries of the rig while waiting.
     attempts : int

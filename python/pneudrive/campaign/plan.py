@@ -45,7 +45,7 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     RigError
         If the identity has a value that no rig has.
     """
-    # What a rig of the user's own says of itself goes into its folder, from which it must come back.
+    # The description of a custom rig goes into its folder, and must be readable from there.
     identity_of(json.loads(json.dumps(identity.to_dict(), default=plain)), f'rig "{identity.name}"')
     plan = draft(protocol, identity, envelope)
     return Plan(protocol, identity, envelope, plan.planned, check(plan))

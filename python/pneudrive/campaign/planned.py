@@ -37,7 +37,7 @@ class Planned:
         Time before it: settling after a change of pressure, or the operator's work. Assumed, as in the protocol.
     samples : int
     cell : Cell or None
-        What it measures; None for a cycle that prepares or checks.
+        Condition that it measures. None for a cycle that prepares or checks.
     """
 
     cycle: Cycle

@@ -43,7 +43,7 @@ class Violation:
     item : str
         ``speed``, ``ramp``, ``acceleration``, ``stroke``, ``force``, ``release``, ``pressure`` or ``manifold``.
     key : str
-        Of the cycle.
+        Index of the cycle.
     value, limit, remedy : str
         In words, with units.
     """
@@ -89,7 +89,7 @@ class Allowed:
     Attributes
     ----------
     identity, envelope
-        Of the rig.
+        Limit of the rig.
     axis : Limits
         For its starts and stops.
     speed_m_s, acceleration_m_s2, force_n, pressure_pa : float

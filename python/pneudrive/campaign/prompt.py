@@ -30,7 +30,7 @@ class Prompt(Protocol):
 
 
 class Terminal:
-    """The user at the terminal of this process; nobody if there is no terminal."""
+    """The user at the terminal of this process, or nobody without a terminal."""
 
     def __init__(self) -> None:
         self._open = True
@@ -62,7 +62,7 @@ class Terminal:
 
 
 class Answer(NamedTuple):
-    """An answer in a pause: whether the campaign goes on, who answered, and how."""
+    """Answer in a pause: whether the campaign continues, and who answered, and how."""
 
     goes_on: bool
     name: str

@@ -131,7 +131,7 @@ class Protocol(Described):
 
     @property
     def text(self) -> str:
-        """Text of the file, unchanged; generated if there was no file."""
+        """Text of the file, unchanged, or generated without a file."""
         return self._text or toml.write({"schema": self.schema_version} | self.to_dict())
 
     def fail(self, key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> ProtocolError:

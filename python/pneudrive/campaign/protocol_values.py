@@ -186,7 +186,7 @@ class BetweenPlaces(Quantity):
 
 
 def listed(given: object) -> list[object]:
-    """Return a list as it is, and one value as a list of one."""
+    """Return a list unchanged, and one value as a list."""
     if isinstance(given, list):
         if not given:
             raise WrongValueError("the list is empty")

@@ -37,12 +37,12 @@ class ReplaySource(ABC):
     name, key : str
         File; its key in the campaign, "" for a foreign recording.
     steps : tuple of Move and Hold
-        What the axis did. Empty if the file does not say it.
+        Steps of the axis. Empty if the file does not contain them.
     pressure_a_pa, pressure_b_pa : float
     began_s : float
         Time of the rig's clock at its start.
     levels : dict
-        What was mounted.
+        Mounted parts.
     """
 
     name: str
@@ -95,8 +95,8 @@ class ReplayRig:
 
     Notes
     -----
-    `acquire` plays the recording that matches the request: steps, pressures and mounting within the tolerance. Of
-    several matches it takes the one whose key `begin_cycle` announced, else the one played least often.
+    `acquire` plays the recording that matches the request: steps, pressures and mounting within the tolerance. If
+    several match, it takes the one whose key `begin_cycle` announced, otherwise the one played least often.
     """
 
     def __init__(

@@ -191,7 +191,7 @@ def _as_fast(asked_m_s: float, recorded_m_s: float, tolerance: Tolerance) -> boo
 
 
 def _stops_on_the_way(steps: Sequence[Step]) -> bool:
-    """Return whether a hold lies between moves of one direction, or begins or ends the cycle."""
+    """Return whether a hold is between moves of one direction, or at the start or end of the cycle."""
     for index, step in enumerate(steps):
         if not isinstance(step, Hold):
             continue
@@ -275,7 +275,7 @@ def recordings_rig(
     ----------
     folder : Path
     layout : Path, optional
-        How they are read; default: ``layout.toml`` in the folder.
+        How they are read. Default: ``layout.toml`` in the folder.
     pattern : str
         Pattern of the file names.
     pace, tolerance
@@ -286,7 +286,7 @@ def recordings_rig(
     Raises
     ------
     RigError, RecordingError, LayoutError
-        If there is no file, a file cannot be read, or the drives differ.
+        The file does not exist or cannot be read, or the drives differ.
     """
     from pneudrive.signals.load import recording_files
 

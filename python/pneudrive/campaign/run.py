@@ -41,7 +41,7 @@ DONE, ENDED = "done", "ended"
 
 @dataclass(frozen=True, repr=False)
 class Result(Shown):
-    """How a run of a campaign ended.
+    """Outcome of a run of a campaign.
 
     Attributes
     ----------

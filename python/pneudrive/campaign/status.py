@@ -59,7 +59,7 @@ class Status(Shown):
 def status_of(folder: str | Path) -> Status:
     """Return the status of a campaign folder, even while it runs; check every file by its checksum.
 
-    Files from other programs have no checksum: their samples are checked when they are read, and a note says so.
+    Files from other programs have no checksum. Their samples are checked when they are read, and a note reports this.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""What a drive does: characteristics with unit, interval, standard and source, and the numbers of a datasheet."""
+"""Characteristics of a drive with unit, interval, standard and source, and the numbers of a datasheet."""

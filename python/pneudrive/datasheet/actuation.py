@@ -1,7 +1,7 @@
 """The valves of a drive as one signal u: 1 and -1 move the piston out and back, 0 shuts the valves.
 
-A switching valve has no other commands than those of its positions. Where a state is held, its positions are those of
-a proportional valve of the same paths: fully open to one side, or to the other.
+A switching valve has only the commands of its positions. If a state is held, its positions are those of a proportional
+valve with the same paths: fully open to one side, or to the other.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a characteristic is: its definition, and how its result is labelled."""
+"""A characteristic: its definition, and the labels of its result."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ class Characteristic:
         As users write it.
     title : str
     definition : str
-        What is meant, in a sentence or two.
+        Meaning in one or two sentences.
     algorithm : str
-        How it is found.
+        Method of calculation.
     find : callable
         Gets a `HeldDrive` and settings by keyword; returns axes and results by name.
     standard : str
-        By which it is defined; empty if by none. "form" of a standard: its definition with our conditions.
+        Standard that defines it. Empty without a standard. "form" of a standard: its definition with other conditions.
     cites : tuple of str
         Keys of references.bib.
     x, y : str
@@ -91,7 +91,7 @@ class Characteristic:
         return xr.Dataset(labelled, coordinates, self.about(plant))
 
     def about(self, plant: HeldDrive) -> dict[str, Any]:
-        """Return what is said of every result."""
+        """Return the notes that every result has."""
         return {
             "title": f"{self.title}: {plant.name}",
             "characteristic": self.name,

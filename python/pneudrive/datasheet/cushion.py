@@ -1,4 +1,4 @@
-"""What a cushion takes: end speed and peak pressure over mass and speed, and over the opening of its needle."""
+"""Capacity of a cushion: end speed and peak pressure over mass and speed, and over the opening of its needle."""
 
 from __future__ import annotations
 

@@ -37,13 +37,13 @@ class EnergyBalance(Shown):
     accounts_j : dict of str to float
         Component and account -> heat, work and enthalpy over the boundary, J, positive inward.
     open_share : float
-        What the accounts do not explain of the change of energy, over the energy that was turned over.
+        Change of energy that the balances do not explain, relative to the energy throughput.
     lost_j : dict of str to float
         Component and cause -> exergy lost, J: ambient temperature times the entropy produced; the largest first.
     air_kg : dict of str to float
         Reservoir -> mass that it gave, kg; negative where it took more.
     anr_density_kg_m3 : float
-        Of the gas at the standard reference atmosphere.
+        Density of the gas at the standard reference atmosphere.
     """
 
     accounts_j: dict[str, float]

@@ -97,7 +97,7 @@ def equilibrium(
     command : float
         In [-1, 1].
     position : str or float, optional
-        Where the piston is, ``"120 mm"`` or in m; by default mid stroke.
+        Position of the piston, ``"120 mm"`` or in m. The default is mid-stroke.
     velocity : str or float, optional
         Imposed, ``"0.2 m/s"`` or in m/s; the load that balances it follows. The default is 0, a pinned piston.
     load : str or float, optional
@@ -112,7 +112,7 @@ def equilibrium(
     CommandError
         The command, the position, the velocity or the load is not valid.
     SimulationError
-        There is no such state: under a shut valve without leaks, any pressure is one.
+        The state does not exist. Under a shut valve without leaks, any pressure is a steady state.
 
     Examples
     --------
@@ -176,8 +176,9 @@ def under_load(plant: HeldDrive, command: float, position: float, load: float) -
 class _SteadySearch:
     """Search of a steady state: the drive's own rates with the position held, integrated with growing steps.
 
-    Unknowns are ln p and ln T of all nodes and, under a load, the velocity. A step is an implicit one of Euler; as it
-    grows, it becomes one of Newton. So the search follows what the drive does and ends where the drive would.
+    Unknowns are ln p and ln T of all nodes and, under a load, the velocity. A step is an implicit Euler step. As it
+    grows, it becomes a Newton step. The search therefore follows the motion of the drive and ends at the drive's final
+    state.
     """
 
     def __init__(
@@ -234,7 +235,7 @@ class _SteadySearch:
         )
 
     def _check_held(self, z: Array, found: Array) -> None:
-        """Raise an error where a pressure acts on nothing: it is what it was."""
+        """Raise an error if a pressure acts on nothing and therefore keeps its value."""
         for k, node in enumerate(self.plant.nodes):
             beside = z.copy()
             beside[k] += HELD

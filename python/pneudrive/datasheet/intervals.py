@@ -1,4 +1,4 @@
-"""Intervals of identified values of a drive, carried through to what is computed of it."""
+"""Intervals of identified values of a drive, propagated to results that are computed from it."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ def with_intervals(
 ) -> xr.Dataset:
     """Add the lower and upper end of each result, as variables ``NAME_low`` and ``NAME_high``.
 
-    A result at the ends of a value's interval differs from the plain one by some amount d to each side; of several
-    values with correlations r, d^2 = sum r_ij d_i d_j, where d_i has the sign of the end that it belongs to: exact for
-    results that are linear in the values. A drive without identified values is returned as it is.
+    At each end of a value's interval, a result differs from the plain result by some amount d. For several values with
+    correlations r, d^2 = sum r_ij d_i d_j. The sign of d_i is that of its end. This is exact for results that are
+    linear in the values. A drive without identified values is returned unchanged.
     """
     ends, left_out = ends_of(drive)
     if left_out:

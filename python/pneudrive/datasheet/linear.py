@@ -57,9 +57,9 @@ def linearise(
     opening : {"+", "-"}
         Side from which a shut valve is seen: its flow has another slope to each side. Only for ``command = 0``.
     friction : {"presliding", "sliding", "none"}
-        ``"presliding"``: the contact at rest, bristles as springs (a contact that sticks does not move at all);
+        ``"presliding"``: the contact at rest, with bristles as springs. A contact that sticks does not move.
         ``"sliding"``: the slope of the steady friction over velocity, at `velocity`, or at rest its viscous part far
-        above the Stribeck velocity; ``"none"``.
+        above the Stribeck velocity. ``"none"``: without friction.
     velocity : str or float
         At which the piston moves.
 
@@ -120,7 +120,7 @@ def _label(name: str) -> str:
 
 
 def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - one or two quantities
-    """Return pressures of both chambers, and of what lies before them, at ambient temperature; shape (nodes, 2)."""
+    """Return pressures of both chambers and of the upstream nodes, at ambient temperature. The shape is (nodes, 2)."""
     if pressures is None:
         pressures = 0.5 * (plant.supply_pa + plant.ambient[0])
     pair = (pressures, pressures) if isinstance(pressures, str | int | float) else tuple(pressures)
@@ -149,7 +149,7 @@ def _pressure(given: str | float, plant: HeldDrive) -> float:
 def linear_model(
     plant: HeldDrive, command: float, position: float, gas: Array, velocity: float = 0.0, friction: str = "none"
 ) -> Linear:
-    """Return the linear model about a state, with the friction that is asked for; see `linearise`."""
+    """Return the linear model about a state, with the requested friction. See `linearise`."""
     if friction not in FRICTIONS:
         raise CommandError(f'friction = "{friction}" is not known', remedy=" or ".join(f'"{one}"' for one in FRICTIONS))
     if friction == "presliding":

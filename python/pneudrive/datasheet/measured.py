@@ -1,4 +1,4 @@
-"""Recordings beside the simulation: the same definitions read from both."""
+"""Recordings compared with the simulation: the same definitions applied to both."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class ComparedNumber:
     repeats : int
     simulated : float
     agrees : bool
-        The simulation lies within the interval, or within 5 % of a single stroke.
+        The simulation is within the interval, or within 5 % of a single stroke.
     """
 
     stroke: str
@@ -99,20 +99,20 @@ class MeasuredResponse:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredBeside:
-    """What recordings say beside the simulation.
+    """Results of recordings compared with the simulation.
 
     Attributes
     ----------
     validation : Validation or None
-        Of recordings of the drive.
+        Results from recordings of the drive.
     numbers : tuple of ComparedNumber
     responses : tuple of MeasuredResponse
     friction : FrictionValidation or None
-        Of a friction map, a campaign, or recordings of a piston alone.
+        Results from a friction map, a campaign, or recordings of a piston alone.
     synthetic : bool
         Whether all recordings come from simulations.
     names : tuple of str
-        Of the recordings.
+        Notes on the recordings.
     """
 
     validation: Validation | None
@@ -175,7 +175,7 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
 def _with_air(
     drive: Drive, recordings: Sequence[Path], of_tank: list[Path], layout: Path | None, watch: Watch
 ) -> MeasuredBeside:
-    """Read the air of cycles from recordings of a tank, and the other recordings as they are."""
+    """Read the air of cycles from recordings of a tank, and return the other recordings unchanged."""
     others = [path for path in recordings if path not in of_tank]
     rest = beside(drive, others, layout, watch) if others else MeasuredBeside(None, (), (), None, True, ())
     airs: dict[str, list[TankAir]] = defaultdict(list)

@@ -288,7 +288,7 @@ class HeldDrive:
         gas : ndarray, optional
             Shape (nodes, 2): absolute pressure, Pa, and temperature, K, at `nodes`.
         rtol : float
-            Of the solver.
+            Relative tolerance of the solver.
         """
         if not 0.0 <= position <= self.stroke_m:
             rule = f"0 to the stroke, {self.stroke_m:g} m"

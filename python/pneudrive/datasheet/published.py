@@ -1,4 +1,4 @@
-"""Printed figures of the catalogue's parts beside what the drive's own test stands give."""
+"""Printed figures of the catalogue's parts, compared with the results of the drive's simulated test stands."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _minimum(drive: Drive) -> float:
 
 
 class Figure(NamedTuple):
-    """A printed figure: SI unit (empty for a gauge pressure), how it comes out of the drive, meaning."""
+    """A printed figure: SI unit (empty for a gauge pressure), calculation from the drive, meaning."""
 
     unit: str
     of: Callable[[Drive], float]

@@ -68,19 +68,19 @@ def characteristic(
     progress, cancel : optional
         See `pneudrive.watch.Watch`.
     **settings
-        Of the characteristic, such as ``pressures=["3 bar abs"]``.
+        Settings of the characteristic, such as ``pressures=["3 bar abs"]``.
 
     Returns
     -------
     xarray.Dataset
-        Results with ``units``, ``long_name`` and, where values of the drive have intervals, ``interval`` (the names of
-        two variables, lower and upper end). Its ``attrs`` hold definition, algorithm, standard, citations,
-        description_hash, assumed, and what the intervals come from.
+        Results with ``units`` and ``long_name``. If values of the drive have intervals, they have ``interval`` (the
+        names of two variables, lower and upper end). Its ``attrs`` hold definition, algorithm, standard, citations,
+        description_hash, assumed, and the source of the intervals.
 
     Raises
     ------
     CommandError
-        There is no such characteristic or setting, or the drive does not have it.
+        The characteristic or the setting does not exist, or the drive does not have it.
     SimulationError
         A state or a run that it needs does not exist.
     Cancelled

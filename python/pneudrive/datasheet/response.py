@@ -104,7 +104,7 @@ def _impact(plant: HeldDrive) -> Found:
 
 
 def _hit(motion: StrokeRun) -> dict[str, float]:
-    """Return the first impact of a stroke with what the stop took in all; NaN without one."""
+    """Return the first impact of a stroke with the total energy that the stop absorbed. NaN without an impact."""
     stroke = motion.strokes[0]
     end = "b" if stroke.direction > 0 else "a"
     first = next((one for one in motion.attrs["impacts"] if one["end"] == end), None)

@@ -1,4 +1,4 @@
-"""The datasheet of a drive: results, headline numbers, values with their source, recordings beside."""
+"""Datasheet of a drive: results, headline numbers, values with their source, and recordings for comparison."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def build(
     RecordingError, LayoutError
         A recording cannot be used.
     Cancelled
-        The watch says so.
+        The watch requests a stop.
     """
     if recordings and is_circuit(drive):
         raise CommandError(
@@ -215,7 +215,7 @@ def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
 
 
 def _life(drive: Drive | Circuit) -> list[SheetNumber]:
-    """Return the life of the drive and its parts as it is stated: nothing of it is computed."""
+    """Return the stated life of the drive and its parts. It is not computed."""
     stated: list[tuple[str, object]] = [("drive, by its label", drive.labels[LIFE])] if LIFE in drive.labels else []
     stated += [
         (f"{part.name} [{one.source}]", str(one.value))

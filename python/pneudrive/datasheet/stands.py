@@ -96,7 +96,7 @@ def _fed(plant: HeldDrive) -> list[str]:
     Raises
     ------
     CommandError
-        There is none.
+        The test stand does not exist.
     """
     fed = [side for side in plant.sides if plant.has_line(side)]
     if not fed:

@@ -157,9 +157,9 @@ def stroke_numbers(
     Parameters
     ----------
     columns : mapping
-        ``time_s`` and ``position_m`` (from 0 at the end of chamber a), shape (n,); ``velocity_m_s``,
-        ``pressure_a_pa`` and ``pressure_b_pa`` where they are known. With the velocity, times lie on the cubic
-        between two samples, without it on the straight line.
+        ``time_s`` and ``position_m`` (from 0 at the end of chamber a) have shape (n,), as do ``velocity_m_s``,
+        ``pressure_a_pa`` and ``pressure_b_pa`` if they are known. With the velocity, times are interpolated by the
+        cubic between two samples, otherwise by a straight line.
     stroke_m : float
         Stroke of the cylinder.
     mass_kg : float
@@ -170,7 +170,8 @@ def stroke_numbers(
     impacts : sequence of mappings
         Contacts with the ends as a simulation tells them; without, a contact is where the position reaches the end.
     direction : int
-        Where the command leads: 1 towards the end of chamber b, -1 towards that of chamber a; 0: where the piston goes.
+        Direction of the command: 1 towards the end of chamber b, -1 towards the end of chamber a. 0: direction of the
+        piston.
 
     Returns
     -------
@@ -217,7 +218,7 @@ def stroke_numbers(
 
 
 def _samples(columns: Mapping[str, Any], begin_s: float, end_s: float) -> dict[str, Array]:
-    """Return the samples of a stroke, the first one at its beginning: interpolated if that lies between two."""
+    """Return the samples of a stroke. The first one is at its beginning, interpolated if necessary."""
     every = {name: np.asarray(values, dtype=float) for name, values in columns.items() if np.ndim(values)}
     time = every["time_s"]
     keep = (time >= begin_s) & (time <= end_s)
@@ -238,7 +239,7 @@ def _samples(columns: Mapping[str, Any], begin_s: float, end_s: float) -> dict[s
 
 
 def _contact(impacts: Sequence[Mapping[str, Any]], direction: int) -> tuple[float, float]:
-    """Return time and speed of the first contact with the end ahead; NaN if there is none."""
+    """Return time and speed of the first contact with the end ahead, or NaN."""
     end = "b" if direction > 0 else "a"
     first = next((one for one in impacts if one["end"] == end), None)
     return (first["time_s"], first["speed_m_s"]) if first is not None else (math.nan, math.nan)
@@ -269,7 +270,7 @@ def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -
         Shape (n,), times rising.
     level : float
     rate : ndarray, optional
-        x', by which the time lies on the cubic between two samples.
+        x', used for the cubic interpolation of the time between two samples.
 
     Examples
     --------
@@ -299,7 +300,7 @@ def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -
 def litres_anr(mass_kg: float, density_kg_m3: float = ANR_DENSITY_KG_M3) -> float:
     """Return a mass as litres at the standard reference atmosphere, ISO 8778: 100 kPa, 20 degC, 65 % humidity.
 
-    Of air, unless another density there is given, see `Gas.anr_density_kg_m3`.
+    Volume of air. For another gas, see `Gas.anr_density_kg_m3`.
 
     Examples
     --------
@@ -319,7 +320,7 @@ def drawn_mass(columns: Mapping[str, Any], begin_s: float = 0.0, end_s: float = 
         The trapezium rule is taken; where samples are far apart, `pneudrive.simulate_many` with
         ``"integral(supply.mass_flow)"`` integrates on the solver's own steps.
     begin_s, end_s : float
-        Of the cycle.
+        Air of the cycle.
     """
     from scipy.integrate import trapezoid
 

@@ -1,4 +1,4 @@
-"""Air of a cycle read from a tank that feeds the drive, cut off from the mains: measured beside simulated.
+"""Air of a cycle from a tank that feeds the drive, disconnected from the mains: measured and simulated.
 
     m = V (p_1 - p_2) / (n R T)       V volume of the tank, m3; T its temperature at rest, that of the room, K;
                                       p_1, p_2 its pressures at rest before and after n cycles, Pa; R of the drive's gas

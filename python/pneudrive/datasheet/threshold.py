@@ -1,4 +1,4 @@
-"""Least supply pressure, and breakaway: what it takes to move the piston."""
+"""Least supply pressure, and breakaway: the pressure that moves the piston."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 
-# The pressure rises so slowly that bristles neither swing nor slide: in 10 s they give way 1.1 % below breakaway, in
+# The pressure rises so slowly that bristles neither oscillate nor slide: in 10 s they deflect 1.1 % below breakaway, in
 # 100 s 0.2 %.
 RISING_S, RISES = 600.0, 1200
 CLOSE = 2e-5  # of the interval between ambient and supply: where bisection ends

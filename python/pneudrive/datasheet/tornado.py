@@ -1,4 +1,4 @@
-"""Which number of a drive matters: relative sensitivities of its characteristics."""
+"""Importance of the numbers of a drive: relative sensitivities of its characteristics."""
 
 from __future__ import annotations
 

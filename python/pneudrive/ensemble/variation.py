@@ -167,7 +167,7 @@ class Variation:
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
     def changes(self, row: Array) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return a member's changes to the drive (see `Drive.replace`) and its start state, in the form of their files."""
+        """Return a member's changes to the drive (see `Drive.replace`) and its start state, as in their files."""
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
         start = self._start_table()
         start |= {name.removeprefix(INITIAL): text for name, text in texts.items() if name.startswith(INITIAL)}

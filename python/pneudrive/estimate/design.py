@@ -1,8 +1,8 @@
 """Optimal designs over a list of candidate points.
 
 A candidate is a gradient g of its expected value by the parameters, divided by its standard deviation: one measurement
-adds g g' to the information. The gradients of a nonlinear law depend on its parameters, so there is one set for each
-draw d of a prior, and criteria are means over the draws:
+adds g g' to the information. The gradients of a nonlinear law depend on its parameters. There is therefore one set for
+each sample of a prior, and criteria are means over the samples:
 
     D   mean of ln det M_d                the volume of the confidence region
     I   mean of trace(M_d^-1 W_d)         the variance of the prediction, averaged over a range

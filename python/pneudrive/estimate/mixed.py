@@ -2,10 +2,10 @@
 
     y = X b + sum_i g_i + e,   g_i ~ N(0, s_i^2 K_i),   e ~ N(0, W)
 
-y are the results of cycles, X b the wanted fixed effects; each K_i describes how a random effect (a block, a day, the
-drift, the cycle itself, the deviation of a curve from a line) is shared between cycles; W is the known noise within
-cycles. The standard deviations s_i are found by restricted maximum likelihood [patterson1971] with a weak prior. As
-they are uncertain, every result is averaged over points about their estimate, weighted by probability, so that
+y are the results of cycles, and X b the wanted fixed effects. Each K_i describes how cycles share a random effect (a
+block, a day, the drift, the cycle itself, the deviation of a curve from a line). W is the known noise within cycles.
+The standard deviations s_i are found by restricted maximum likelihood [patterson1971] with a weak prior. The deviations
+are uncertain. Every result is therefore averaged over points about their estimate, weighted by probability, so that
 intervals from few cycles are wide enough [rue2009].
 """
 

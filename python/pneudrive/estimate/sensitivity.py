@@ -1,4 +1,4 @@
-"""Which arguments of a function its values depend on: Sobol indices and Morris' elementary effects.
+"""Arguments that the values of a function depend on: Sobol indices and Morris' elementary effects.
 
 Both take points in the unit cube, so that a distribution of each argument is the caller's.
 """
@@ -62,8 +62,8 @@ def sobol_indices(
 ) -> SobolIndices:
     """Estimate Sobol indices of first and total order.
 
-    First order by Saltelli's estimator of 2010, total by Jansen's: ``S_i = mean(f_B (f_ABi - f_A)) / V`` and
-    ``T_i = mean((f_A - f_ABi)^2) / (2 V)``, V the variance of f over A and B, f less its mean
+    First order by Saltelli's estimator of 2010, total by Jansen's: ``S_i = mean(f_B (f_ABi - f_A)) / V`` and ``T_i =
+    mean((f_A - f_ABi)^2) / (2 V)``. V is the variance of f over A and B, and f is taken minus its mean
     [saltelli2010,jansen1999].
     A base point one of whose d + 2 values is not finite is left out, output by output.
 
@@ -76,9 +76,9 @@ def sobol_indices(
     confidence : float
         Probability that an interval is meant to cover with; percentile bootstrap over base points.
     resamples : int
-        Of the bootstrap, rounded up to a multiple of 50.
+        Number of bootstrap samples, rounded up to a multiple of 50.
     seed : int
-        Of the bootstrap.
+        Random seed of the bootstrap.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def _indices(f: Array, weights: Array) -> Array:
     f : ndarray, shape (d + 2, m)
         Values at A, B, and A with each argument of B.
     weights : ndarray, shape (r, m)
-        Of the base points; each row adds up to 1.
+        Weights of the base points. Each row adds up to 1.
     """
     a, b, mixed = f[0], f[1], f[2:]
     mean, moved = weights @ (0.5 * (a + b)), mixed - a
@@ -133,7 +133,7 @@ class ElementaryEffects:
     mu, mu_star, sigma : ndarray, shape (d, s)
         Mean, mean of the absolute values, and standard deviation of the elementary effects.
     mu_star_interval : ndarray, shape (2, d, s)
-        By the bootstrap.
+        Interval from the bootstrap.
     trajectories : ndarray of int, shape (s,)
         That count for an output: all of whose values are finite.
     """
@@ -148,9 +148,9 @@ class ElementaryEffects:
 def morris_points(trajectories: int, d: int, seed: int, levels: int = 4) -> Array:
     """Return Morris' trajectories through a grid in the unit cube, shape (trajectories (d + 1), d) [morris1991].
 
-    Each begins at a random point of a grid of `levels` cells and moves one argument after the other, in random order
-    and by levels / (2 (levels - 1)) of its range. The grid has the middles of cells, so that no point lies on a face
-    of the cube, where a normal distribution is infinite.
+    Each trajectory starts at a random point of a grid of `levels` cells. It moves one argument after the other, in
+    random order and by levels / (2 (levels - 1)) of its range. The grid uses the middles of cells, so that no point is
+    on a face of the cube, where a normal distribution is infinite.
     """
     rng = np.random.default_rng(seed)
     step = levels // 2
@@ -172,7 +172,7 @@ def elementary_effects(
     Parameters
     ----------
     points : ndarray, shape (trajectories (d + 1), d)
-        Of `morris_points`.
+        Points from `morris_points`.
     values : ndarray, shape (trajectories (d + 1), s)
         Values of s outputs there; a trajectory with one that is not finite is left out, output by output.
     confidence, resamples, seed

@@ -1,6 +1,6 @@
 """Least squares of laws that are linear except for shape parameters: grid of shapes, and intervals by profile.
 
-At each shape a linear fit gives the best coefficients, so that the profile over the shape needs no repeated fits; an
+At each shape, a linear fit gives the best coefficients, so that the profile over the shape needs no repeated fits. An
 interval is open if the data set no bound.
 """
 

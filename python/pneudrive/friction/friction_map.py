@@ -102,7 +102,7 @@ def read_map(path: str | Path) -> xr.Dataset:
     Raises
     ------
     RecordingError
-        If there is no such file, it is not such a table, or columns are missing.
+        The file does not exist, is not such a table, or lacks columns.
     """
     path, hashes = Path(path), None
     if path.suffix == ".parquet":

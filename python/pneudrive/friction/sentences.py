@@ -19,7 +19,7 @@ Said = tuple[str, dict[str, Any]]
 
 @dataclass(frozen=True)
 class Statement:
-    """A sentence on what the data determine, or do not determine, with a remedy.
+    """A sentence on values that the data determine, or do not determine, with a remedy.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ def sentence(name: str, part: str = "text", /, **values: Any) -> str:  # noqa: A
     part : {"text", "remedy"}
         A sentence without a remedy gives "" for it.
     **values
-        What the braces of the sentence name.
+        Values for the braces of the sentence.
     """
     topic, _, key = name.partition(".")
     found = table()[topic][key]
@@ -67,7 +67,7 @@ def sentence(name: str, part: str = "text", /, **values: Any) -> str:  # noqa: A
 
 
 def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever the sentence names
-    """Return a statement from the table; one with a remedy is on what the data do not determine.
+    """Return a statement from the table. A statement with a remedy concerns an undetermined value.
 
     Parameters
     ----------

@@ -179,13 +179,13 @@ class Fit(Shown):
         Raises
         ------
         FitError
-            The fit was read from a file, without its data; its search did not converge; or a value was not free.
+            The fit was read from a file without its data, its search did not converge, or a value was not free.
         """
         profiler = self._with_data(self.profiler)
         return {name: profiler(name) for name in self._asked(names)}
 
     def _with_data(self, found: T | None) -> T:
-        """Return what a fit has only with its data, at the end of a search that converged."""
+        """Return the results of a fit that need its data and a converged search."""
         if found is None:
             raise FitError(
                 f"this {self.TITLE} was read from a file, without its data",
@@ -269,7 +269,7 @@ class Fit(Shown):
         return done
 
     def compared(self) -> dict[str, FittedData]:
-        """Return measured values beside those of the model, by name; empty if the fit was read from a file."""
+        """Return measured values and those of the model, by name. Empty if the fit was read from a file."""
         return {}
 
     def report(self, folder: str | Path = "report") -> Path:
@@ -331,11 +331,11 @@ class Fit(Shown):
         return (self.values,)
 
     def tables(self) -> tuple[dict[str, float], ...]:
-        """Return all values with a name in `free`: those of `values` and those beside, such as sensors."""
+        """Return all values with a name in `free`: those of `values` and others, such as sensors."""
         return self._groups()
 
     def _first(self) -> dict[str, Any]:
-        """Return the top-level entries of the file beside schema and kind."""
+        """Return the top-level entries of the file in addition to schema and kind."""
         return {"kind": self.KIND, "converged": self.converged, "notes": list(self.notes)}
 
     def _last(self) -> dict[str, Any]:

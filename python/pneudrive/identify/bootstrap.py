@@ -41,7 +41,7 @@ class Bootstrap(Shown):
     blocks : int
         Number of recordings (cycles), each drawn as a whole.
     kind : str
-        ``cases``: blocks drawn with replacement among those of one speed and pressure; ``wild``, for conditions without
+        ``cases``: blocks drawn with replacement among those of one speed and pressure. ``wild``, for conditions without
         repeats: residuals of each block with a common random sign [cameron2008].
     """
 

@@ -1,4 +1,4 @@
-"""Friction modifiers of a fit beside speed and pressure: direction, position, stops, temperature."""
+"""Friction modifiers of a fit in addition to speed and pressure: direction, position, stops, temperature."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pneudrive.describe.friction import has_bristles
 
 @dataclass(frozen=True)
 class Dependences:
-    """Measured friction modifiers beside the sliding law.
+    """Measured friction modifiers in addition to the sliding law.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a fit says of its values: intervals, undetermined values, measured values beside those of the model."""
+"""Results of a fit for its values: intervals, undetermined values, measured values compared with the model."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Undetermined:
 
 @dataclass(frozen=True)
 class FittedData:
-    """Measured values beside those of the model, SI, shape (n,) each.
+    """Measured values and those of the model, SI, shape (n,) each.
 
     ``x`` and ``y`` name the columns: ``time_s``, ``speed_m_s`` or ``reversal``, and ``position_m``, ``friction_n``, ...
     """

@@ -1,4 +1,4 @@
-"""Statements on what a friction map determines and what not."""
+"""Statements on values that a friction map determines or does not determine."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Changed(NamedTuple):
     before, after : str
         Values with their units; empty where one side lacks the value.
     interval_before, interval_after : str
-        95 % intervals; empty where there is none.
+        95 % intervals. Empty without an interval.
     change : float or None
         (after - before) / |before|, from the numbers in SI; None where one is not known, or `before` is 0.
     """
@@ -97,7 +97,7 @@ def differences(before: Drive | AnyFit, after: Drive | AnyFit) -> list[Changed]:
 def curve_differences(
     before: FrictionFit, after: FrictionFit, speed_m_s: Array, gauge_a_pa: float = 0.0, gauge_b_pa: float = 0.0
 ) -> list[Estimate]:
-    """Return what the law of one fit lies above that of another, with 95 % intervals, N.
+    """Return the difference between the laws of two fits, with 95 % intervals, N.
 
     The two fits count as independent; errors that their sensors share are not part of the intervals.
 
@@ -119,7 +119,9 @@ def curve_differences(
 
 
 def common(before: FrictionFit, after: FrictionFit, name: str) -> tuple[float, float]:
-    """Return the range of a condition that both fits have measured; the lower end lies above where there is none.
+    """Return the range of a condition that both fits have measured.
+
+    Without a common range, the lower end is above the upper end.
 
     Parameters
     ----------

@@ -63,8 +63,9 @@ def fit_friction(
         ``gaussian``, ``exponential``, ``lorentzian`` or ``free`` (exponent is fitted); None: by
         `stribeck_exponent`.
     pressure : str
-        With `pressure_dependence`: ``linear`` in the gauge pressures; ``quadratic``; ``saturating``, g/(1 + g/knee) in
-        place of each gauge pressure g, with the most likely of a few knees; ``interaction``, with the product of both.
+        With `pressure_dependence`: ``linear`` in the gauge pressures. ``quadratic``. ``saturating``, with g/(1 +
+        g/knee) in place of each gauge pressure g and the most likely of a few knees. ``interaction``, with the product
+        of both.
     viscous : bool
         False holds the viscous part at zero, for speeds that hardly differ.
     robust : bool
@@ -89,11 +90,11 @@ def fit_friction(
 
     Notes
     -----
-    Rows are weighted by their statistical standard error. Its common scale is estimated from the residuals, so
-    that intervals (Student's t; profile likelihood, which for the Stribeck velocity and the breakaway force is far
-    from symmetric) are also valid if the stated errors are too small by a factor. Systematic uncertainty, shared by
-    all rows, is given separately for each parameter (`FrictionFit.systematic`). Methods: [huber2009], [bates1988],
-    [smyth2004], [paule1982].
+    Rows are weighted by their statistical standard error. Its common scale is estimated from the residuals, so that
+    intervals are also valid if the stated errors are too small by a factor. Intervals use Student's t. For the Stribeck
+    velocity and the breakaway force, they use the profile likelihood, because these are far from symmetric. Systematic
+    uncertainty, shared by all rows, is given separately for each parameter (`FrictionFit.systematic`). Methods:
+    [huber2009], [bates1988], [smyth2004], [paule1982].
     """
     known = ((law, LAWS, "sliding law"), (pressure, PRESSURE_FORMS, "dependence on pressure"), (loss, LOSSES, "loss"))
     for given, names, what in (*known, (stribeck_shape or "free", STRIBECK_SHAPES, "Stribeck shape")):
@@ -208,7 +209,7 @@ def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: o
     """Fit each direction separately: {+1: fit, -1: fit}; options as for :func:`fit_friction`.
 
     Friction of lip seals differs by 10 to 40 % between directions. An error of the force's zero or of the area looks
-    the same: it increases one Coulomb force and decreases the other; only a fit of pairs is free of it.
+    the same: it increases one Coulomb force and decreases the other. Only a fit of pairs is free of it.
     """
     return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
 

@@ -56,7 +56,7 @@ class SlidingCurve(Shown):
     entries : tuple of CurveEntry
         Parameters in pneudrive.
     lost : tuple of str
-        Dependences beside speed, which the law of another tool lacks.
+        Dependences other than speed, which the law of another tool does not include.
     exponential : bool
         Whether the Stribeck curve is exp(-v/vs), or absent.
     unwritten : tuple of str
@@ -192,7 +192,7 @@ def _numbers_of_lists(part: Described, path: str) -> Iterator[tuple[str, GivenNu
 
 
 def _leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - as written
-    """Yield what a written table gives, by dotted names."""
+    """Yield the values of a written table by dotted names."""
     for key, value in table.items() if isinstance(table, dict) else enumerate(table):
         if isinstance(value, (dict, list)):
             yield from _leaves(value, f"{path}{key}.")

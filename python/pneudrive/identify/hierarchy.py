@@ -1,15 +1,15 @@
 """Prediction of friction at a pressure or in a run that was not measured, with a valid interval.
 
-A fit of one seal gives the uncertainty of its parameters, but not the deviation of the next mounting, nor the error of
-a straight line over pressure between the levels: a few recordings of one seal do not determine these. Several seals
-together do. The model of friction F of seal s in run r and recording i at gauge pressures p is
+A fit of one seal gives the uncertainty of its parameters. It does not give the deviation of the next mounting, nor the
+error of a straight line over pressure between the levels, because a few recordings of one seal do not determine these.
+Several seals together do. The model of friction F of seal s in run r and recording i at gauge pressures p is
 
     F_sri = L_s(v, p) [1 + d_s(p) + m_sr + e_sri],   e ~ N(0, sigma_s^2),   sigma_s^2 ~ nu tau^2 / chi2(nu)
 
-where L_s is the law, linear in pressure, with its own parameters for each seal; d_s, the deviation from a straight
+Here L_s is the law, linear in pressure, with separate parameters for each seal. d_s, the deviation from a straight
 line, is an integrated Wiener process over pressure (equal to a smoothing spline [wahba1983]) with a roughness gamma
-shared by all seals; m ~ N(0, omega^2) shifts all recordings of one run (one mounting); and the relative scatter sigma_s
-of the seals varies about a common tau [smyth2004]. The parameters of the laws are removed by restricted likelihood
+shared by all seals. m ~ N(0, omega^2) shifts all recordings of one run (one mounting). The relative scatter sigma_s of
+the seals varies about a common tau [smyth2004]. The parameters of the laws are removed by restricted likelihood
 [patterson1971]. The other parameters are integrated on grids, with priors flat in gamma and omega [gelman2006], ln tau
 and 1/nu. A prediction is the universal kriging of one seal's recordings, averaged over the posterior of gamma, omega
 and sigma_s.

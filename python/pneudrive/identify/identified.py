@@ -224,7 +224,7 @@ def _chamber(drive: Drive, name: str) -> Quantity | None:
 
 
 def _both(drive: Drive, table: str) -> dict[str, str]:
-    """Return the present values of both chambers; empty if there are none."""
+    """Return the present values of both chambers. Empty without values."""
     known = values_of(drive)
     out = {}
     for c in "ab":

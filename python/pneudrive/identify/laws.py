@@ -70,7 +70,7 @@ class Compared(Shown):
     worst_at : str
         That condition in words.
     viscous : bool
-        Whether a viscous part was fitted; not if all speeds lie within a factor of three.
+        Whether a viscous part was fitted. It is not fitted if all speeds are within a factor of three.
     """
 
     name: str
@@ -172,8 +172,8 @@ def compare_laws(
         Dependences on pressure, each combined with each law; by default all if the pressure was varied. Empty: none.
     hold_out : str or sequence of str, optional
         Groups held out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
-        ``mounting``), or a label for each row. By default ``pressure`` if there are three or more, else ``speed``.
-        Not single values at random, as neighbours of the same condition would predict them.
+        ``mounting``), or a label for each row. The default is ``pressure`` if there are three or more, else ``speed``.
+        Single values at random are not held out, because neighbours of the same condition would predict them.
     direction, ambient_pressure_pa, exclude_flags, loss
         As for :func:`fit_friction`.
     probability : float

@@ -1,9 +1,9 @@
 """Profile-likelihood intervals of a sliding law.
 
-At a given Stribeck velocity and exponent the law is linear in all other parameters, so that the profile needs no
-repeated fits: over a grid of these two, linear least squares gives the cost, the best forces and their variances. The
-interval of a parameter is the union over the grid of values below the threshold of the cost. Unlike
-value +- t * standard error, it is open if the data do not bound the parameter.
+At a given Stribeck velocity and exponent, the law is linear in all other parameters. The profile then needs no repeated
+fits: over a grid of these two, linear least squares gives the cost, the best forces and their variances. The interval
+of a parameter is the union over the grid of values below the threshold of the cost. Unlike value +- t * standard error,
+it is open if the data do not bound the parameter.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def profile_intervals(
     Returns
     -------
     dict
-        Name -> (lower, upper); empty if no value lies below the threshold; an end without a bound from the data is
+        Name -> (lower, upper). Empty if no value is below the threshold. An end without a bound from the data is
         infinite, or zero for a non-negative parameter.
     """
     y = found.pseudo / data.stderr_n

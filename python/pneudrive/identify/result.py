@@ -190,9 +190,9 @@ class FrictionFit(SlidingFit):
         Warns
         -----
         PneudriveWarning
-            An undetermined breakaway force lies below the fitted Coulomb force, or the other way round, and is set to
-            that limit; or it lies above the Coulomb force and stays. Kept values move the curve of the drive. Measured
-            effects of a campaign that cannot be applied, and assumptions.
+            An undetermined breakaway force below the fitted Coulomb force, or the reverse, is set to that limit. A
+            breakaway force above the Coulomb force stays. Kept values move the curve of the drive. Measured effects of
+            a campaign that cannot be applied, and assumptions.
         """
         known = {p["key"] for p in drive.friction.entry["parameters"]}
         forces = {n for n in self.determined if n not in PRESSURE_NAMES}
@@ -364,7 +364,7 @@ class FrictionFit(SlidingFit):
 
 
 def slope_key(name: str) -> str:
-    """Return what a drive file calls the slope of a force over a chamber's pressure."""
+    """Return the name in a drive file for the slope of a force over a chamber's pressure."""
     force, _, chamber = name.rpartition("_")
     return f"friction.pressure.{force}.{chamber}"
 

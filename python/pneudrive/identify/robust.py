@@ -1,7 +1,7 @@
 """Robust weighted least squares for the sliding laws: start values, Huber estimate, scale, covariance.
 
-The estimate is Huber's M-estimator with his "proposal 2" for the scale; its covariance and the classical least
-squares problem that is equivalent to it (pseudo-values, which the profile intervals use) follow [huber2009].
+The estimate is Huber's M-estimator with his "proposal 2" for the scale. Its covariance and the equivalent least squares
+problem (pseudo-values, used by the profile intervals) follow [huber2009].
 """
 
 from __future__ import annotations

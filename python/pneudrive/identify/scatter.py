@@ -1,8 +1,8 @@
 """Scatter between levels beyond their standard errors.
 
-Two runs of one seal can differ by far more than the strokes within each run. Weighted only by the standard error of
-the strokes, the quietest run would then dominate the fit. As in the random-effects model of a meta-analysis, one
-variance for all levels is added to those of the strokes, so that the residuals agree with it [paule1982].
+Two runs of one seal can differ much more than the strokes within each run. Weighted only by the standard error of the
+strokes, the quietest run would then dominate the fit. As in the random-effects model of a meta-analysis, one variance
+for all levels is added to those of the strokes, so that the residuals agree with it [paule1982].
 """
 
 from __future__ import annotations

@@ -36,8 +36,9 @@ def fit_characterisation(
     Returns
     -------
     dict of dict of FrictionFit, list of str
-        Group -> law -> fit, and notes on failed fits. Each assembly (mounting, seal, drive) is a group of its own, or
-        ``all recordings`` if there is one. Friction may depend on pressure if the recordings have several pressures.
+        Group -> law -> fit, and notes on failed fits. Each assembly (mounting, seal, drive) is a separate group, or
+        ``all recordings`` if there is only one. Friction may depend on pressure if the recordings have several
+        pressures.
     """
     curves = characterisation.friction_map
     of_row = np.array(row_seals_and_runs(characterisation)[0])

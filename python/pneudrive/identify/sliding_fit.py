@@ -1,4 +1,4 @@
-"""What fits of steady sliding have in common: a law, and the values of a friction map to which it was fitted."""
+"""Common parts of fits of steady sliding: a law, and the values of the friction map to which it was fitted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SlidingFit(Fit):
-    """Fit of a law of steady sliding to a friction map; `observations` is None if it was read from a file."""
+    """Fit of a law of steady sliding to a friction map. A fit from a file has `observations=None`."""
 
     model: StaticLaw
     observations: Observations | None = field(default=None, repr=False)
@@ -46,7 +46,7 @@ class SlidingFit(Fit):
         return self._with_data(self.observations)
 
     def compared(self) -> dict[str, FittedData]:
-        """Return the fitted values beside those of the law; empty if the fit was read from a file."""
+        """Return the fitted values and those of the law. Empty if the fit was read from a file."""
         data = self.observations
         if data is None:
             return {}

@@ -51,7 +51,7 @@ class LeftOut:
 
     @property
     def is_inside(self) -> bool:
-        """Whether the measured value lies within the interval."""
+        """Whether the measured value is within the interval."""
         return self.lower_n <= self.friction_n <= self.upper_n
 
     @property

@@ -2,9 +2,9 @@
 
 The core simulates the tank under the recorded opening of its line, and the search of `identify` fits the free values
 and the pressure at the start of each recording. Every value is estimated by its logarithm, the critical pressure ratio
-by its logit. An interval comes from the profile of the cost: the range of the value, with all others refitted, in which
-the cost grows by at most Student's t squared times the variance of the residuals. If on one side the cost never grows
-so far, the interval is open and the value not determined.
+by its logit. An interval comes from the profile of the cost. In its range, with all other values refitted, the cost
+grows by at most Student's t squared times the variance of the residuals. If the cost never reaches this limit on one
+side, the interval is open and the value is not determined.
 """
 
 from __future__ import annotations
@@ -113,9 +113,9 @@ def identify_volume(
     tank : Tank
         Tank with start values of free parameters; all other values are known.
     recordings
-        One or several of: a file with a layout of ``kind = "fixed-volume"``, a mapping of SI columns (``time_s``,
-        ``pressure_pa`` absolute, ``command``: the share of the line's opening, ``inlet_pressure_pa``: absolute,
-        between line and tube), a `VolumeRecording`. The sampling may have any rate.
+        One or several recordings. Each is a file with a layout of ``kind = "fixed-volume"``, a `VolumeRecording`, or a
+        mapping of SI columns. The columns are ``time_s``, ``pressure_pa`` absolute, ``command`` (the opening fraction
+        of the line), and ``inlet_pressure_pa`` (absolute, between line and tube). The sampling may have any rate.
     free : sequence of str, optional
         Names in the file: ``line.conductance``, ``line.critical_pressure_ratio``, ``line.pressure``,
         ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``, ``tube.friction_scale``. Default:

@@ -38,8 +38,8 @@ class VolumeFit(Fit):
         Undetermined values, each with reason and remedy.
     notes : tuple of str
     statistics : dict
-        ``samples``; ``rms.pressure`` and ``noise.pressure``, Pa; ``rms_share.pressure``: over the range of the
-        pressure, of the worst recording; ``correlation_time.samples``.
+        ``samples``. ``rms.pressure`` and ``noise.pressure``, Pa. ``rms_share.pressure``: relative to the range of the
+        pressure, of the worst recording. ``correlation_time.samples``.
     converged : bool
     starts_pa : dict
         Recording -> pressure at its start, Pa; empty if read from a file.
@@ -95,7 +95,7 @@ class VolumeFit(Fit):
         return start.replace(changes)
 
     def compared(self) -> dict[str, FittedData]:
-        """Return the pressures of each recording beside those of the model; empty if read from a file."""
+        """Return the pressures of each recording and those of the model. Empty if read from a file."""
         return {name: FittedData("time_s", "pressure_pa", *three) for name, three in self.series.items()}
 
     def _last(self) -> dict[str, Any]:

@@ -39,7 +39,7 @@ def values_of_fit(friction_map: xr.Dataset, provenance: Mapping[str, Any]) -> Ob
     ----------
     friction_map : xarray.Dataset
     provenance : mapping
-        Of a `SlidingFit`.
+        Points of a `SlidingFit`.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def profiles(
     friction_map : xarray.Dataset
         The map that it was fitted to.
     probabilities : sequence of float
-        Of the intervals, shape (n,); at 0.95 they are the intervals of the fit.
+        Probability of the intervals, shape (n,). At 0.95 they are the intervals of the fit.
 
     Returns
     -------
@@ -142,11 +142,11 @@ def ellipses(fit: Fit, count: int = 6, points: int = 73) -> list[Ellipse]:
     Parameters
     ----------
     fit : Fit
-        Of any kind, also from a file.
+        Fit of any kind, also from a file.
     count : int
         Largest number of pairs.
     points : int
-        Of an outline.
+        Points of an outline.
     """
     turn = np.linspace(0.0, 2.0 * np.pi, points)
     circle = np.stack([np.cos(turn), np.sin(turn)])

@@ -44,15 +44,15 @@ class FileChannel:
     ----------
     column : str
     label : str
-        What it is, for people.
+        Meaning as text.
     unit : str
-        Of the numbers that are shown.
+        Unit of the displayed numbers.
     quantity : str
         Name by which the columns of two files are the same: that of the layout, or of the column without its unit.
     slope, zero : float
         SI value = slope * shown number + zero; pressures absolute. NaN: no such line is known.
     said : Column or None
-        How the layout brings the numbers of the file to the unit; None: they are in it.
+        Conversion from the file's numbers to the unit by the layout. None: the numbers are already in the unit.
     """
 
     column: str
@@ -82,7 +82,7 @@ class ChannelFile:
     Attributes
     ----------
     name : str
-        Of the file.
+        Unit of the file.
     table : Table
         Its columns, or those of the file that it was converted to.
     time : FileChannel or None
@@ -93,7 +93,7 @@ class ChannelFile:
     origin : datetime64 or None
         Time 0 of dates and times.
     notes : tuple of str
-        What is to be said of how it is read.
+        Notes on the way of reading.
     """
 
     name: str
@@ -129,7 +129,7 @@ class ChannelFile:
 
 
 def first_fall(seconds: Array, before: float) -> int | None:
-    """Return the first of some times that is no number, or less than the one before it; None if all rise.
+    """Return the first time that is missing or less than the previous one. None if all increase.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     ----------
     path : Path
     layout : Layout or None
-        What the columns are; None: their names say it.
+        Meaning of the columns. None: their names give it.
     cache : Path
         Folder in which a file that is not Parquet is converted, once.
 
@@ -222,7 +222,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
 def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
     """Return the columns that two recordings have in common.
 
-    Of the same quantity: through SI where both are known in SI, else only those of the same unit.
+    Whether the quantity is the same: through SI if both are known in SI, otherwise only with equal units.
 
     Raises
     ------
@@ -288,7 +288,7 @@ def _open(path: Path, said: SampledLayout | None, cache: Path) -> _OpenTable:
 
 
 def _converted(path: Path, said: SampledLayout | None) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Read every column of numbers by name; beside, what else an open table knows."""
+    """Read every numeric column by name, with further data of an open table."""
     if said is not None:
         found = read_table(path, said, others=True)
         roles = dict(zip(found.names, said.columns, strict=False))
@@ -318,7 +318,7 @@ def _kinds(table: Table) -> dict[str, str]:
 
 
 def _time(said: SampledLayout | None, opened: _OpenTable, kinds: dict[str, str]) -> FileChannel | None:
-    """Return the column of the time, in s: that of the layout, or one of such a name whose unit is none of others."""
+    """Return the column of the time, in s: that of the layout, or a column with a name of time whose unit fits."""
     for name, role in opened.roles.items():
         if role == "time" and said is not None and name in kinds:
             return _channel(name, role, said, "s")

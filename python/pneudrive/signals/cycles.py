@@ -1,8 +1,8 @@
 """Cycles of a campaign in one Parquet file: their rows, and a reader part by part.
 
-Form of a campaign file: Parquet, one row per sample, the rows of a cycle together and in the order of
-time, a column that numbers the cycle (``cycle = { column = "cycle" }`` in the layout's ``[columns]``) and the
-columns of any other recording, 32-bit floats allowed; time may restart in each cycle. Every cycle is treated as a
+Form of a campaign file: Parquet, with one row for each sample. The rows of a cycle are together and in the order of
+time. A column numbers the cycle (``cycle = { column = "cycle" }`` in the layout's ``[columns]``). The other columns are
+those of any recording, and 32-bit floats are allowed. Time may restart in each cycle. Every cycle is treated as a
 separate recording, by the same code.
 """
 

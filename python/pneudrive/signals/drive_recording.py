@@ -70,14 +70,14 @@ class DriveRecording(Shown):
     ----------
     name : str
     columns : dict
-        ``time_s`` (rising, from 0), ``command`` (held from each sample to the next), ``position_m``,
-        ``pressure_a_pa``, ``pressure_b_pa``, and velocity, temperatures and forces if measured: arrays of one
-        length.
+        Arrays of one length: ``time_s`` (increasing, from 0), ``command`` (held from each sample to the next),
+        ``position_m``, ``pressure_a_pa``, ``pressure_b_pa``. Velocity, temperatures and forces are included if
+        measured.
     labels : dict
         Free text that distinguishes records: pressure, mounting, day.
     source : Path or None
     sha256 : str
-        Of the columns.
+        Standard uncertainty of the columns.
     synthetic : bool
         It comes from a simulation.
     start_s : float
@@ -124,9 +124,9 @@ class DriveRecording(Shown):
 class VolumeRecording(DriveRecording):
     """A recording of a fixed volume.
 
-    Its columns are ``time_s`` (rising, from 0), ``pressure_pa`` (absolute), ``command`` (share of the line's full
-    opening, held from each sample to the next; 1 if not recorded), and ``inlet_pressure_pa`` (absolute,
-    between the line and the tube) if recorded.
+    Its columns are ``time_s`` (increasing, from 0), ``pressure_pa`` (absolute) and ``command``. The command is the
+    fraction of the line's full opening, held from each sample to the next, and 1 if not recorded. If recorded,
+    ``inlet_pressure_pa`` (absolute, between the line and the tube) is included.
     """
 
     @property
@@ -300,10 +300,10 @@ def read_drive_recordings(
     Parameters
     ----------
     recordings
-        One or several of: a file (.parquet, .csv, .nc as ``pneudrive simulate --out`` writes, or any that a layout
-        reads), a result of ``pn.simulate``, a mapping of SI columns, a `DriveRecording`.
+        One or several recordings. Each is a file (.parquet, .csv, .nc as ``pneudrive simulate --out`` writes, or any
+        that a layout reads), a result of ``pn.simulate``, a mapping of SI columns, or a `DriveRecording`.
     layout
-        How foreign files are read; None: ``layout.toml`` beside a file that ``simulate`` did not write.
+        How foreign files are read. None: ``layout.toml`` next to a file that ``simulate`` did not write.
     needed : sequence of str
         Required columns.
     gaps : bool
@@ -337,7 +337,7 @@ def read_volume_recordings(
     recordings
         One or several of: a file, a mapping of SI columns, a `VolumeRecording`.
     layout
-        How files are read (``kind = "fixed-volume"``); None: ``layout.toml`` beside each file, or in the folder above.
+        How files are read (``kind = "fixed-volume"``). None: ``layout.toml`` next to each file, or in the folder above.
 
     Raises
     ------

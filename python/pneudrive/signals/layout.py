@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 class Column:
     """One channel: SI value = sign * (raw * scale + offset) * factor, read ``delay_s`` late.
 
-    ``scale`` and ``offset`` bring the raw number to the column's unit; ``accuracy_si`` is a standard
-    uncertainty; ``range_si`` the lowest and highest value that the sensor can give (pressures absolute);
-    ``curve`` the calibration of the force sensor, before the sign;
-    ``date_form`` the format of dates and times, if the column of the time has them.
-    ``clock`` is the column of the channel's own times. ``wraps`` is the number of counts until a counter restarts.
+    ``scale`` and ``offset`` convert the raw number to the column's unit. ``accuracy_si`` is a standard uncertainty.
+    ``range_si`` has the lowest and highest value of the sensor (pressures absolute). ``curve`` is the calibration of
+    the force sensor, before the sign. ``date_form`` is the format of dates and times, if the column of the time has
+    them.
+    ``clock`` is the column of the channel's separate times. ``wraps`` is the number of counts until a counter restarts.
     ``guessed`` marks a unit that was guessed from the size of the numbers.
     A time has a column or ``rate_hz``. A time of day may have a column of dates, ``date``.
     """

@@ -294,7 +294,7 @@ class LayoutTables(Described):
         )
 
     def missing(self, kind: str) -> Iterator[DescriptionError]:
-        """Return what a file of this kind needs and the layout lacks."""
+        """Return keys that a file of this kind needs and the layout lacks."""
         units, needed = CHANNELS[kind]
         for channel in needed:
             if getattr(self.columns, channel) is None:
@@ -307,7 +307,7 @@ class LayoutTables(Described):
                     yield self._not_once(side, "does not state")
 
     def contradictions(self, kind: str) -> Iterator[DescriptionError]:
-        """Return what the layout states twice for a file of this kind."""
+        """Return values that the layout gives twice for a file of this kind."""
         read: dict[int | str, str] = {}
         units = CHANNELS[kind][0]
         for channel in units:

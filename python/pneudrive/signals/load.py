@@ -95,8 +95,8 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
     paths
         Files; the order is kept.
     layout
-        A layout or its file. None: ``layout.toml`` beside each recording, or in the folder above;
-        trajectory files need none.
+        A layout or its file. None: ``layout.toml`` next to each recording, or in the folder above. Trajectory files do
+        not need one.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def hashes_of(path: Path) -> frozenset[str]:
 
 
 def find_layout(file: Path) -> Layout | None:
-    """Load ``layout.toml`` from the folder of a file, or from the one above; None if there is none."""
+    """Load ``layout.toml`` from the folder of a file, or from the one above, or return None."""
     above = file.parent.parent if file.parent.parts else Path("..")  # of a bare name both would be "."
     there = [f / "layout.toml" for f in (file.parent, above) if (f / "layout.toml").is_file()]
     return Layout.load(there[0]) if there else None
@@ -150,7 +150,7 @@ def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recor
 
 
 def load_drive_motion(path: Path, layout: Layout) -> Recording:
-    """Read what moves of one file of a drive: position and pressures, and a force of zero where none is measured.
+    """Read position and pressures of one file of a drive, and a force of zero if the force was not measured.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def find_long(file: RecordingFile, least: int) -> LongFile | None:
 def read_raw(
     path: Path, said: FileLayout | SampledLayout
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:
-    """Read the raw columns that a layout names, by channel; the flags of reading; the hash of the file.
+    """Read the raw columns that a layout names, by channel, the flags of reading, and the hash of the file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Two places in a recording measured: time, value, difference and slope, also beside another recording."""
+"""Two places in a recording measured: time, value, difference and slope, also for another recording."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ class MeasuredChannel:
     recording : str
         File.
     label, unit : str
-        Of the channel; of a recording beside another one in the unit of that one.
+        Unit of the channel. Channels of another recording use the unit of the first.
     time_s : (float, float)
-        Times of the samples; those of a recording beside another one on the clock of that one.
+        Times of the samples. Those of another recording are on the clock of the first.
     values : (float, float)
     """
 
@@ -68,20 +68,20 @@ class MeasuredChannel:
 
 @dataclass(frozen=True, repr=False)
 class Measurement(Shown):
-    """What `measure` finds.
+    """Result of `measure`.
 
     Attributes
     ----------
     channels : tuple of MeasuredChannel
     shift_s : float
-        What is added to the times of the recording beside; 0 without one.
+        Shift added to the times of the other recording. 0 without one.
     faults : dict of str to SampleFault
         Faults of the recording, by kind; see `pneudrive.signals.samples.find_faults`. Empty where its layout does not
         say which column is the position.
     unknown : str
         Why no faults are known, for instance as time runs backwards; empty where nothing hinders.
     notes : tuple of str
-        What is to be said of how the recordings are read, for instance that samples are counted.
+        Notes on the reading of the recordings, for instance that samples are counted.
     """
 
     channels: tuple[MeasuredChannel, ...]
@@ -117,13 +117,13 @@ def measure(
     Parameters
     ----------
     recording : str or Path
-        File of any format; ``layout.toml`` beside it, or in the folder above, says what its columns are.
+        File of any format. Its columns are defined by ``layout.toml`` next to it, or in the folder above.
     at, to : float or str
         Times, s, or ``"1.25 s"``; the nearest sample counts. Numbers of samples where the file has no rising times.
     beside : str or Path, optional
         Another recording, of which the same channels are measured at the same times, in the same units.
     strokes : (int, int)
-        Stroke of the recording and of the one beside it, counted from 1, that begin together.
+        Strokes of the recording and of the other one that are aligned, counted from 1.
 
     Returns
     -------
@@ -135,7 +135,7 @@ def measure(
     RecordingError, LayoutError
         As for `load_recordings`.
     CommandError
-        A time is none, or there is no such stroke.
+        A time is not valid, or a stroke does not exist.
 
     Examples
     --------
@@ -191,7 +191,10 @@ def nearest_sample(time_s: Array, at: float) -> int:
 
 
 def motion_of(path: Path, layout: Layout | None) -> Recording | None:
-    """Return a recording of a rig or a drive by its layout, or a trajectory; None of others: nobody says what moves."""
+    """Return a recording of a rig or a drive by its layout, or a trajectory.
+
+    None for others, whose motion is unknown.
+    """
     if layout is not None:
         read = {"rig": load_recording, "drive": load_drive_motion}.get(layout.kind)
         return None if read is None else read(path, layout)
@@ -212,19 +215,19 @@ def shift_between(
     other: tuple[str, Sequence[tuple[float, float, Stroke]]],
     numbers: tuple[int, int],
 ) -> float:
-    """Return what is to be added to the times of another recording so that two strokes begin together, s.
+    """Return the shift for the times of another recording that aligns two strokes, s.
 
     Parameters
     ----------
     own, other : (str, sequence)
         Name of a recording and its strokes, from `strokes_in`.
     numbers : (int, int)
-        Of the strokes, from 1.
+        Numbers of the strokes, from 1.
 
     Raises
     ------
     CommandError
-        There is no such stroke.
+        The stroke does not exist.
     """
     begins = []
     for (name, strokes), number in zip((own, other), numbers, strict=True):

@@ -22,7 +22,7 @@ DEPARTURE_SHARE = 0.002
 # Least ratio of travel to position noise for a motion.
 NOISE_FACTOR = 20.0
 ENOUGH_FOR_QUANTILES = 2000
-# Local slopes by convolution: for short windows, and steps that are equal but for rounding.
+# Local slopes by convolution, for short windows and steps that are equal except for rounding.
 KERNEL_HALF_WIDTH = 16
 UNIFORM_TOLERANCE = 0.01
 
@@ -110,8 +110,8 @@ def _general_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], hal
 def noise_level(values: NDArray[np.float64], *, quantisation: bool = True) -> float:
     """Estimate the standard deviation of white noise from second differences (robust, blind to slow change).
 
-    If quantisation hides the noise, the uniform distribution over one step replaces it, unless this is
-    switched off: in a channel that jumps between a few values the smallest step is not a quantum.
+    If quantisation hides the noise, the uniform distribution over one step replaces it. This can be switched off: in a
+    channel that jumps between a few values, the smallest step is not a quantum.
     """
     if values.size < 3:
         return 0.0
@@ -169,7 +169,7 @@ def quantiles(values: NDArray[np.float64], *shares: float) -> list[float]:
 def turning_points(position_m: NDArray[np.float64], least_m: float) -> NDArray[np.int64]:
     """Find the samples at which the motion reverses by at least ``least_m``, first and last included.
 
-    Of equal extremes the first one counts, of equal samples in a row the one in the middle.
+    Among equal extremes the first one counts, and among equal consecutive samples the one in the middle.
     """
     return _core.turning_points(np.ascontiguousarray(position_m, dtype=np.float64), least_m)
 

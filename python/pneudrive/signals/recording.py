@@ -50,8 +50,8 @@ class Recording(Shown):
     name
         Unique name within a set; for a file, its name without suffix.
     time_s, position_m, force_n, pressure_a_pa, pressure_b_pa
-        float64 arrays of one length n. Position grows as chamber a grows; ``force_n`` is what the
-        rig applies to the piston, positive in +x; a pressure that was not measured is constant.
+        float64 arrays of one length n. Position grows as chamber a grows. ``force_n`` is the force of the rig on the
+        piston, positive in +x. A pressure that was not measured is constant.
     area_a_m2, area_b_m2
         Piston areas that the chamber pressures act on.
     ambient_pressure_pa
@@ -61,9 +61,9 @@ class Recording(Shown):
     incline_rad
         Positive where +x points up.
     accuracy
-        Standard uncertainty per channel in SI (``position_m``, ``force_n``, ``pressure_a_pa``,
-        ``pressure_b_pa``) and of ``bore_m`` or ``area`` (relative). A missing key is
-        replaced by an assumed value, which the uncertainty budget marks as assumed.
+        Standard uncertainty for each channel in SI (``position_m``, ``force_n``, ``pressure_a_pa``, ``pressure_b_pa``),
+        and of ``bore_m`` or ``area`` (relative). A missing key is replaced by an assumed value, which the uncertainty
+        budget marks as assumed.
     labels
         Free text such as seal, run, pressure.
     window_m

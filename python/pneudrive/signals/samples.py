@@ -49,7 +49,7 @@ def find_faults(recording: Recording) -> dict[str, SampleFault]:
     Returns
     -------
     dict of str to SampleFault
-        By kind, with the counts of `clean`; faults of reading, which have no time, have no places. Neighbouring
+        Places by kind, with the counts of `clean`. Faults of reading have no time and therefore no place. Neighbouring
         samples are one place.
 
     Raises
@@ -84,8 +84,8 @@ def clean(
     Returns
     -------
     Recording
-        Only usable samples; ``flags`` counts ``non_finite``, ``repeated_time``, ``spike``,
-        ``saturated``, ``stuck`` samples and ``gap`` intervals (kinds with count 0 are absent).
+        Only usable samples. ``flags`` counts ``non_finite``, ``repeated_time``, ``spike``, ``saturated``, ``stuck``
+        samples and ``gap`` intervals (kinds with count 0 are absent).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Spectrum of samples: what a signal holds at which frequency."""
+"""Spectrum of samples: the content of a signal at each frequency."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def amplitude_density(time_s: Array, values: Array) -> tuple[Array, Array]:
     Raises
     ------
     RecordingError
-        There are too few samples, their times are uneven, or a value is no number.
+        There are too few samples, their times are uneven, or a value is missing.
     """
     from scipy.signal import welch
 

@@ -29,8 +29,8 @@ VARIABLES = tuple(meaning(column)[0] for column in COLUMNS)
 def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None = None) -> Recording:
     """Make a recording from a trajectory's columns.
 
-    The force is the friction force itself, like that of an ideal sensor between rig and piston in steady
-    sliding; the areas are zero, since the force contains no pressure.
+    The force is the friction force itself, as from an ideal sensor between rig and piston in steady sliding. The areas
+    are zero, because the force contains no pressure.
     """
     return recording_of(columns, name, source, digest_of(columns[c] for c in COLUMNS))
 
@@ -87,7 +87,7 @@ def is_trajectory(path: Path) -> bool:
     Raises
     ------
     RecordingError
-        If there is no such file, or it is damaged.
+        The file does not exist or is damaged.
     """
     return len(columns_in(path, COLUMNS)) == len(COLUMNS)
 

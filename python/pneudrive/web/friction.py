@@ -266,7 +266,7 @@ def _heat(groups: list[dict[str, Any]], fits: Mapping[str, FrictionFit]) -> dict
     """Return friction over speed and pressure as cells: the mean of the points, otherwise the value of the fit.
 
     Each pair of pressures has one row of cells ``[friction, kind]``. The kind is ``"measured"``, ``"fit"`` between the
-    measured speeds of the row, or ``"extrapolated"`` beyond them. A cell without point and fit is None.
+    measured speeds of the row, or ``"extrapolated"`` beyond them. A cell without point and fit has the value None.
     """
     speeds = np.array([one["speed"] for group in groups for one in group["points"]])
     if not len(speeds) or not 0.0 < speeds.min() < speeds.max():

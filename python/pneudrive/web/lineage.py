@@ -116,10 +116,7 @@ class Lineage:
 
     @cached_property
     def _drives(self) -> tuple[dict[str, str], dict[tuple[str, str], list[str]]]:
-        """Files by hash, and by name and `Input.part`.
-
-        Drives come before fits of drives, and both before the catalogue.
-        """
+        """Files by hash, and by name and `Input.part`: drives, then fits of drives, then the catalogue."""
         by_hash: dict[str, str] = {}
         by_name: dict[tuple[str, str], list[str]] = {}
         for one in [*self._of_kind("drive", "circuit"), *self._of_kind("fit")]:
@@ -225,10 +222,7 @@ class Lineage:
         return SAME if each.digest in digests else CHANGED if digests else UNREAD
 
     def file_of(self, each: Input) -> str:
-        """Return the file of a recording by its name.
-
-        Among several of that name, return the one with its hash, or None.
-        """
+        """Return the file of a recording by its name, or by its hash among several of that name, or None."""
         alike = [each.name] if each.name in self.files else self._recordings.get(stem(Path(each.name)), [])
         return alike[0] if len(alike) == 1 else self._recording(each, "")[0]
 
@@ -266,10 +260,7 @@ class Lineage:
 
     @cached_property
     def results(self) -> list[str]:
-        """Return all files that can have inputs, the newest first.
-
-        Recordings are limited to those that a simulation may have written.
-        """
+        """Return all files that can have inputs, the newest first, with recordings in Parquet only."""
         runs = (one for one in self._newest if one.kind != "recording" or one.path.endswith(".parquet"))
         return [one.path for one in runs if one.kind in KINDS]
 
@@ -445,7 +436,7 @@ def _fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
 
 
 def recordings_of_map(workspace: Workspace, path: str) -> dict[str, str]:
-    """Return the files of a friction map's recordings by their names, as far as they are known."""
+    """Return the files of a friction map's recordings by their names, if they are known."""
     found = Lineage(workspace, MOST_TRACED)
     files = {one.name: found.file_of(one) for one in _of_map(workspace, path)}
     return {name: file for name, file in files.items() if file}

@@ -226,7 +226,7 @@ class Recordings:
         """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
 
         A stroke has start, end, direction and speed. A kind of fault has a count, and places as first and last time. If
-        samples are counted or too numerous, both are None, with the reason.
+        samples are counted or too numerous, both have the value None, with the reason.
         """
         path = self.workspace.path(name, TABLES)
         reading = self.opened(name)

@@ -106,7 +106,8 @@ def characterise(
     recordings
         Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them; or the folder of a campaign.
     layout
-        How files are read: a layout, its file, None for ``layout.toml`` beside each recording; unused for a campaign.
+        Layout or its file for the reading of recordings. None: ``layout.toml`` next to each recording. Not used for a
+        campaign.
     protocol
         Selection of samples: ``Settled()`` (default) or ``SourcePaper()``.
 

@@ -2,10 +2,9 @@
 
   F(v, x, ...) = s (1 + slope (x - x0) + waves) [levels(v) + Fd(age)] + viscous v
 
-The factors of direction s and of position act on the levels, Coulomb and breakaway force; the curves, means of both
-directions over the common range, hold the viscous part beside them. The age of the contact is that of the drive's law:
-a stop of duration t leaves Fd = B psi(t), sliding leaves Fd(L/|v|), and after a restart the age falls as
-exp(-travel/L).
+The factors of direction s and of position act on the levels, Coulomb and breakaway force. The curves are means of both
+directions over the common range and also contain the viscous part. The age of the contact is that of the drive's law. A
+stop of duration t leaves Fd = B psi(t), sliding leaves Fd(L/|v|), and after a restart the age falls as exp(-travel/L).
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ Part = tuple[str, dict[str, object], dict[str, Estimate]]
 def dependences_of(
     found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str] = ("", "", "")
 ) -> Dependences:
-    """Return the friction modifiers beside speed and pressure, in the terms of a drive file.
+    """Return the friction modifiers other than speed and pressure, in the form of a drive file.
 
     Parameters
     ----------
@@ -248,7 +247,8 @@ def _run_in(found: CampaignCharacteristics) -> Iterator[str]:
     """Say why a change of friction with the distance slid is not applied.
 
     It is measured per decade of distance, without an end. ``[friction.wear]`` falls exponentially to the friction of a
-    seal that has run in, to which the law's parameters belong: a logarithm determines neither that nor the distance.
+    seal after run-in, to which the law's parameters belong. A logarithm determines neither this friction nor the
+    distance.
     """
     per_decade = None if found.drift is None else found.drift.per_decade_of_travel
     if per_decade is not None and per_decade.differs:

@@ -65,7 +65,7 @@ def _fit_campaign(
 def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.Dataset) -> FrictionFit:
     """Return a fit of rows of a campaign's map with the friction modifiers that the campaign measured.
 
-    Rows of several sets of mounting, seal and drive have none in common: then a note says so.
+    Rows of several sets of mounting, seal and drive do not have a common set. A note then reports this.
     """
     sets = set(_levels(part))
     if len(sets) > 1:

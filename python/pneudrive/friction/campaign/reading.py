@@ -107,7 +107,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     ----------
     campaign : Campaign
     choice : SampleChoice
-        Which samples count.
+        Whether each sample counts.
     processes : int, optional
         None: one for each processor, for 100 cycles or more.
 
@@ -188,9 +188,10 @@ def _rests(files: Sequence[CycleFile], durations: dict[str, float]) -> dict[str,
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """A cycle that was read: the way of its moves, and its data or the reason why there are none.
+    """A cycle that was read: the path length of its moves, and its data or the reason for missing data.
 
-    The way is zero if the samples cannot be read; there are no data if the cycle is not a point of a characteristic.
+    The path length is zero if the samples cannot be read. The data are missing if the cycle is not a point of a
+    characteristic.
     """
 
     key: str
@@ -282,7 +283,7 @@ def _edges(files: Sequence[CycleFile]) -> Array:
 def common_edges(positions: Sequence[Array]) -> Array:
     """Return the bins over the way of several motions, shape (bins + 1,).
 
-    A motion far beside the others (millimetres for metres) does not affect the bins.
+    A motion far from the others (millimetres for metres) does not affect the bins.
     """
     finite = [position[np.isfinite(position)] for position in positions]
     ends = [np.quantile(position, ENDS) for position in finite if position.size]

@@ -35,7 +35,7 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
     Parameters
     ----------
     found : Characterisation
-        Of recordings whose samples are kept.
+        Recordings whose samples are kept.
     name : str
         Title of the result.
     """

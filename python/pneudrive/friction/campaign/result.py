@@ -185,7 +185,7 @@ class CampaignCharacteristics(Shown):
     name : str
     folder : pathlib.Path
     identity : Identity
-        Of the rig.
+        Values of the rig.
     protocol : str
         Selection of samples: settled or source-paper.
     cycles : tuple of CycleResult
@@ -204,7 +204,7 @@ class CampaignCharacteristics(Shown):
         Breakaway against stop duration, one for each set of levels, restart speed and way of holding.
     ranges : Ranges
     statements : tuple of Statement
-        What the data determine, what they do not, and the cycles that would.
+        Determined effects, undetermined effects, and the cycles that would determine them.
     """
 
     name: str

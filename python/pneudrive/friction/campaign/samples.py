@@ -44,7 +44,7 @@ def plan_of(head: Head, first: Head, last: Head, day: int, began_s: float) -> Cy
     Parameters
     ----------
     head, first, last : Head
-        Of the cycle, and of the first and the last cycle of the campaign by index.
+        Index of the cycle, and of the first and the last cycle of the campaign.
     day : int
     began_s : float
         Beginning of the campaign by the rig's clock.

@@ -1,4 +1,4 @@
-"""Conditions of the sentences on what a campaign's data determine, and what they do not (sentences.toml)."""
+"""Conditions of the sentences on determined and undetermined effects of a campaign (sentences.toml)."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def statements(
     fits: Fits | None,
     causes: Causes | None,
 ) -> tuple[Statement, ...]:
-    """Return statements on what the data determine and what they do not."""
+    """Return statements on the determined and undetermined effects."""
     said = [*_data(found, reading, points), *_ranges(found)]
     if points is None or fits is None:
         return tuple(say_all([*said, ("curve.none", {})]))

@@ -55,18 +55,17 @@ class Characterisation(Shown):
     Attributes
     ----------
     results : tuple of RecordingResult
-        One per used recording: ``recording`` (cleaned Recording with name, sha256, labels,
-        flags as counts), ``strokes`` (tuple of Stroke: index, direction, start, stop, from_m, to_m,
-        speed_m_s, dwell_s), ``settled`` (n,) bool, ``balance_n`` (n,), ``levels`` (tuple of Level).
-        A Level has ``profile`` (Profile: position_m, up_n, down_n, friction_n, offset_n, each (m,);
-        up_strokes_n, down_strokes_n (strokes, m); in_window (m,)), ``window_m``, ``friction_n``,
-        ``offset_n``, ``stderr_n``, ``u_systematic_n``, ``u_offset_n``, ``expanded_n`` (U, k = 2),
-        ``spreads`` {+1/-1: Spread(strokes, mean_n, deviation_n, stderr_n, effective, slope_n, trend_p,
-        has_trend)}, ``stroke_friction_n`` and ``stroke_times_s`` {+1/-1: (strokes,)} for drift,
-        ``budget`` (tuple of BudgetEntry: source, standard_uncertainty, unit, basis, kind, friction_n,
-        offset_n, note), ``peaks`` (tuple of ReversalPeak: direction, time_s, position_m, friction_n,
-        sliding_n, excess_n, significant, dwell_s, loading_rate_n_s, rise_samples, flags),
-        ``stick_slip`` (tuple of StickSlip, one per stroke), ``flags``, ``rows``.
+        One per used recording: ``recording`` is the cleaned Recording with name, sha256, labels, and flags as counts.
+        ``strokes`` is a tuple of Stroke (index, direction, start, stop, from_m, to_m, speed_m_s, dwell_s). ``settled``
+        is bool with shape (n,), ``balance_n`` has shape (n,), and ``levels`` is a tuple of Level. A Level has
+        ``profile`` (Profile: position_m, up_n, down_n, friction_n, offset_n, each (m,); up_strokes_n, down_strokes_n
+        (strokes, m); in_window (m,)), ``window_m``, ``friction_n``, ``offset_n``, ``stderr_n``, ``u_systematic_n``,
+        ``u_offset_n``, ``expanded_n`` (U, k = 2), ``spreads`` {+1/-1: Spread(strokes, mean_n, deviation_n, stderr_n,
+        effective, slope_n, trend_p, has_trend)}, ``stroke_friction_n`` and ``stroke_times_s`` {+1/-1: (strokes,)} for
+        drift, ``budget`` (tuple of BudgetEntry: source, standard_uncertainty, unit, basis, kind, friction_n, offset_n,
+        note), ``peaks`` (tuple of ReversalPeak: direction, time_s, position_m, friction_n, sliding_n, excess_n,
+        significant, dwell_s, loading_rate_n_s, rise_samples, flags), ``stick_slip`` (tuple of StickSlip, one per
+        stroke), ``flags``, ``rows``.
     friction_map : xarray.Dataset
         One dimension ``row``; the variables of ``friction_map.COLUMNS``.
     closures : tuple of ClosureFit
@@ -133,7 +132,7 @@ def characterise_recordings(
     recordings
         Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them.
     layout
-        How files are read; None: ``layout.toml`` beside each file. Trajectories need none.
+        How files are read. None: ``layout.toml`` next to each file. Trajectories need none.
     protocol
         Selection of samples: ``Settled()`` (default) or ``SourcePaper()``.
     progress, cancel

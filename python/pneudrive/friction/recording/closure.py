@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 TOGETHER = 0.05  # pressures change together if the rest is below this share
 IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
 MINIMUM_RANGE_PA = 2e4  # pressures that differ by less are equal: they give neither area nor slope
-# Least ratio of the independent spread of both pressures to the sensors' uncertainty: a
-# noisy regressor biases its factor towards zero, by 1 / (1 + RELIABLE**2) at this limit.
+# Least ratio of the independent spread of both pressures to the sensors' uncertainty. A noisy regressor biases its
+# factor towards zero, by 1 / (1 + RELIABLE**2) at this limit.
 RELIABLE = 5.0
 
 

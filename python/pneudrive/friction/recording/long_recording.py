@@ -1,10 +1,10 @@
 """Long recordings, read part by part (some strokes each), with the same equations.
 
-Memory is that of one part, however long the recording is. Each part begins one stroke before the first one that is
-counted in it, so that every stroke is counted once, with the rest before it. The results of strokes (their
-bins, means and peaks) are combined as for any other recording: speed classes are found from all strokes. The window
-is that of the layout, or the middle of the strokes of the first part. Of the samples, those of the part with the
-largest force are kept, for figures and the uncertainty budget.
+Memory is limited to one part, for any length of the recording. Each part begins one stroke before the first one that is
+counted in it, so that every stroke is counted once, with the rest before it. The results of strokes (their bins, means
+and peaks) are combined as for any other recording: speed classes are found from all strokes. The window is that of the
+layout, or the middle of the strokes of the first part. The samples of the part with the largest force are kept, for
+figures and the uncertainty budget.
 """
 
 from __future__ import annotations

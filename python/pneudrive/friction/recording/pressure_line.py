@@ -78,10 +78,9 @@ class RunSpread:
 class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
-    ``band_pressure_pa``, ``band_mean_n``, ``band_low_n``, ``band_high_n`` (41,) are the line and the
-    95 % prediction interval for the friction of a further run. ``covariance`` is that of
-    (intercept_n, slope_n_pa). ``basis`` is the source of the spread between runs: ``own`` runs,
-    ``pooled`` from other seals, ``unknown``.
+    ``band_pressure_pa``, ``band_mean_n``, ``band_low_n``, ``band_high_n`` (41,) are the line and the 95 % prediction
+    interval for the friction of a further run. ``covariance`` belongs to (intercept_n, slope_n_pa). ``basis`` is the
+    source of the spread between runs: ``own`` runs, ``pooled`` from other seals, ``unknown``.
     """
 
     seal: str
@@ -130,7 +129,7 @@ def _repeats(points: list[FrictionPoint]) -> list[list[FrictionPoint]]:
 def _neighbours(
     points: list[FrictionPoint], value: Callable[[FrictionPoint], float], width: Callable[[float], float]
 ) -> list[list[FrictionPoint]]:
-    """Group points whose values lie within a width above the lowest of the group."""
+    """Group points whose values are within a width above the lowest of the group."""
     groups: list[list[FrictionPoint]] = []
     for point in sorted(points, key=value):
         lowest = value(groups[-1][0]) if groups else 0.0

@@ -38,8 +38,8 @@ Source = Cycles | RecordingFile
 class Summary:
     """Summary of a recording: map rows and points for closure and pressure lines.
 
-    ``digest`` is equal for recordings with the same samples; ``reason`` says why it is unusable; ``sha256`` is that of
-    the recording, empty without a file.
+    ``digest`` is equal for recordings with the same samples. ``reason`` explains why it is unusable. ``sha256`` belongs
+    to the recording, and is empty without a file.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """All sliding cycles of a campaign over common positions: one friction, one offset, one force of the air per cycle.
 
-Cycles at high speed settle over a shorter way than slow ones. Friction varies over the way, so means over
-different parts of it differ: the pattern over position is found from all cycles together, and each
-cycle's mean is the one that it would have over the common range.
+Cycles at high speed need a longer path to settle than slow ones. Friction varies over the path, so means over different
+parts differ. The pattern over position is found from all cycles together. Each cycle's mean is then its value over the
+common range.
 """
 
 from __future__ import annotations

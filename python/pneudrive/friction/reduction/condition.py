@@ -22,7 +22,7 @@ BOTH = 0  # `direction` of half the difference of both directions
 
 @dataclass(frozen=True, order=True)
 class Condition:
-    """The condition of a curve, beside speed and direction.
+    """Condition of a curve, in addition to speed and direction.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """One cycle over bins of position: force balance of each direction, means, sliding, uncertainties.
 
-A cycle is a recording with a plan: one speed, set pressures. A speed level of a recording is a cycle without one.
-Samples may be unevenly spaced: inside a bin they are weighted by their duration, and bins have equal weight, so
-a burst around a reversal has the weight of its travel only.
+A cycle is a recording with a plan: one speed, set pressures. A speed level of a recording is a cycle without a plan.
+Samples may be unevenly spaced. Inside a bin they are weighted by their duration, and bins have equal weight. A burst
+around a reversal therefore has only the weight of its travel.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class CycleData:
     ----------
     plan : CyclePlan
     sides : dict of CycleSide
-        By direction +1/-1; empty for a cycle that does not move.
+        Values by direction +1/-1. Empty for a cycle that does not move.
     flags : dict
         Counts of damaged samples by kind.
     strokes_recorded : int

@@ -51,8 +51,8 @@ class Level(Shown):
     """One speed class of one recording.
 
     ``doubts`` has a sentence for some of the ``flags``.
-    ``spreads`` and ``stroke_friction_n`` are by direction +1/-1: the latter holds the mean friction of
-    each stroke in the window, direction * (stroke - offset), in N, and ``stroke_times_s`` its time.
+    ``spreads`` and ``stroke_friction_n`` are by direction +1/-1. The latter holds the mean friction of each stroke in
+    the window, direction * (stroke - offset), in N, and ``stroke_times_s`` its time.
     """
 
     recording: str

@@ -42,7 +42,7 @@ class Loop(Shown):
     Attributes
     ----------
     key : str
-        Of the cycle.
+        Index of the cycle.
     condition : Condition
     speed_m_s : float
     time_s, position_m, velocity_m_s, friction_n : ndarray, shape (m,)
@@ -50,8 +50,8 @@ class Loop(Shown):
     presliding_m : float
         Travel in which it goes from 10 % to 90 % of its swing.
     width_n : float
-        Mean difference between slowing down and speeding up at equal speeds: frictional memory; NaN if too few
-        samples lie in the ramps.
+        Mean difference between deceleration and acceleration at equal speeds: frictional memory. NaN if the ramps have
+        too few samples.
     """
 
     key: str

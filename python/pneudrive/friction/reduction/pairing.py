@@ -52,10 +52,10 @@ class Grid:
 class Profile:
     """Balance, friction and offset over position for one recording and speed level.
 
-    ``position_m`` (m,) are bin centres; ``up_n``/``down_n`` (m,) the mean balance of the strokes in
-    +x/-x, ``friction_n`` half their difference, ``offset_n`` half their sum, NaN if a direction
-    has no settled samples. ``up_strokes_n`` (strokes, m) and ``down_strokes_n`` keep every stroke.
-    ``in_window`` (m,) marks the bins that enter the friction map.
+    ``position_m`` (m,) are bin centres. ``up_n``/``down_n`` (m,) are the mean balance of the strokes in +x/-x.
+    ``friction_n`` is half their difference and ``offset_n`` half their sum, or NaN if a direction has no settled
+    samples. ``up_strokes_n`` (strokes, m) and ``down_strokes_n`` keep every stroke. ``in_window`` (m,) marks the bins
+    that enter the friction map.
     """
 
     position_m: Array
@@ -140,8 +140,8 @@ def pair(grid: Grid, strokes_n: dict[int, Array]) -> Profile:
 def mean_profile(strokes_n: Array) -> Array:
     """Return the mean over strokes in each bin, shape (bins,), with a separate level of each stroke.
 
-    A stroke that misses bins (a gap in the recording) must not shift the profile there: the
-    two-way model  value = stroke + bin  is fitted by alternation, and the profile is  bin + mean stroke.
+    A stroke with missing bins (a gap in the recording) must not shift the profile there. The two-way model value =
+    stroke + bin is fitted by alternation, and the profile is bin + mean stroke.
     """
     if strokes_n.shape[0] == 0:
         return np.full(strokes_n.shape[1], np.nan)
@@ -169,7 +169,7 @@ def stroke_means(strokes_n: Array, bins: NDArray[np.bool_]) -> Array:
 
 
 def known_mean(values: Array, axis: int) -> Array:
-    """Return the mean of the finite values; NaN without a warning if there are none."""
+    """Return the mean of the finite values, or NaN without a warning."""
     known = np.isfinite(values)
     count = known.sum(axis=axis)
     total = np.where(known, values, 0.0).sum(axis=axis)

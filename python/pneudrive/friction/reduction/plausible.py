@@ -75,9 +75,10 @@ def unsteady(
 ) -> tuple[str, ...]:
     """Return for each cycle why its sliding was not steady behind the rig's spring; "" if it was steady.
 
-    Seen in three ways: the axis itself runs unevenly; the piston's position, which is the axis' less the deflection of
-    the force sensor, does; or, where samples are too far apart to show either, the force swings by far more than the
-    sensor's noise, and so much that at the rig's natural frequency the piston's speed would swing by 40 %.
+    There are three signs of it. (1) The axis itself runs unevenly. (2) The piston's position, which is the axis
+    position minus the deflection of the force sensor, is uneven. (3) If samples are too far apart for both, the force
+    oscillates by much more than the sensor's noise. At the rig's natural frequency, this force would change the
+    piston's speed by 40 %.
     """
     floor = _noise(data, tares)
     return tuple(_reason(d, floor, stiffness_n_m, mass_kg) for d in data)

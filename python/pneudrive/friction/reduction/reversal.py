@@ -69,7 +69,7 @@ def find_reversal_peaks(
     balance_n
         Shape (n,).
     profile
-        Of the same level. Its offset is removed, see `offset_line`.
+        Reversals of the same level. Its offset is removed, see `offset_line`.
     """
     if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS:
         return []
@@ -201,7 +201,7 @@ def _peak_flags(
 
 
 def breakaway(peaks: Sequence[ReversalPeak], strokes: Sequence[Stroke]) -> dict[str, float]:
-    """Return the breakaway of one direction: medians over the reversals before its strokes, NaN if there are none.
+    """Return the breakaway of one direction: medians over the reversals before its strokes, or NaN.
 
     Returns
     -------
@@ -216,5 +216,5 @@ def breakaway(peaks: Sequence[ReversalPeak], strokes: Sequence[Stroke]) -> dict[
 
 
 def median(values: Sequence[float]) -> float:
-    """Return the median of a few values, most often of one, for which NumPy takes long; NaN if there are none."""
+    """Return the median of a few values, or NaN. A single value is the usual case, for which NumPy is slow."""
     return float(np.median(values)) if len(values) > 1 else values[0] if values else float("nan")

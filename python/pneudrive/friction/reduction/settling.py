@@ -25,12 +25,13 @@ LEAST_SWING = 0.5  # of its median: limit of the variation of friction over posi
 class Settled:
     """Samples after the reversal's transient, without need of a controlled speed.
 
-    A stroke settles in two ways, and the longer one counts. Its speed has to reach ``speed_share`` of its own middle
-    speed; ``speed_travels`` times the travel up to there is left out. The balance has to go through ``force_share`` of
-    its swing from the level of the opposite direction; ``force_travels`` times that travel is left out.
-    Presliding approaches like  1 - 2 exp(-x/l).  80 % of the swing takes 1.6 l; after three times that, 2 % are left.
+    A stroke settles in two ways, and the longer one counts. First, its speed must reach ``speed_share`` of its own
+    middle speed. ``speed_travels`` times the travel to that point is left out. Second, the balance must complete
+    ``force_share`` of its swing from the level of the opposite direction. ``force_travels`` times that travel is left
+    out.
+    Presliding approaches like 1 - 2 exp(-x/l). 80 % of the swing takes 1.6 l; after three times that, 2 % are left.
     A higher share would depend on friction that varies over position.
-    At the end, twice the way in which the axis brakes below the speed share is dropped.
+    At the end, twice the distance in which the axis brakes below the speed fraction is dropped.
     The whole swing is a line through both directions' difference over the middle 60 % of the travel. Neither speed nor
     force needs to be constant.
     """

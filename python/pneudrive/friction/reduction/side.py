@@ -28,7 +28,7 @@ class Side(DirectionMeans):
     samples, strokes, strokes_recorded : int
         Used samples, used strokes, and all strokes of the direction.
     breakaway_n, dwell_s, loading_rate_n_s : float
-        Of the preceding reversals; NaN without a usable peak.
+        Excess of the preceding reversals. NaN without a usable peak.
     """
 
     samples: int
@@ -63,7 +63,7 @@ def row_of(
     Parameters
     ----------
     name : str
-        Of the recording, or of the cycle.
+        Index of the recording, or of the cycle.
     direction : int
     side : Side
     value : RowValue

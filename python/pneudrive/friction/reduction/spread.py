@@ -1,7 +1,7 @@
 """Statistical uncertainty: from the spread between strokes, never from samples inside a stroke alone.
 
-Samples inside a stroke share the stroke's lubrication, temperature and position pattern, so they are
-not independent: dividing their spread by the root of their number is many times too small.
+Samples inside a stroke share the stroke's lubrication, temperature and position pattern, so they are not independent.
+Their spread divided by the root of their number is therefore many times too small.
 """
 
 from __future__ import annotations
@@ -101,8 +101,8 @@ def pair_stderr(up: Spread, down: Spread) -> float:
 def profile_stderr(profile_n: NDArray[np.float64]) -> float:
     """Estimate the standard error of a profile's mean from the profile alone, for a single stroke.
 
-    A straight line is removed (the pattern over position is not chance, its coarse part least of
-    all) and the correlation of neighbouring bins is summed until it first falls below zero.
+    A straight line is removed, because the pattern over position, and mostly its coarse part, is not random. The
+    correlation of neighbouring bins is summed until it first falls below zero.
     """
     values = profile_n[np.isfinite(profile_n)]
     n = values.size

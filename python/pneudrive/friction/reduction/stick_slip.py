@@ -24,7 +24,7 @@ STUCK_SHARE = 0.2  # below this share of the mean speed the piston counts as stu
 SLIP_SHARE = 1.2  # above it a slip has begun; the gap between the two suppresses noise
 MINIMUM_PERIODS = 3
 FEWEST_SAMPLES = 20  # of a section
-# Glitches of a position sensor look like short rests followed by jumps, but most travel lies between them.
+# Glitches of a position sensor look like short rests followed by jumps, but most of the travel is between them.
 SLIPPED_SHARE = 0.5  # least share of the travel in slips
 RESTED_SHARE = 0.05  # least share of the time stuck
 EVEN_SAMPLES = 2000  # evenly spaced samples for the ripple of the speed
@@ -35,12 +35,11 @@ RIPPLE_LIMIT = 0.2  # of the mean speed: above it the mean friction is not a poi
 class StickSlip(Shown):
     """Stick-slip within one stroke or section.
 
-    ``found`` says whether at least three periods repeat and, together, make the motion: half of the travel in slips,
-    5 % of the time stuck. ``period_s`` and ``step_m`` are medians over
-    periods, ``peak_speed_m_s`` the median of the slips' peaks, ``stuck_share`` the share of time below
-    20 % of the mean speed, ``mean_speed_m_s`` the mean over the section, ``ripple`` (standard
-    deviation of speed over its mean). ``resolution_s`` is the shortest period that sampling and noise
-    resolve.
+    ``found`` states whether at least three periods repeat and together make the motion: half of the travel in slips, 5
+    % of the time stuck. ``period_s`` and ``step_m`` are medians over periods. ``peak_speed_m_s`` is the median of the
+    slips' peaks. ``stuck_share`` is the fraction of time below 20 % of the mean speed. ``mean_speed_m_s`` is the mean
+    over the section. ``ripple`` is the standard deviation of speed over its mean. ``resolution_s`` is the shortest
+    period that sampling and noise resolve.
     """
 
     found: bool
@@ -203,8 +202,8 @@ def ripple_of(
 ) -> tuple[bool, dict[str, float]]:
     """Return the stick-slip in the middle 80 % of the strokes, on evenly spaced samples.
 
-    The axis may run evenly while the piston behind a soft force sensor does not: if the stiffness is known, the
-    piston's position is the axis' less the deflection.
+    The axis may run evenly while the piston behind a soft force sensor does not. If the stiffness is known, the
+    piston's position is the axis position minus the deflection.
     """
     found, behind, swings = [], [], []
     for part in [part for stroke in strokes if (part := middle_of(stroke, recording.position_m)) is not None]:

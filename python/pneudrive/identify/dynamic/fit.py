@@ -83,8 +83,8 @@ def identify(
     drive : Drive
         Drive with start values of free parameters; all other values are known.
     recordings
-        One or several of: a file of ``pneudrive simulate --out`` (.csv, .parquet, .nc), a foreign file with a layout,
-        a result of ``pn.simulate``, a mapping of SI columns (``time_s``, ``command``, ``position_m``,
+        One or several recordings. Each is a file of ``pneudrive simulate --out`` (.csv, .parquet, .nc), a foreign file
+        with a layout, a result of ``pn.simulate``, or a mapping of SI columns (``time_s``, ``command``, ``position_m``,
         ``pressure_a_pa``, ``pressure_b_pa``).
     free : sequence of str
         Names in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ...
@@ -285,7 +285,7 @@ def solve(
 ) -> Attempt:
     """Search, and estimate the noise of the sensors from the residuals until it converges.
 
-    Where the search stops early, the misfit does not count as noise before the last attempt.
+    If the search stops early, the misfit does not count as noise before the last attempt.
     """
     converged = False
     watcher.point, at = point, None

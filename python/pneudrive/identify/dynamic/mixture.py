@@ -27,8 +27,8 @@ KEPT = "apply keeps the start value of "
 def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
     """Return a note that compares the error of a free run with the applied values and with the fitted ones.
 
-    The start of each recording and the errors of its sensors are those of the fit. There is no note if nothing is kept,
-    or nothing is determined.
+    The start of each recording and the errors of its sensors are those of the fit. Without kept values, or without
+    determined values, there is no such note in the fit.
 
     Parameters
     ----------

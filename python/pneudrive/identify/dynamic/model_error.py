@@ -7,7 +7,7 @@ recordings (force in sliding, both pressure rates):
 
     d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
 
-Phi are the derivatives of the balances' residuals by the free values, d e_h their change with the held number h, and W
+Phi are the derivatives of the balances' residuals by the free values, and d e_h their change with the held number h. W
 weights each balance by one over the mean square of its terms. The motion of the recordings enters, but not the noise.
 """
 

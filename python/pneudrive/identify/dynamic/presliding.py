@@ -56,7 +56,8 @@ class Presliding(Fit):
         ``friction.bristle_stiffness`` (sigma0) and ``friction.bristle_damping`` (sigma1); intervals are 95 %, from the
         scatter between reversals.
     statistics : dict
-        ``reversals``, the number of evaluated ones; ``breakaway_n``; ``slope_factor``, slope over stiffness of the law.
+        ``reversals`` is their number. ``breakaway_n`` is the breakaway force. ``slope_factor`` is the slope relative to
+        the stiffness of the law.
     each : dict
         Name -> value of each reversal, shape (n,); empty if read from a file.
     """
@@ -110,7 +111,7 @@ class Presliding(Fit):
         return apply_identified(self.identified_as({name: name for name in self.determined}), drive)
 
     def compared(self) -> dict[str, FittedData]:
-        """Return the values of the reversals beside their means; empty if read from a file."""
+        """Return the values of the reversals and their means. Empty if read from a file."""
         columns = {STIFFNESS: "stiffness_n_m", DAMPING: "damping_n_s_m"}
         return {
             name: FittedData("reversal", columns[name], np.arange(1.0, own.size + 1.0), own, 0.0 * own + own.mean())

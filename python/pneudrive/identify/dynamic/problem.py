@@ -181,7 +181,7 @@ class FitProblem:
             Samples.
         outputs : ndarray, shape (n, c)
         derivatives : ndarray, shape (n, c, P + more)
-            By the global coordinates (zeros for the sensors), then by others.
+            Derivatives by the global coordinates (zeros for the sensors), then by others.
 
         Returns
         -------

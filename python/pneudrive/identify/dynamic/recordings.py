@@ -44,7 +44,7 @@ def channels_in(recording: DriveRecording, wanted: Sequence[str] | None) -> list
     Raises
     ------
     RecordingError
-        A channel is unknown or missing in the recording, or there is no channel.
+        A channel is unknown or missing in the recording, or no channel is given.
     """
     where = str(recording.source or recording.name)
     for name in wanted or ():

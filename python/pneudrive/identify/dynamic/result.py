@@ -194,7 +194,7 @@ class DriveFit(Fit):
         return curve_of_drive(self.apply(), speeds_m_s, gauge_a_pa, gauge_b_pa)
 
     def compared(self) -> dict[str, FittedData]:
-        """Return each channel of each recording beside the model's output; empty if read from a file."""
+        """Return each channel of each recording and the model's output. Empty if read from a file."""
         return {
             f"{recording}, {channel}": FittedData("time_s", CHANNELS[channel], one.time_s, one.measured, one.model)
             for recording, channels in self.series.items()

@@ -1,10 +1,10 @@
 """Search: Gauss-Newton with Levenberg-Marquardt damping over segments with continuous starts.
 
-There are two phases. In the first one, segments are short and begin with smoothed measurements; only unmeasured states,
-the gas temperatures and the bristles, are carried over from the segment before. Such a prediction over some hundredths
-of a second stays near the measurements even for wrong parameters. In the second phase, the starts are free and tied to
-the ends of the segments before (multiple shooting): the linearised continuity condenses them onto the first start of
-the recording, and gaps close during the search. A single segment is single shooting.
+There are two phases. In the first phase, segments are short and start with smoothed measurements. Only unmeasured
+states, the gas temperatures and the bristles, are carried over from the previous segment. Such a prediction over some
+hundredths of a second stays near the measurements even for wrong parameters. In the second phase, the starts are free
+and tied to the ends of the previous segments (multiple shooting). The linearised continuity condenses them onto the
+first start of the recording, and gaps close during the search. A single segment is single shooting.
 """
 
 from __future__ import annotations

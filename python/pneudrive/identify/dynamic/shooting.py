@@ -114,7 +114,7 @@ class Shooter:
         self._delay_s, self.watch = delay_s, watch
 
     def inner_states(self, values: Array) -> list[str]:
-        """Names of the states of a start beside piston and chambers: states of friction, gas of tubes."""
+        """Names of the start states other than piston and chambers: states of friction, gas of tubes."""
         return list(self.family.core(values).start_names[6:])
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:

@@ -139,8 +139,8 @@ def measured_starts(
 def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names: list[str]) -> SegmentStarts:
     """Return starts with unmeasured states from the model: gas temperatures, bristles, gas of tubes.
 
-    All segments are run, and each takes unmeasured states from the end of the one before; a wrong guess decays after a
-    few rounds. `names` are the states of a start beside piston and chambers.
+    All segments are run, and each takes unmeasured states from the end of the previous one. A wrong guess decays after
+    a few rounds. `names` are the start states other than piston and chambers.
     """
     hidden = np.flatnonzero(np.isnan(spread))
     inner = state.shape[1] - BELIEF.size

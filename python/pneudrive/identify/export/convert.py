@@ -9,8 +9,8 @@ Modelica Standard Library 4, MassWithStopAndFriction [modelica-mass-with-stop-an
 
   F = F_Coulomb + F_prop v + F_Stribeck exp(-fexp |v|)                                                  v > 0
 
-Both are linear in their forces at a given speed scale: for each of many scales the forces are those of non-negative
-least squares, and the best scale is refined between its neighbours.
+Both are linear in their forces at a given speed scale. For each of many scales, the forces follow by non-negative least
+squares. The best scale is refined between its neighbours.
 """
 
 from __future__ import annotations

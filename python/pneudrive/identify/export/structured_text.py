@@ -1,13 +1,13 @@
 """The friction curve as one function of a PLC (IEC 61131-3, structured text), for a feed-forward.
 
-Between the lowest and the highest speed the curve is a cubic spline over u = ln v with evenly spaced knots, so that the
-interval is found without a search:
+Between the lowest and the highest speed, the curve is a cubic spline over u = ln v with evenly spaced knots. The
+interval is then found without a search:
 
   u = (ln |v| - ln v_low)/h,   k = trunc(u),   d = u - k
   F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]
 
-Below the lowest speed F = F(v_low) v/v_low, so that it passes zero without a jump; above the highest one it goes on as
-a line with the slope that it has there.
+Below the lowest speed, F = F(v_low) v/v_low, so that it passes zero without a jump. Above the highest speed, it
+continues as a line with its slope there.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Evidence for the roles of columns: names, units, and what the numbers do."""
+"""Evidence for the roles of columns: names, units, and properties of the numbers."""
 
 from __future__ import annotations
 

@@ -45,8 +45,8 @@ WHOLE_SPAN = 500  # whole numbers over more than this are counts
 class Guess:
     """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
 
-    A time at a rate has no ``index``. If a pressure does not say gauge or absolute, ``gauge`` is None.
-    The layout gets ``keys`` as further keys of the column.
+    A time at a rate has no ``index``. ``gauge`` has the value None if a pressure is not marked as gauge or absolute. The layout
+    gets ``keys`` as further keys of the column.
     """
 
     role: str
@@ -281,7 +281,7 @@ def _pressures(roles: Roles) -> None:
 
 
 def _side(signals: TableSignals, one: Candidate) -> str | None:
-    """Return the chamber by the name of a pressure; 1 and 2 are a and b only if there is no other number."""
+    """Return the chamber by the name of a pressure. 1 and 2 are a and b if these are the only numbers."""
     side = side_of(signals.headers[one.index].bare)
     return {"1": "a", "2": "b"}.get(side or "", side)
 

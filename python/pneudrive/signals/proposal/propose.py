@@ -35,9 +35,9 @@ STAGES = 3
 class Proposal:
     """A proposed layout, and the data as read, for a picture.
 
-    ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` holds the raw
-    numbers of every column; ``recording`` and ``strokes`` are the file as read by the layout, None and empty if
-    it is not a recording of a rig, or cannot be read so; ``problem`` says why.
+    ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` holds the raw numbers of
+    every column. ``recording`` and ``strokes`` are the file as read by the layout. They are None and empty if it is not
+    a recording of a rig, or not readable, with the reason in ``problem``.
     """
 
     path: Path
@@ -74,8 +74,8 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     Raises
     ------
     RecordingError
-        If the file does not exist, is empty or of an unknown format, has no table of numbers, or no recording of a rig,
-        a drive or a fixed volume.
+        The file does not exist, is empty or of an unknown format, or does not contain a table of numbers. Or the table
+        is not a recording of a rig, a drive or a fixed volume.
     """
     path = Path(path)
     watch.tell(0, STAGES, "reading the file")

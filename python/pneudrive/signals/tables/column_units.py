@@ -49,7 +49,7 @@ class HeaderUnit:
     """Unit in the header of a foreign file.
 
     ``si`` is the SI unit of its quantity, or ``count``; it is empty for other quantities. ``unit`` is that of layouts.
-    If a pressure does not say gauge or absolute, ``gauge`` is None.
+    ``gauge`` has the value None if a pressure is not marked as gauge or absolute.
     """
 
     si: str
@@ -135,7 +135,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     Parameters
     ----------
     text
-        Such as ``"mm"``, ``"bar gauge"`` or ``"psia"``.
+        Unit such as ``"mm"``, ``"bar gauge"`` or ``"psia"``.
     si_unit
         Unit of the column's quantity: ``"s"``, ``"m"``, ``"m/s"``, ``"N"``, ``"Pa"``, ``"K"``.
 

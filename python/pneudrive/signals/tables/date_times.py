@@ -20,7 +20,7 @@ ISO = ""  # format of ISO 8601; the time of day may stand alone
 _DATE = r"\d{4}-\d\d?-\d\d?|\d\d?\.\d\d?\.\d{4}|\d\d?/\d\d?/\d{4}|\d{4}/\d\d?/\d\d?"
 _CLOCK = r"\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?(?:\s?[AaPp][Mm])?(?:\s?Z|\s?[+-]\d\d:?\d\d)?"
 _LOOKS = re.compile(rf"\s*(?:(?:{_DATE})(?:[T\s]\s*(?:{_CLOCK}))?|{_CLOCK})\s*")
-# date, hour and minute, second, zone; each is optional; the rest counts from midnight UTC
+# date, hour and minute, second, zone. Each is optional, and the rest counts from midnight UTC
 _ISO_PARTS = r"^(?:(\d{4}-\d\d?-\d\d?)(?:[T\s]\s*|$))?(?:(\d\d?:\d\d)(?::(\d\d(?:\.\d+)?))?\s*(Z|[+-]\d\d:?\d\d)?)?$"
 GUESSES = ("%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f", "%m/%d/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S.%f",
            "%m/%d/%Y %I:%M:%S.%f %p", "%d/%m/%Y %I:%M:%S.%f %p", "%d.%m.%Y %H:%M", "%I:%M:%S.%f %p",
@@ -61,8 +61,8 @@ def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> NDArray[n
     values
         Texts, or NumPy's ``datetime64``.
     form
-        Format of `datetime.strptime` (``%d.%m.%Y %H:%M:%S.%f``; the fraction is optional, a comma in it is a
-        point); ``ISO`` for ISO 8601.
+        Format of `datetime.strptime` (``%d.%m.%Y %H:%M:%S.%f``). The fraction is optional, and a comma in it is read as
+        a point. ``ISO`` for ISO 8601.
     path
         File, for the message.
 

@@ -129,7 +129,7 @@ def as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | Non
     Raises
     ------
     RecordingError
-        If it does not hold what the layout says.
+        It does not contain the columns that the layout names.
     """
     if column.ndim == 1 and column.dtype.kind in {*TEXT_KINDS, "M"} and date_form is not None:
         return seconds(column if column.dtype.kind == "M" else column.astype(object).tolist(), date_form, path)

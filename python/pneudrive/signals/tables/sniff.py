@@ -192,7 +192,7 @@ def _told(fit: list[_Reading], sample: list[str], path: Path) -> _Reading:
     rows = [split_row(line, best.form.delimiter) for line in sample]
     columns = [[row[at] for row in rows if len(row) == best.width and row[at]] for at in range(best.width)]
     marked = [texts for texts in columns if any("," in text for text in texts)]
-    # Small whole numbers beside groups of three: a sign of thousands. Decimals are written in every row.
+    # Small whole numbers next to groups of three: a sign of thousands. Decimals are written in every row.
     if any(any(_BARE.match(text) for text in texts) for texts in marked):
         return thousands[0]
     raise RecordingError(

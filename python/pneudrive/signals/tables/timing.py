@@ -34,7 +34,7 @@ def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: boo
     Parameters
     ----------
     values : ndarray, shape (n,)
-        NaN where there is none.
+        NaN without a value.
     moduli : iterable of float
         Possible heights of a jump.
     forward : bool
@@ -62,8 +62,8 @@ def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: boo
 def filled(time: Array, values: Array, *, held: bool = False) -> Array:
     """Return the values of a slow channel at all times, where it has one in every second row or fewer.
 
-    The values lie on straight lines, or are held. Before the first value and after the last one there is NaN.
-    A channel without single values is unchanged.
+    The values are interpolated linearly or held. Before the first value and after the last one there is NaN. A channel
+    without single values is unchanged.
     """
     there = np.isfinite(values) & np.isfinite(time)
     at = np.flatnonzero(there)

@@ -266,7 +266,7 @@ def _adjusted(tests: list[Test]) -> tuple[Test, ...]:
 
 
 def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
-    """Return cautions on the tests; `not_comparable` says why there are no curves."""
+    """Return cautions on the tests. `not_comparable` is the reason for missing curves."""
     for check in found.checks:
         if not check.comparable:
             yield say("data.rigs_differ", what=capitalised(check.what), check=check)

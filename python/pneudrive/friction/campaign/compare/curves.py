@@ -41,7 +41,7 @@ KINDS = ("sweep", "sentinel")
 class CommonPoints:
     """Cycles of both campaigns at common points, shape (n,) each.
 
-    Of large campaigns, neighbouring repeats at one point are one row.
+    In large campaigns, neighbouring repeats at one point form one row.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class CommonPoints:
     speed_m_s : ndarray, shape (m,)
     gauge_pa : ndarray, shape (m, 2)
     levels : tuple of str, length m
-        Of the points.
+        Standard errors of the points.
     left_out : int
         Further common points.
     """
@@ -89,15 +89,15 @@ class CurveComparison(Shown):
     ----------
     points : CommonPoints
     shape : FTest
-        Of the difference over all speeds: level, slope and bend together.
+        Probability for the difference over all speeds: level, slope and bend together.
     pressure : FTest or None
-        Of a difference in the effect of pressure.
+        Probability for a difference in the effect of pressure.
     mean : Estimate
         Mean difference over the common points, relative to friction.
     difference : tuple of Estimate
         At each common point, relative.
     adjusted_p : ndarray, shape (m,)
-        Of these, after Holm's correction for their number [holm1979].
+        The same probabilities after Holm's correction for their number [holm1979].
     friction_n : ndarray, shape (2, m)
         Mean of each campaign at the points.
     several_blocks : bool

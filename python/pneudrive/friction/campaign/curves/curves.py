@@ -55,13 +55,13 @@ class Fits:
     ----------
     points : Points
     friction : CurveFit
-        Of half the difference of both directions.
+        Standard uncertainty of half the difference of both directions.
     offset : CurveFit
-        Of half the sum, with the tares.
+        Standard uncertainty of half the sum, including the zero runs.
     drift_share : float
         Share of a steady drift that the design cannot separate from the curves.
     block_kind : str
-        block, day, or "" if there is none.
+        block, day, or "" without groups.
     doubtful : tuple of int
         Points that are possible outliers: curves average over both cases.
     """
@@ -150,7 +150,7 @@ def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFi
     fits : Fits
         The models of friction, whose order, curves and blocks are used.
     y, stderr : ndarray, shape (n,)
-        Of all cycles with both directions.
+        Number of cycles with both directions.
     drift : bool
         Whether it may drift like friction.
     """
@@ -192,8 +192,8 @@ def _with_tares(tares: Sequence[CycleData], data: CurveData) -> CurveData:
 class Systematic:
     """Standard uncertainties that all points of a curve share, N, shape (m,).
 
-    ``state_n`` is the difference between friction in another state of the campaign and its mean state: no uncertainty
-    of the curve of the mean state, but of the information from a single cycle.
+    ``state_n`` is the difference between friction in another state of the campaign and its mean state. It is not part
+    of the uncertainty of the mean curve, but of the information from a single cycle.
     """
 
     gain_n: Array
@@ -207,7 +207,7 @@ class Systematic:
         return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
 
     def direction_n(self) -> Array:
-        """Return that of one direction."""
+        """Return the effect for one direction."""
         return np.hypot(self.friction_n(), self.zero_n)
 
 

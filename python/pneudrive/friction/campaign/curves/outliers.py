@@ -1,11 +1,11 @@
 """Wild cycles, which no curve can follow, found one at a time: each is compared with all others.
 
-Two wild cycles inflate the scatter by which each is judged, and a wild cycle makes its good twin look wild. So each
-cycle is compared with its prediction from all others [cook1982]: neighbours in speed, other pressures, repeats. The one
-that is furthest off by the robust scatter of all is removed, the model is fitted again, and so on. The number of wild
-cycles follows from probability [box1968]: a wild cycle may show any friction, but seldom
-occurs. Then each removed cycle is compared with the prediction of the good ones, and returns if that does not exclude
-it. A cycle that the data do not decide is doubtful.
+Two outliers inflate the scatter against which each is judged, and an outlier makes a good repeat look like an outlier.
+So each cycle is compared with its prediction from all others [cook1982]: neighbours in speed, other pressures, repeats.
+The one that is furthest off by the robust scatter of all is removed, the model is fitted again, and so on. The number
+of outliers follows from probability [box1968]: an outlier may show any friction, but is rare. Then each removed cycle
+is compared with the prediction of the good ones, and returns if that does not exclude it. A cycle that the data do not
+decide is suspect.
 """
 
 from __future__ import annotations

@@ -134,7 +134,7 @@ def _reasons(
 def condensed(points: Points) -> Points:
     """Group successive repeats of one condition, speed class and block.
 
-    Where there are very many cells, neighbouring blocks of the same levels count as one, then neighbouring speeds.
+    With very many cells, neighbouring blocks of the same levels count as one, then neighbouring speeds.
     """
     reduced = points.reduced
     used = np.flatnonzero(points.use)
@@ -182,13 +182,13 @@ def _stretches(points: Points) -> NDArray[np.int64]:
 def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -> tuple[list[list[int]], int]:
     """Group successive cycles of one place, level and stretch of the campaign.
 
-    Where there are very many combinations of the three, neighbouring stretches of the same levels count as one, then
-    neighbouring levels.
+    With very many combinations of the three, neighbouring stretches of the same levels count as one, then neighbouring
+    levels.
 
     Parameters
     ----------
     place, stretch, level : ndarray of int, shape (n,)
-        Of each cycle, in the order in which they were run; from 0.
+        Index of each cycle in the order of execution, from 0.
     rows : int
         Approximate number of groups.
     cells : int
@@ -231,7 +231,7 @@ def block_shares(points: Points) -> tuple[Array | None, str]:
     ndarray or None, shape (used, blocks)
         Share of each in the cycles of a point.
     str
-        block, day, or "" if there is none.
+        block, day, or "" without groups.
     """
     members = [some for some, use in zip(points.members, points.use, strict=True) if use]
     named = [some[0].condition.levels for some in members]

@@ -1,9 +1,9 @@
 """Curves over speed with scatter between cycles: a smoothing spline inside a mixed model.
 
-A curve is a line and a deviation from it whose smoothness follows from the data: an integrated Wiener process, whose
-estimate is the cubic smoothing spline and whose posterior gives the band [wahba1983]. Curves of one campaign share
-their shape as far as the data show it. Smoothness refers to a stretched speed, in which the Stribeck part
-(decades) and the viscous part (proportion) both bend slowly.
+A curve is a line and a deviation from it whose smoothness follows from the data. The deviation is an integrated Wiener
+process. Its estimate is the cubic smoothing spline, and its posterior gives the band [wahba1983]. Curves of one
+campaign share their shape as far as the data show it. Smoothness refers to a stretched speed, in which the Stribeck
+part (decades) and the viscous part (proportion) both bend slowly.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class CurveData:
     y, noise : ndarray
         Response and the variance of its noise within the cycle.
     speed_m_s : ndarray
-        NaN for a tare, which lies on no curve and shows only the zero.
+        NaN for a zero run, which is not on a curve and shows only the zero.
     curve : ndarray of int
         Index of the curve; -1: none.
     order : ndarray

@@ -75,7 +75,7 @@ def _interrupted(data: list[CycleData]) -> NDArray[np.bool_]:
 
 
 def drift_of(fits: Fits, found: Causes) -> Drift:
-    """Describe the drift; effects are None if the design does not determine them."""
+    """Describe the drift. Undetermined effects have the value None."""
     points, fit, scale = fits.points, fits.friction, fits.scale_n
     carried = fits.drift_share < CARRIED
     effects = {name: _effect(fits, column, UNITS[name]) for name, column in found.columns.items()} if carried else {}

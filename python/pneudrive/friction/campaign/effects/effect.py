@@ -31,16 +31,16 @@ class PressureEffects:
     mean_a, mean_b, mean_sum : Estimate or None
         Over all speeds.
     interaction : FTest or None
-        Of p_a p_b, its mean and its change with log speed; None if the design does not determine it.
+        Effect of p_a p_b: its mean and its change with log speed. None if the design does not determine it.
     interaction_n_pa2 : Estimate or None
         Mean over speeds, N/Pa2.
     curvature : FTest or None
-        Of the squares of both pressures.
+        Effects of the squares of both pressures.
     gauge_pa : tuple of (float, float)
         Pressure pairs used, gauge.
     hidden_n : float
-        Change of friction over the campaign that the plan does not separate from that with pressure, N: its standard
-        uncertainty is in the intervals. 0 if the plan separates them.
+        Change of friction over the campaign that the plan does not separate from the change with pressure, N. Its
+        standard uncertainty is in the intervals. 0 if the plan separates them.
     statement : str
     """
 
@@ -229,9 +229,9 @@ class Drift:
 class Repeatability:
     """Standard deviations of the friction of one cycle, as ISO 5725 divides them, N.
 
-    ``within`` a block at equal conditions, ``between`` blocks and days, ``total`` of both, at the mean friction of the
-    cycles that were repeated. ``relative`` says whether they scale with friction. ``basis``: repeats, sentinels,
-    repeats and sentinels; smooth curve (from residuals of the curves) if nothing was repeated.
+    ``within`` a block at equal conditions, ``between`` blocks and days, and ``total`` of both, at the mean friction of
+    the repeated cycles. ``relative`` says whether they scale with friction. ``basis`` is the source: repeats,
+    sentinels, or both. It is "smooth curve" (from residuals of the curves) if nothing was repeated.
     """
 
     within: Estimate | None
@@ -248,7 +248,7 @@ class SensorZero:
     Attributes
     ----------
     time_s, zero_n, stderr_n : ndarray, shape (k,)
-        Of each tare cycle.
+        Zero of each zero run.
     per_hour : Estimate or None
     basis : str
         "tare" or "not measured".

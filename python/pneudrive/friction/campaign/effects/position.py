@@ -78,10 +78,10 @@ def _trend(
 ) -> tuple[Estimate, float]:
     """Estimate the common change along x without the drift of the sensor's zero, and the rate of that drift, N/s.
 
-    While a cycle lasts, the zero moves: over +x it has risen more the further the stroke is, over -x less, which half
-    their difference shows as rate / speed along x. Slow cycles show it most, and because the rate varies, they also
-    contribute least to the trend. The lengths of the waves are uncertain: a wave of another length is a trend in
-    part, so that each cycle has waves that may be a little longer or shorter.
+    The zero drifts during a cycle. Over +x its change grows along the stroke, over -x it falls. Half the difference
+    shows this as rate / speed along x. Slow cycles show it most, and because the rate varies, they also contribute
+    least to the trend. The lengths of the waves are uncertain, and a wave of another length is partly a trend. Each
+    cycle therefore has waves that may be slightly longer or shorter.
     """
     found, variance = _slopes(position, rows, waves, length)
     if slowness.max() < APART * slowness.min() or found.size < FEWEST_CYCLES + 1:

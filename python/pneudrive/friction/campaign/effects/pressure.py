@@ -1,4 +1,4 @@
-"""Effects of both chamber pressures on friction: slopes at each speed, interaction, and what the design determines."""
+"""Effects of both chamber pressures on friction: slopes at each speed, interaction, and the effects that the design determines."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FOLLOWS_TIME = 0.1
 class _Design:
     """Cycles of one set of levels. Pressures are in bar, gauge; ``kind`` is both, a, b, sum or line.
 
-    ``beside`` has a column for each set of equal cycles at other speeds, such as sentinels: they do not depend on
+    ``beside`` has a column for each set of equal cycles at other speeds, such as control runs. They do not depend on
     pressure, and show the effect of time. Their ``level`` is -1.
     """
 
@@ -55,7 +55,7 @@ class _Design:
         return self.level >= 0
 
     def centred(self, values: Array) -> Array:
-        """Return the values less their mean over the compared cycles, and zero beside them."""
+        """Return the values minus their mean over the compared cycles, and zero for other cycles."""
         return np.where(self.compared, values - values[self.compared].mean(), 0.0)
 
 
@@ -124,7 +124,7 @@ def _effects(ambient_pa: float, fits: Fits, members: NDArray[np.bool_], title: s
 
 
 def _design(ambient_pa: float, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
-    """Keep the speeds that were measured at all pressure pairs, and classify what the pairs determine."""
+    """Select the speeds that were measured at all pressure pairs, and classify the effects that the pairs determine."""
     points = fits.points
     absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
     gauge = np.round((absolute - ambient_pa) / PA_PER_BAR, 3) + 0.0
@@ -188,7 +188,7 @@ def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
 class _Hidden:
     """A change of friction over the campaign that the design does not separate from its effects.
 
-    ``size_n`` is its standard uncertainty; ``of_order`` are the coefficients of the columns that make the same as a
+    ``size_n`` is its standard uncertainty. ``of_order`` are the coefficients of the columns with the same effect as a
     steady change by 1 N from the first cycle to the last.
     """
 
@@ -222,8 +222,8 @@ def _over_speed(design: _Design, columns: list[Array]) -> list[Array]:
 def _together(design: _Design, x: Array) -> Array:
     """Return the columns of the product of both pressures, its mean over speeds and its change with their logarithm.
 
-    Centred, so that slopes beside it are those at the mean of the other pressure; none if the design does not determine
-    it.
+    The product is centred, so that the slopes are those at the mean of the other pressure. It is left out if the design
+    does not determine it.
     """
     product = design.centred(design.a) * design.centred(design.b)
     columns = [c for c in _over_speed(design, [product]) if np.ptp(c) > 0.0]

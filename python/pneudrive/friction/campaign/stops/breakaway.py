@@ -1,9 +1,9 @@
 """Height of a breakaway peak from noisy samples.
 
-The largest of many noisy samples is too high, the largest of smoothed ones too low. Here every second sample gives
-the place of the peak and the others its height, and the reverse: the noise that chose the place is not in the height.
-Samples are smoothed by local parabolas; their width is the largest whose peak agrees with those of all
-narrower ones within noise, so that a sharp peak is smoothed little and a flat one much.
+The largest of many noisy samples is too high, and the largest of smoothed ones is too low. Here one half of the samples
+gives the place of the peak and the other half its height, and the reverse. The noise that selected the place does not
+enter the height. Samples are smoothed by local parabolas. Their width is the largest whose peak agrees with those of
+all narrower ones within noise. A sharp peak is therefore smoothed little and a flat one much.
 """
 
 from __future__ import annotations

@@ -3,12 +3,12 @@
   dphi/dt = 1 - phi |v|/L      age: that of the stop while the piston stands, L/|v| while it slides
   Fd = B (1 + s_a p_a + s_b p_b) psi(phi/tau)
 
-so a peak after a stop of duration t exceeds the friction before it, at the speed v, by
-Fd(t) - Fd(L/v), and the excess after a restart has fallen to 5 % where
+A peak after a stop of duration t therefore exceeds the earlier friction at the speed v by Fd(t) - Fd(L/v). The excess
+after a restart has fallen to 5 % at
 
   psi(L/v + (t - L/v) exp(-travel/L)) = psi(L/v) + 0.05 [psi(t) - psi(L/v)]
 
-which gives L at each time tau; B and the shares follow by least squares, tau by the profile.
+This gives L for each time tau. B and the pressure coefficients follow by least squares, tau by the profile.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class ContactAge:
     growth : str
         Its name in a drive file.
     exponent : float
-        Of the saturating growth.
+        Exponent of the saturating growth.
     increment : Estimate
         B, N.
     time : Estimate

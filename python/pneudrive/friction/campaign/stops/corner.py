@@ -2,9 +2,9 @@
 
   F(t) = p + r (t - c) + d S(t - c) + q S(t - c)^2,   S(u) = s ln(1 + exp(u / s))
 
-Smoothing cuts a corner; a fit does not. A peak that is round over several samples is outside this
-module. p, r, d, q are linear; corner c and roundness s run over a grid, and the height is averaged over it by how well
-each place fits, so its uncertainty covers that of c and s.
+Smoothing cuts a corner; a fit does not. A peak that is round over several samples is outside the range of this module.
+p, r, d, q are linear. Corner c and roundness s are evaluated on a grid. The height is the average over the grid,
+weighted by the fit of each place. Its uncertainty therefore covers that of c and s.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ def corner_height(
 def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float) -> float:
     """Return the loss of a peak by a sensor of first order, N: exact for a corner, an upper bound for a round peak.
 
-    A rise r that turns into a fall q at a corner is shown lower by q tau ln(1 + r / q), tau = 1 / (2 pi f): the largest
-    value of the lag's response to two ramps.
+    A rise r that turns into a fall q at a corner appears lower by q tau ln(1 + r / q), tau = 1 / (2 pi f). This is the
+    largest value of the lag's response to two ramps.
 
     Parameters
     ----------

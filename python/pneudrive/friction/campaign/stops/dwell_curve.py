@@ -2,9 +2,9 @@
 
   y = level_c + slope_c u + bend + place + drift + block + block slope + scatter,   u = log10(stop duration)
 
-at each condition c. The bend is smooth over u (a slow and a quicker part), in part common to all conditions; it,
-blocks, their slopes and the scatter from cycle to cycle are random, and results are averages over their sizes
-(`pneudrive.estimate.mixed`). So intervals cover the choice of the law as well as the scatter.
+at each condition c. The bend is smooth over u (a slow and a quicker part), and partly common to all conditions. The
+bend, the blocks, their slopes and the scatter between cycles are random effects. Results are averages over their sizes
+(`pneudrive.estimate.mixed`). Intervals therefore cover the choice of the law as well as the scatter.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class DwellCurve:
     centre : float
         log10 duration of the levels.
     extra : ndarray, shape (n, .)
-        Fixed columns beside levels and slopes: places, drift.
+        Fixed columns in addition to levels and slopes: positions, drift.
     inflation : float
         Variance inflation of the slope by drift.
     weight : ndarray, shape (n,)

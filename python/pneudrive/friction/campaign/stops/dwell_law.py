@@ -73,7 +73,7 @@ class DwellSeries(Shown):
     levels : str
         Mounting, seal, drive; "" without levels.
     speed_m_s : float
-        Of the restart.
+        Speed of the restart.
     released : bool
     conditions : tuple of Condition
     stops : tuple of Stop
@@ -156,7 +156,8 @@ def fit_dwell(stops: Sequence[Stop], ambient_pressure_pa: float) -> tuple[tuple[
     Returns
     -------
     tuple of DwellSeries, list of Statement
-        One series for each set of levels, restart speed and axis (held, released); what they determine and what not.
+        One series for each set of levels, restart speed and axis (held, released), with determined and undetermined
+        values.
     """
     groups: dict[tuple, list[Stop]] = {}
     for stop in stops:

@@ -43,7 +43,7 @@ class Phases:
     rest_s, restart_s : float
         Times at which the axis came to rest and began to move again.
     direction : int
-        Of the restart.
+        Speed of the restart.
     reversed : bool
         The approach came from the other side, or is missing.
     by_steps : bool
@@ -76,7 +76,7 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np
     Returns
     -------
     Phases or str
-        A string says why there is no stop.
+        A string is the reason for a missing stop.
     """
     hold = stop_step(cycle) if cycle.steps else _resting_step(cycle, time_s, position_m, step)
     if hold is not None and np.unique(step).size > 1:
@@ -92,7 +92,10 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np
 
 
 def stop_step(cycle: Cycle) -> int | None:
-    """Find the hold that is the stop of a cycle, before a move and as long as planned; None if there is none."""
+    """Find the hold that is the stop of a cycle, before a move and with the planned duration.
+
+    None without such a hold.
+    """
     held = {
         i: step.duration_s
         for i, (step, following) in enumerate(pairwise(cycle.steps))

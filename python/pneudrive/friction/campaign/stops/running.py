@@ -41,7 +41,7 @@ NOISE_OF_STEPS = 0.954  # median size of the step between two values of noise 1
 class UninterruptedStroke:
     """One stroke at constant speed without a stop: friction over rising position, as means of neighbours, shape (m,).
 
-    ``noise_n`` is that of one mean.
+    ``noise_n`` is the noise of one mean.
     """
 
     condition: Condition
@@ -203,7 +203,7 @@ def _of_approach(friction: Array) -> tuple[float, float, float]:
 
 
 def _approach(recording: Recording, phases: Phases, speed: float) -> slice | None:
-    """Return the last part of an approach in the same direction and at the same speed; None if there is none."""
+    """Return the last part of an approach in the same direction and at the same speed, or None."""
     if phases.reversed or phases.approach.stop - phases.approach.start < 4 * FEWEST:
         return None
     steady = steady_part(recording, phases.approach)

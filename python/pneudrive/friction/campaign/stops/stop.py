@@ -78,7 +78,7 @@ class Stop(Shown):
         As in the header of its file.
     condition : Condition
     direction : int
-        Of the restart.
+        Speed of the restart.
     speed_m_s, position_m : float
         Planned speed of the restart, and position of the stop.
     began_s : float
@@ -311,7 +311,7 @@ def read_stops(
     ----------
     files : sequence of CycleFile
     identity : Identity
-        Of the rig.
+        Values of the rig.
     others : sequence of UninterruptedStroke
         Strokes of other cycles, for cycles without their own.
     """
