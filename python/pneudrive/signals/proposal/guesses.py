@@ -45,8 +45,8 @@ WHOLE_SPAN = 500  # whole numbers over more than this are counts
 class Guess:
     """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
 
-    A time at a rate has no ``index``. ``gauge`` has the value None if a pressure is not marked as gauge or absolute. The layout
-    gets ``keys`` as further keys of the column.
+    A time at a rate has no ``index``. ``gauge`` has the value None if a pressure is not marked as gauge or absolute.
+    The layout gets ``keys`` as further keys of the column.
     """
 
     role: str

@@ -1,4 +1,4 @@
-"""Effects of both chamber pressures on friction: slopes at each speed, interaction, and the effects that the design determines."""
+"""Effects of both chamber pressures on friction: slopes at each speed, interaction, and determined effects."""
 
 from __future__ import annotations
 
