@@ -5,21 +5,20 @@ from __future__ import annotations
 import shutil
 import sys
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pneudrive.cli.options import Results, Samples, one_of
-from pneudrive.cli.output import MOST_ROWS, file_name, show_lines, show_statements, show_table, tell, writable_folder
+from pneudrive.cli.output import file_name, show_view, tell, writable_folder
 from pneudrive.cli.progress import on_terminal
 from pneudrive.errors import Cancelled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.recording.characterisation import Characterisation
     from pneudrive.friction.reduction.settling import SampleChoice
     from pneudrive.identify.result import FrictionFit
 
@@ -70,7 +69,10 @@ def characterise(
         written.append(Path(write_report(found, fits, folder, None, curves)))
     for problem in problems:
         sys.stderr.write(f"Note: no fit of {problem}\n")
-    _say(found, curves, written)
+    show_view(found.view())
+    if curves is not None:
+        show_view(replace(curves.view(), rows=()))
+    tell(written)
 
 
 def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: SampleChoice, law: str) -> None:
@@ -96,7 +98,7 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
         written.append(write_campaign_report(found, folder))
     for problem in problems:
         sys.stderr.write(f"Note: no fit of {problem}\n")
-    _say_curves(found)
+    show_view(found.view())
     tell(written)
 
 
@@ -126,33 +128,3 @@ def _write_fits(fits: Fits, law: str, folder: Path, whole: str) -> list[Path]:
             by_law[law].to_toml(folder / name)
             written.append(folder / name)
     return written
-
-
-def _say(found: Characterisation, curves: CampaignCharacteristics | None, written: list[Path]) -> None:
-    """Print one line per recording, then curves and sentences as for a campaign, and the paths of the results."""
-    heads = ("recording", "speed mm/s", "strokes", "friction N", "U (k=2) N", "offset N", "<flags")
-    rows = []
-    for level in found.levels[:MOST_ROWS]:
-        speeds = ", ".join(f"{row['velocity_m_s'] * 1e3:+.1f}" for row in level.rows)
-        numbers = (f"{n:.2f}" for n in (level.friction_n, level.expanded_n, level.offset_n))
-        used, recorded = (sum(row[name] for row in level.rows) for name in ("strokes", "strokes_recorded"))
-        rows.append((level.recording, speeds, f"{used} of {recorded}", *numbers, " ".join(level.flags)))
-    show_table(heads, rows)
-    show_lines(f"- {note}" for note in found.notes)
-    if curves is not None:
-        _say_curves(curves)
-    tell(written)
-
-
-def _say_curves(found: CampaignCharacteristics) -> None:
-    """Print one line per curve, and sentences on what the data show."""
-    ambient, rows = found.identity.ambient_pressure_pa, []
-    what = "seal + air N" if any(curve.contains_air for curve in found.curves) else "friction N"
-    for curve in (one for one in found.curves if one.direction == 0):
-        speeds, friction = 1e3 * curve.speed_m_s, curve.friction_n
-        band = float(((curve.high_n - curve.low_n) / 2.0)[curve.measured].mean())
-        ends = (f"{speeds[0]:.3g} .. {speeds[-1]:.3g}", f"{friction.min():.2f} .. {friction.max():.2f}")
-        rows.append((curve.condition.label(ambient), str(int(curve.cycles.sum())), *ends, f"+-{band:.2f}"))
-    if rows:
-        show_table(("curve", "cycles", "speeds mm/s", what, "95 % band N"), rows)
-    show_statements(found.statements)

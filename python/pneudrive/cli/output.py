@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.sentences import Statement
     from pneudrive.identify.base import Fit
+    from pneudrive.views import View
 
 #: Width of a table that is written to a file, characters.
 WIDTH = 160
@@ -75,6 +76,14 @@ def show_lines(lines: Iterable[str]) -> None:
     shown = console()
     for line in lines:
         shown.print(line)
+
+
+def show_view(view: View) -> None:
+    """Print the values and curves of a result as tables, then its sentences."""
+    for head, rows in (view.table(), view.curve_table()):
+        if rows:
+            show_table(head, rows[:MOST_ROWS])
+    show_lines(note if note[:1] in "-!" else f"- {note}" for note in view.notes)
 
 
 def show_statements(statements: Iterable[Statement]) -> None:

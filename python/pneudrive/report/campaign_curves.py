@@ -14,6 +14,7 @@ from pneudrive.report import style
 from pneudrive.report.page import Paragraph
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, spread_evenly
+from pneudrive.units import readable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.effects.effect import AirShare, PressureEffects
     from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve
     from pneudrive.report.page import Section
+    from pneudrive.views import ShownCurve
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = 6
@@ -41,14 +43,14 @@ def curves(found: CampaignCharacteristics) -> Section | None:
     both = [c for c in found.curves if c.direction == 0]
     if not both:
         return None
-    topic = Topic("campaign", "curves")
-    shown = spread_evenly(both, MOST_CURVES)
+    topic, view = Topic("campaign", "curves"), found.view()
+    shown = spread_evenly(view.curves, MOST_CURVES)
     text = topic.say()
     if len(shown) < len(both):
         text += topic.say("fewer", shown=len(shown), all=len(both))
     if any(c.contains_air for c in both):
         text += topic.say("with_air")
-    picture = topic.picture("campaign-curves", draw_curves(found, shown))
+    picture = topic.picture("campaign-curves", draw_curves(shown))
     return topic.section(Paragraph(text), picture, topic.table(_curve_rows(found, both)))
 
 
@@ -61,29 +63,26 @@ def _curve_rows(found: CampaignCharacteristics, both: Sequence[Curve]) -> Iterat
             yield (named(c.condition), speed, friction, *uncertainties, int(c.cycles[i]))
 
 
-def draw_curves(found: CampaignCharacteristics, shown: Sequence[Curve]) -> Figure:
-    """Draw all curves with bands in one picture."""
+def draw_curves(shown: Sequence[ShownCurve]) -> Figure:
+    """Draw curves with bands in one picture, a colour for each group if there are several."""
     figure = style.new_figure(3.8)
     axis = figure.subplots()
-    named = condition_names(found)
-    assemblies = list(dict.fromkeys(c.condition.levels for c in shown))
+    groups = list(dict.fromkeys(c.group for c in shown))
+    (x_size, x_unit), (size, unit) = readable(shown[0].x_unit), readable(shown[0].unit)
     for index, c in enumerate(shown):
-        look, speed = style.look(index), MM * c.speed_m_s
-        if len(assemblies) > 1:  # a colour for each mounting, seal and drive
-            look = look._replace(color=style.look(assemblies.index(c.condition.levels)).color)
-        label = named(c.condition)
-        if speed.size == 1:
-            draw.bars(
-                axis, speed, c.friction_n, draw.spread(c.friction_n, c.low_n, c.high_n), look, ms=3.6, label=label
-            )
+        look, x, y = style.look(index), c.x / x_size, c.y / size
+        if len(groups) > 1:
+            look = look._replace(color=style.look(groups.index(c.group)).color)
+        low, high = (y, y) if c.band is None else (c.band[0] / size, c.band[1] / size)
+        if x.size == 1:
+            draw.bars(axis, x, y, draw.spread(y, low, high), look, ms=3.6, label=c.label)
         else:
-            draw.band(axis, speed, c.friction_n, (c.low_n, c.high_n), look, 0.13, lw=1.0, label=label)
-            draw.marks(axis, speed[c.measured], c.friction_n[c.measured], look, 3.6)
-        if c.excluded:
-            where = [MM * p.speed_m_s for p in c.excluded]
-            axis.plot(where, [p.friction_n for p in c.excluded], "x", color=look.color, ms=4)
-    draw.speed_axis(axis, MM * np.concatenate([c.speed_m_s for c in shown]))
-    axis.set_ylabel("seal and air / N" if any(c.contains_air for c in shown) else "friction / N")
+            draw.band(axis, x, y, (low, high), look, 0.13, lw=1.0, label=c.label)
+            draw.marks(axis, x[c.measured], y[c.measured], look, 3.6)
+        if c.excluded[0].size:
+            axis.plot(c.excluded[0] / x_size, c.excluded[1] / size, "x", color=look.color, ms=4)
+    draw.speed_axis(axis, np.concatenate([c.x for c in shown]) / x_size)
+    axis.set(xlabel=f"{shown[0].x_quantity} / ({x_unit})", ylabel=f"{shown[0].quantity} / {unit}")
     draw.legend_of(figure, axis, most=3)
     return figure
 

@@ -5,17 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.reduction.condition import BOTH
+from pneudrive.friction.reduction.condition import BOTH, PA_PER_BAR
+from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
+from pneudrive.views import ShownCurve, ShownValue, View
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
-    import numpy as np
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.campaign.effects.effect import (
         AirShare,
         Asymmetry,
@@ -142,6 +147,24 @@ class Curve(Shown):
         """Upper end of the part of the band from chance alone, N."""
         return self.friction_n + NORMAL_95 * self.stderr_n
 
+    def shown(self, ambient_pressure_pa: float) -> ShownCurve:
+        """Return the curve for display; each mounting, seal and drive is a group."""
+        excluded = np.array([(point.speed_m_s, point.friction_n) for point in self.excluded]).reshape(-1, 2)
+        return ShownCurve(
+            key=str(self.condition),
+            label=self.condition.label(ambient_pressure_pa),
+            x=self.speed_m_s,
+            y=self.friction_n,
+            x_quantity="speed",
+            quantity="seal and air" if self.contains_air else "friction",
+            x_unit="m/s",
+            unit="N",
+            band=(self.low_n, self.high_n),
+            measured=self.measured,
+            group=self.condition.title,
+            excluded=(excluded[:, 0], excluded[:, 1]),
+        )
+
 
 @dataclass(frozen=True)
 class UncertaintySource:
@@ -237,16 +260,48 @@ class CampaignCharacteristics(Shown):
         """Whether a simulated rig made the data."""
         return self.identity.synthetic
 
+    def view(self) -> View:
+        """Return ranges and effects, curves of both directions together, and sentences on what the data show."""
+        ambient = self.identity.ambient_pressure_pa
+        return View(
+            title=f"{self.name} ({'simulated' if self.synthetic else 'measured'})",
+            rows=(*self._counts(), *self._effects()),
+            curves=tuple(curve.shown(ambient) for curve in self.curves if curve.direction == BOTH),
+            notes=tuple(statement.marked for statement in self.statements),
+        )
+
     def _card(self) -> Card:
-        """Return measurement and results, then the statements."""
-        r = self.ranges
-        counts = {"cycles": self.cycles, "skipped": self.skipped, "curves": self.curves, "stops": self.stops}
-        rows = [(name, str(len(found))) for name, found in counts.items()]
-        rows.append(("speeds", f"{1e3 * r.speed_m_s[0]:.3g} to {1e3 * r.speed_m_s[1]:.3g} mm/s"))
-        for chamber, (low, high) in (("a", r.gauge_a_pa), ("b", r.gauge_b_pa)):
-            rows.append((f"pressure {chamber}", f"{1e-5 * low:.3g} to {1e-5 * high:.3g} bar gauge"))
-        title = f"{self.name} ({'simulated' if self.synthetic else 'measured'})"
-        return Card(title, rows=rows, notes=[str(statement) for statement in self.statements])
+        return self.view().card()
+
+    def _counts(self) -> Iterator[ShownValue]:
+        for name in ("cycles", "skipped", "curves", "stops"):
+            yield ShownValue(name, name, "value", str(len(getattr(self, name))))
+        for name, (low, high), size, unit in (
+            ("speeds", self.ranges.speed_m_s, 1e-3, "mm/s"),
+            ("gauge pressure a", self.ranges.gauge_a_pa, PA_PER_BAR, "bar"),
+            ("gauge pressure b", self.ranges.gauge_b_pa, PA_PER_BAR, "bar"),
+        ):
+            ends = f"{plain(round(low / size, 3))} to {plain(round(high / size, 3))} {unit}"
+            yield ShownValue(name, name, "value", ends)
+
+    def _effects(self) -> Iterator[ShownValue]:
+        """Return the effects of pressures, repeatability and drift, as far as the data determine them."""
+        found: dict[str, Estimate | None] = {}
+        for effect in self.pressure:
+            where = f" ({effect.levels})" if effect.levels else ""
+            found[f"pressure of chamber a{where}"] = effect.mean_a
+            found[f"pressure of chamber b{where}"] = effect.mean_b
+            found[f"pressure of both chambers{where}"] = effect.mean_sum
+        if self.repeatability is not None:
+            found["scatter of one cycle"] = self.repeatability.within
+            found["scatter of blocks or days"] = self.repeatability.between
+        if self.drift is not None:
+            found["drift per hour"] = self.drift.per_hour
+            found["run-in per decade of travel"] = self.drift.per_decade_of_travel
+            found["drift per kelvin"] = self.drift.per_kelvin
+        for name, e in found.items():
+            if e is not None:
+                yield ShownValue(name, name, "value", e.value, e.unit, (e.low, e.high))
 
     def curve(self, condition: Condition, direction: int = BOTH) -> Curve | None:
         """Return one curve, or None."""

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.friction.campaign.curves.curves import Fits, deviation_n, systematic
 from pneudrive.friction.campaign.curves.points import Points
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.friction.friction_map import Row, columns_to_dataset
+from pneudrive.friction.reduction.budget import CycleTerms
 from pneudrive.friction.reduction.side import RowValue, row_of
 
 if TYPE_CHECKING:
@@ -43,9 +44,7 @@ def friction_map(reading: CampaignData, points: Points | None, fits: Fits | None
     """Return the map, one row per cycle and direction, in the order of the campaign."""
     rows: list[Row] = []
     if points is not None:
-        bands = _bands(points, fits)
-        for i, d in enumerate(points.reduced.data):
-            rows += _paired_rows(points, bands, i, d, reading)
+        rows += _paired_rows(points, fits, reading)
         for d in points.unpaired:
             rows += _unpaired_rows(d, reading)
     else:
@@ -62,32 +61,25 @@ def friction_map(reading: CampaignData, points: Points | None, fits: Fits | None
     return found
 
 
-def _bands(points: Points, fits: Fits | None) -> dict[str, np.ndarray]:
-    """Return half widths of the bands of single cycles, N."""
-    reduced = points.reduced
-    nothing = np.full(len(points), np.nan)
+def _terms(points: Points, fits: Fits | None) -> CycleTerms:
+    """Return the uncertainty budget of each cycle."""
+    reduced, count = points.reduced, len(points)
+    terms = {field.name: np.full(count, np.nan) for field in fields(CycleTerms)}
+    terms |= {"noise_n": reduced.friction_stderr_n, "cycle_n": np.zeros(count)}
     if fits is None:
-        return {
-            "stderr": reduced.friction_stderr_n,
-            "u": nothing,
-            "zero": nothing,
-            "zero_u": nothing,
-            "offset": nothing,
-        }
-    stderr = np.hypot(reduced.friction_stderr_n, deviation_n(fits, "cycle", reduced.friction_n))
-    block = deviation_n(fits, "block", reduced.friction_n)
-    u, zero, zero_u = nothing.copy(), nothing.copy(), nothing.copy()
+        return CycleTerms(**terms)
+    terms["cycle_n"] = deviation_n(fits, "cycle", reduced.friction_n)
+    terms["block_n"] = deviation_n(fits, "block", reduced.friction_n)
     own = fits.offset.fit.most_probable_sd("cycle")
     for condition in range(len(points.conditions)):
         members = points.condition == condition
         if not (members & points.use).any():
             continue  # no curve for its cycles
         shared = systematic(fits, reduced.friction_n[members], reduced.offset_n[members], condition)
-        # A cycle has its own state of the campaign; the curve is that of the mean state.
-        own_state = np.hypot(shared.state_n, block[members])
-        u[members], zero_u[members] = np.hypot(shared.friction_n(), own_state), shared.zero_n
-        zero[members] = np.hypot(reduced.offset_stderr_n[members], own)
-    return {"stderr": stderr, "u": u, "zero": zero, "zero_u": zero_u, "offset": _offsets(points, fits)}
+        for name, values in vars(shared).items():
+            terms[name][members] = values
+        terms["offset_n"][members] = np.hypot(reduced.offset_stderr_n[members], own)
+    return CycleTerms(**terms)
 
 
 def _offsets(points: Points, fits: Fits) -> np.ndarray:
@@ -101,32 +93,31 @@ def _offsets(points: Points, fits: Fits) -> np.ndarray:
     return points.reduced.offset_n - zero - drift
 
 
-def _paired_rows(
-    points: Points, bands: dict[str, np.ndarray], i: int, d: CycleData, reading: CampaignData
-) -> list[Row]:
-    reduced = points.reduced
-    friction, offset = float(reduced.friction_n[i]), float(reduced.offset_n[i])
-    stderr, u = float(bands["stderr"][i]), float(bands["u"][i])
-    half = NORMAL_95 * float(np.hypot(stderr, u))
-    half_direction = NORMAL_95 * float(np.sqrt(stderr**2 + u**2 + bands["zero"][i] ** 2 + bands["zero_u"][i] ** 2))
+def _paired_rows(points: Points, fits: Fits | None, reading: CampaignData) -> list[Row]:
+    reduced, terms = points.reduced, _terms(points, fits)
+    offsets = np.full(len(points), np.nan) if fits is None else _offsets(points, fits)
     known = np.flatnonzero(reduced.common)
     width = reading.edges_m[1] - reading.edges_m[0]
     window = (float(reduced.position_m[known[0]] - width / 2.0), float(reduced.position_m[known[-1]] + width / 2.0))
+    columns = (reduced.friction_n, reduced.offset_n, terms.stderr_n, terms.u_systematic_n)
+    bands = (terms.half_n, terms.half_direction_n, offsets, reduced.air_n)
     rows = []
-    for direction in (1, -1):
-        own = friction + direction * float(bands["offset"][i])
-        value = RowValue(direction * friction + offset, friction, offset, stderr, u)
-        rows.append(
-            _row(d, direction, value, window, points.reasons[i], reading)
-            | {
-                "friction_low_n": friction - half,
-                "friction_high_n": friction + half,
-                "friction_direction_n": own,
-                "friction_direction_low_n": own - half_direction,
-                "friction_direction_high_n": own + half_direction,
-                "air_n": float(reduced.air_n[i]),
-            }
-        )
+    for i, (d, *numbers) in enumerate(zip(reduced.data, *columns, *bands, strict=True)):
+        friction, offset, stderr, u, half, half_direction, asymmetry, air = map(float, numbers)
+        for direction in (1, -1):
+            own = friction + direction * asymmetry
+            value = RowValue(direction * friction + offset, friction, offset, stderr, u)
+            rows.append(
+                _row(d, direction, value, window, points.reasons[i], reading)
+                | {
+                    "friction_low_n": friction - half,
+                    "friction_high_n": friction + half,
+                    "friction_direction_n": own,
+                    "friction_direction_low_n": own - half_direction,
+                    "friction_direction_high_n": own + half_direction,
+                    "air_n": air,
+                }
+            )
     return rows
 
 

@@ -1,4 +1,22 @@
-"""Systematic uncertainty of friction and offset as in the GUM: one entry per source, combined at the end."""
+"""Uncertainty budget of one row of the friction map, term by term, as in the GUM.
+
+Measurand: friction, half the difference of the mean force balance in +x and in -x at equal positions. Terms are
+independent, so standard uncertainties add in squares; the expanded uncertainty has k = 2.
+
+A row of a recording, one speed level:
+
+    stderr_n        type A   `chance_n`: scatter of the strokes' means, at least the noise within the strokes
+    u_systematic_n  type B   `systematic_budget`: one entry for each source, its sensitivity times its uncertainty
+
+A row of a campaign, one cycle:
+
+    stderr_n        type A   `CycleTerms`: noise within the cycle, scatter from cycle to cycle
+    u_systematic_n  type B   `SharedTerms`: gain, hysteresis, mean over position
+                    type A   state of the campaign, and block or day
+
+The parts of gain, hysteresis and zero of a cycle come from the same `systematic_budget` (`stated_shares`). Tares and
+known weights replace some of them by measured ones (``campaign/sensors.py``).
+"""
 
 from __future__ import annotations
 
@@ -7,11 +25,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.friction.reduction.spread import pair_stderr, profile_stderr, within_stderr
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.reduction.pairing import Profile
     from pneudrive.friction.reduction.side import DirectionMeans
+    from pneudrive.friction.reduction.spread import Spread
     from pneudrive.signals.recording import Recording
+
+    Array = NDArray[np.float64]
 
 COVERAGE_FACTOR = 2.0
 # Assumed if the layout does not state it; the budget marks each as assumed.
@@ -173,6 +200,106 @@ def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionM
         BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, bore_note),
         BudgetEntry("alignment of the force axis", angle, "rad", known, "B", turned, shared, words),
     ]
+
+
+def chance_n(
+    spreads: Mapping[int, Spread], rows: Mapping[int, Array], bins: NDArray[np.bool_], profile: Profile
+) -> float:
+    """Return the type A standard uncertainty of the friction of a speed level, N.
+
+    Parameters
+    ----------
+    spreads : mapping
+        Direction -> spread of its strokes' means.
+    rows : mapping
+        Present direction -> balance of each stroke in each bin.
+    bins : ndarray of bool
+        Bins that enter the mean.
+    profile : Profile
+        Friction over position: the only information if no direction has two strokes.
+    """
+    if len(rows) == 1:
+        only = next(iter(rows))
+        stderr = spreads[only].stderr_n
+        return stderr if np.isfinite(stderr) else profile_stderr(rows[only][0][bins])
+    stderr = pair_stderr(spreads[1], spreads[-1])
+    if not np.isfinite(stderr):
+        return profile_stderr(profile.friction_n[bins])
+    inside = sum(within_stderr(matrix[:, bins]) ** 2 for matrix in rows.values())
+    return max(stderr, float(np.sqrt(inside)) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class SharedTerms:
+    """Standard uncertainties that all points of a curve share, N, shape (m,).
+
+    Attributes
+    ----------
+    gain_n, hysteresis_n : ndarray
+        Of the sensors: proportional to friction, and equal at all frictions.
+    position_n : ndarray
+        Friction over the part of the stroke that the mean does not cover.
+    state_n : ndarray
+        Difference between friction in another state of the campaign and in its mean state. It is no uncertainty of the
+        curve of the mean state, but of a single cycle.
+    zero_n : ndarray
+        Zero of the force sensor, for one direction alone.
+    """
+
+    gain_n: Array
+    hysteresis_n: Array
+    position_n: Array
+    state_n: Array
+    zero_n: Array
+
+    def friction_n(self) -> Array:
+        """Return that of half the difference of both directions, in the mean state of the campaign."""
+        return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
+
+    def direction_n(self) -> Array:
+        """Return that of one direction."""
+        return np.hypot(self.friction_n(), self.zero_n)
+
+
+@dataclass(frozen=True, eq=False)
+class CycleTerms(SharedTerms):
+    """Standard uncertainties of the rows of a campaign, N, shape (n,), by cycle; NaN for cycles without a curve.
+
+    Attributes
+    ----------
+    noise_n : ndarray
+        Noise within the cycle.
+    cycle_n, block_n : ndarray
+        Scatter from cycle to cycle, and of blocks or days.
+    offset_n : ndarray
+        Half the sum of both directions, for one direction alone.
+    """
+
+    noise_n: Array
+    cycle_n: Array
+    block_n: Array
+    offset_n: Array
+
+    @property
+    def stderr_n(self) -> Array:
+        """Statistical standard uncertainty of friction."""
+        return np.hypot(self.noise_n, self.cycle_n)
+
+    @property
+    def u_systematic_n(self) -> Array:
+        """Systematic standard uncertainty of friction: a cycle has its own state, a curve the mean one."""
+        return np.hypot(self.friction_n(), np.hypot(self.state_n, self.block_n))
+
+    @property
+    def half_n(self) -> Array:
+        """Half width of the 95 % band of friction."""
+        return NORMAL_95 * np.hypot(self.stderr_n, self.u_systematic_n)
+
+    @property
+    def half_direction_n(self) -> Array:
+        """Half width of the 95 % band of one direction alone."""
+        squares = self.stderr_n**2 + self.u_systematic_n**2 + self.offset_n**2 + self.zero_n**2
+        return NORMAL_95 * np.sqrt(squares)
 
 
 def uncertainty_of(entries: Sequence[BudgetEntry], source: str) -> float:

@@ -9,13 +9,20 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.friction.friction_map import Row
-from pneudrive.friction.reduction.budget import BudgetEntry, combined, expanded, systematic_budget
+from pneudrive.friction.reduction.budget import (
+    COVERAGE_FACTOR,
+    BudgetEntry,
+    chance_n,
+    combined,
+    expanded,
+    systematic_budget,
+)
 from pneudrive.friction.reduction.motion import RecordedMotion, SampleChoice
 from pneudrive.friction.reduction.pairing import Grid, Profile, pair, stroke_means
 from pneudrive.friction.reduction.plausible import doubts_of
 from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway
 from pneudrive.friction.reduction.side import RowValue, Side, row_of
-from pneudrive.friction.reduction.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
+from pneudrive.friction.reduction.spread import Spread, spread_of
 from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT, StickSlip
 from pneudrive.friction.reduction.stroke_use import StrokeUse
 from pneudrive.friction.reduction.strokes import StrokeFriction, mean_of_strokes, stroke_frictions
@@ -24,9 +31,10 @@ from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke, middle, straight_line
 from pneudrive.signals.recording import Recording
 from pneudrive.signals.samples import clean
+from pneudrive.views import ShownValue
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -91,6 +99,26 @@ class Level(Shown):
         """Standard error of ``speed_m_s``: scatter of the strokes' speeds, the larger one of both directions."""
         speeds = [[s.speed_m_s for s in self.strokes if s.direction == d] for d in (1, -1)]
         return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
+
+    def rows_shown(self, label: str) -> Iterator[ShownValue]:
+        """Return speeds, strokes, friction and offset with U (k = 2), and flags.
+
+        Parameters
+        ----------
+        label : str
+            Name of the level among those of other recordings.
+        """
+        for direction, side in self.sides.items():
+            sign = "+x" if direction > 0 else "-x"
+            yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", abs(side.velocity_m_s), "m/s")
+        used = sum(side.strokes for side in self.sides.values())
+        yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(self.strokes)}")
+        for name, value, u in (
+            ("friction", self.friction_n, self.expanded_n),
+            ("offset", self.offset_n, COVERAGE_FACTOR * self.u_offset_n),
+        ):
+            yield ShownValue(f"{label}.{name}", label, name, value, "N", (value - u, value + u))
+        yield ShownValue(f"{label}.flags", label, "flags", " ".join(self.flags))
 
     def gauge_pa(self, ambient_pressure_pa: float) -> dict[str, float]:
         """Return the mean gauge pressure of the directions in chambers ``a`` and ``b``."""
@@ -291,18 +319,10 @@ def _estimate(
     slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
     budget = tuple(systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s))))
     u_friction, u_offset = combined(budget)
+    stderr = chance_n(spreads, rows, bins, profile)
     if len(sides) == 1:
-        stderr = spreads[only].stderr_n
-        if not np.isfinite(stderr):
-            stderr = profile_stderr(rows[only][0][bins])
         # Nothing cancels in one direction alone: friction is as uncertain as the offset.
         return _Estimate(only * spreads[only].mean_n, float("nan"), stderr, u_offset, u_offset, budget)
-    stderr = pair_stderr(spreads[1], spreads[-1])
-    if np.isfinite(stderr):
-        inside = sum(within_stderr(matrix[:, bins]) ** 2 for matrix in rows.values())
-        stderr = max(stderr, float(np.sqrt(inside)) / 2)
-    else:
-        stderr = profile_stderr(profile.friction_n[bins])
     half_difference = (spreads[1].mean_n - spreads[-1].mean_n) / 2
     half_sum = (spreads[1].mean_n + spreads[-1].mean_n) / 2
     return _Estimate(half_difference, half_sum, stderr, u_friction, u_offset, budget)

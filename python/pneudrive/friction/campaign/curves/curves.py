@@ -27,6 +27,7 @@ from pneudrive.friction.campaign.curves.smooth import (
     with_doubt,
 )
 from pneudrive.friction.campaign.result import Curve
+from pneudrive.friction.reduction.budget import SharedTerms
 from pneudrive.friction.reduction.condition import BOTH
 from pneudrive.friction.reduction.plausible import OUTLIER
 
@@ -188,30 +189,7 @@ def _with_tares(tares: Sequence[CycleData], data: CurveData) -> CurveData:
     return replace(data, **{name: np.concatenate([getattr(data, name), values]) for name, values in added.items()})
 
 
-@dataclass(frozen=True, eq=False)
-class Systematic:
-    """Standard uncertainties that all points of a curve share, N, shape (m,).
-
-    ``state_n`` is the difference between friction in another state of the campaign and its mean state. It is not part
-    of the uncertainty of the mean curve, but of the information from a single cycle.
-    """
-
-    gain_n: Array
-    hysteresis_n: Array
-    position_n: Array
-    state_n: Array
-    zero_n: Array
-
-    def friction_n(self) -> Array:
-        """Return that of half the difference of both directions, in the mean state of the campaign."""
-        return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
-
-    def direction_n(self) -> Array:
-        """Return the effect for one direction."""
-        return np.hypot(self.friction_n(), self.zero_n)
-
-
-def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> Systematic:
+def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> SharedTerms:
     """Return the uncertainties that all points share, at these frictions and half sums (without zero if known)."""
     points = fits.points
     members = points.use & (points.condition == condition)
@@ -225,7 +203,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     zero = np.full(friction_n.size, np.hypot(static, place))
     if not fits.has_zero:
         zero = np.hypot(zero, np.abs(half_sum_n))
-    return Systematic(
+    return SharedTerms(
         gain_n=gain * np.abs(friction_n),
         hysteresis_n=np.full(friction_n.size, float(np.mean([d.u_hysteresis_n for d in data]))),
         position_n=points.reduced.u_position * np.abs(friction_n),

@@ -1,0 +1,98 @@
+"""Notes on recordings: what was measured, what is in doubt, what is assumed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.estimate.estimates import changed
+from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
+from pneudrive.friction.recording.pressure_line import CONFOUNDED
+from pneudrive.friction.sentences import sentence
+
+if TYPE_CHECKING:
+    from pneudrive.friction.friction_map import Row
+    from pneudrive.friction.recording.closure import ClosureFit
+    from pneudrive.friction.recording.pressure_line import FrictionPoint, PressureLine
+    from pneudrive.friction.reduction.level import Level, RecordingResult
+
+
+def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[Row]) -> float:
+    """Return the correlation of speed and pressure within seals, in the direction with the stronger one."""
+    of_recording = {point.recording: point for point in points}
+    strongest = 0.0
+    for direction in (1, -1):
+        mine = [row for row in rows if row["direction"] == direction]
+        seals = [of_recording[row["recording"]].seal for row in mine]
+        scatter = [of_recording[row["recording"]].speed_stderr_m_s for row in mine]
+        values = np.array([[abs(row["velocity_m_s"]), of_recording[row["recording"]].pressure_pa] for row in mine])
+        has_changed = False
+        for seal in set(seals):
+            members = np.array([s == seal for s in seals])
+            has_changed |= changed(values[members, 0], float(np.median(scatter)))
+            values[members] -= values[members].mean(axis=0)
+        if len(mine) >= 3 and has_changed and np.ptp(values[:, 1]) > MINIMUM_RANGE_PA:
+            found = float(np.corrcoef(values.T)[0, 1])
+            strongest = max(strongest, found, key=abs)
+    return strongest
+
+
+def _stick_slip_note(level: Level) -> str:
+    found = [s for s in level.stick_slip if s.found]
+
+    def usual(name: str) -> float:
+        return float(np.median([getattr(s, name) for s in found]))
+
+    return sentence(
+        "note.stick_slip",
+        name=level.recording,
+        period_s=usual("period_s"),
+        step_mm=usual("step_m") * 1e3,
+        peak_mm_s=usual("peak_speed_m_s") * 1e3,
+        stuck=100 * usual("stuck_share"),
+        mean_mm_s=usual("mean_speed_m_s") * 1e3,
+    )
+
+
+def _doubts(levels: list[Level]) -> list[str]:
+    """Return each kind of doubt once, with the sentence of its first recording."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for level in levels:
+        for flag, doubt in level.doubts.items():
+            found.setdefault(flag, []).append((level.recording, doubt))
+    notes = []
+    for members in found.values():
+        names = list(dict.fromkeys(name for name, _ in members))
+        also = f" (and of {len(names) - 1} more: {', '.join(names[1:4])})" if len(names) > 1 else ""
+        notes.append(sentence("note.check_layout", name=names[0], also=also, doubt=members[0][1]))
+    return notes
+
+
+def notes_of(
+    results: tuple[RecordingResult, ...],
+    points: tuple[FrictionPoint, ...],
+    lines: list[PressureLine],
+    rows: list[Row],
+    closures: list[ClosureFit],
+) -> list[str]:
+    """Return the notes on all recordings together."""
+    levels = [level for result in results for level in result.levels]
+    speeds = np.array([abs(row["velocity_m_s"]) for row in rows]) * 1e3
+    notes = [sentence("note.measured", low=speeds.min(), high=speeds.max())]
+    together = _speed_with_pressure(points, rows)
+    if abs(together) > CONFOUNDED:
+        notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))
+    held = [min(np.ptp(r.recording.pressure_a_pa), np.ptp(r.recording.pressure_b_pa)) == 0 for r in results]
+    notes += [sentence("note.one_side")] if all(held) else []
+    notes += _doubts(levels)
+    assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
+    doubts = {
+        "negative": [level.recording for level in levels if "negative_friction" in level.flags],
+        "assumed": sorted(assumed),
+        "larger_offset": [level.recording for level in levels if abs(level.offset_n) > level.friction_n],
+    }
+    notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(found))) for key, found in doubts.items() if found]
+    notes += [line.statement for line in lines]
+    notes += [_stick_slip_note(level) for level in levels if "stick_slip" in level.flags]
+    return [*notes, *([] if closures else [sentence("note.no_closure")])]

@@ -1,0 +1,187 @@
+"""Values with intervals and curves with bands: one form of a result for terminal, notebook, report and page.
+
+A result offers ``view()``. Whoever shows a `View` needs no knowledge of the class of the result.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.numbers import plain, with_u
+from pneudrive.show import Card
+from pneudrive.units import readable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ShownValue:
+    """One value of a result.
+
+    Attributes
+    ----------
+    key : str
+        Identifies it within the result.
+    label : str
+        Name of the object that has it: the row of a table.
+    quantity : str
+        The column of a table.
+    value : float or str
+    unit : str
+        SI; "" for text and counts.
+    interval : tuple of float or None
+        Ends of the 95 % interval, or of U (k = 2).
+    origin : str
+        Its source: data, stated, assumed.
+    """
+
+    key: str
+    label: str
+    quantity: str
+    value: float | str
+    unit: str = ""
+    interval: tuple[float, float] | None = None
+    origin: str = "data"
+
+    @property
+    def text(self) -> str:
+        """Value and half of its interval in the usual unit, without the unit; "" for a value that is not determined.
+
+        Examples
+        --------
+        >>> ShownValue("v", "a recording", "speed", 0.0132, "m/s").text
+        '13.2'
+        >>> ShownValue("f", "a recording", "friction", 9.79, "N", (9.3, 10.28)).text
+        '9.79 ± 0.49'
+        """
+        if isinstance(self.value, str):
+            return self.value
+        if not math.isfinite(self.value):
+            return ""
+        size, _ = readable(self.unit)
+        if self.interval is None:
+            return plain(self.value / size)
+        low, high = self.interval
+        return with_u(self.value / size, (high - low) / 2.0 / size, "")
+
+    @property
+    def usual_unit(self) -> str:
+        """Unit of the text."""
+        return readable(self.unit)[1] if self.unit else ""
+
+
+@dataclass(frozen=True, eq=False)
+class ShownCurve:
+    """One curve of a result, in SI.
+
+    Attributes
+    ----------
+    key, label : str
+    x, y : ndarray, shape (m,)
+    x_quantity, quantity : str
+        Names of both axes.
+    x_unit, unit : str
+    band : tuple of ndarray or None
+        Lower and upper end of the 95 % band.
+    measured : ndarray of bool, shape (m,)
+        False between the measured points.
+    group : str
+        Curves of one group have one colour.
+    excluded : tuple of ndarray
+        x and y of points that are not part of the curve.
+    """
+
+    key: str
+    label: str
+    x: Array
+    y: Array
+    x_quantity: str
+    quantity: str
+    x_unit: str
+    unit: str
+    band: tuple[Array, Array] | None
+    measured: NDArray[np.bool_]
+    group: str = ""
+    excluded: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+
+    @property
+    def half_band(self) -> float:
+        """Mean half width of the band at the measured points; NaN without a band."""
+        if self.band is None:
+            return float("nan")
+        return float(((self.band[1] - self.band[0]) / 2.0)[self.measured].mean())
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Values, curves and sentences of a result.
+
+    Attributes
+    ----------
+    title : str
+    rows : tuple of ShownValue
+    curves : tuple of ShownCurve
+    notes : tuple of str
+    """
+
+    title: str
+    rows: tuple[ShownValue, ...] = ()
+    curves: tuple[ShownCurve, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Return head and rows of the values: a row for each label, a column for each quantity."""
+        of_column: dict[str, set[str]] = {}
+        labels: dict[str, dict[str, ShownValue]] = {}
+        for value in self.rows:
+            of_column.setdefault(value.quantity, set()).add(value.usual_unit)
+            labels.setdefault(value.label, {})[value.quantity] = value
+        # A column of one unit names it in its head, a column of several beside each value.
+        one = {name: next(iter(units)) if len(units) == 1 else None for name, units in of_column.items()}
+        heads = ("", *(f"{name} {unit or ''}".strip() for name, unit in one.items()))
+        return heads, [
+            (label, *(_cell(cells.get(name), with_unit=unit is None) for name, unit in one.items()))
+            for label, cells in labels.items()
+        ]
+
+    def curve_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Return head and rows of the curves: the ranges of both axes, and the mean band."""
+        rows = []
+        for curve in self.curves:
+            (x_size, _), (size, _) = readable(curve.x_unit), readable(curve.unit)
+            points = str(int(curve.measured.sum()))
+            ends = (_ends(curve.x / x_size, ".3g"), _ends(curve.y / size, ".2f"))
+            rows.append((curve.label, points, *ends, f"± {curve.half_band / size:.2g}"))
+        if not self.curves:
+            return (), rows
+        first = self.curves[0]
+        axes = (
+            f"{name} {readable(unit)[1]}"
+            for name, unit in ((first.x_quantity, first.x_unit), (first.quantity, first.unit))
+        )
+        return ("curve", "points", *axes, "95 % band"), rows
+
+    def card(self) -> Card:
+        """Return the display in a notebook and at the prompt."""
+        head, rows = self.table() if self.rows else self.curve_table()
+        return Card(self.title, head, rows, self.notes)
+
+
+def _cell(value: ShownValue | None, *, with_unit: bool) -> str:
+    if value is None:
+        return ""
+    return f"{value.text} {value.usual_unit}".strip() if with_unit and value.text else value.text
+
+
+def _ends(values: Iterable[float], form: str) -> str:
+    ends = np.sort(np.asarray(values))[[0, -1]] + 0.0
+    return " .. ".join(dict.fromkeys(f"{end:{form}}" for end in ends))
