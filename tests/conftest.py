@@ -34,7 +34,7 @@ DEAREST = (
     "tests/acceptance/test_random_runs.py",
     "tests/campaign/test_killed.py",
     "tests/unit/identify/test_dynamic.py",
-    "tests/acceptance/test_first_hour.py",
+    "tests/acceptance/test_tutorials.py",
     "tests/unit/friction/campaign/test_hidden.py",
     "tests/unit/validate/test_diagnosis.py",
     "tests/unit/report/test_any_input.py",

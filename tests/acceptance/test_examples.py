@@ -13,7 +13,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 PAGES = {
     "friction_of_seals": ("docs/theory/fit.md", "", 11),
     "as_printed": ("docs/theory/as-printed.md", "|", 6),
-    "identified_to_controlled": ("docs/guide/identified-to-controlled.md", "|", 17),
+    "identified_to_controlled": ("docs/tutorials/identified-to-controlled.md", "|", 17),
     "linear_part": ("docs/theory/flow.md", "|", 6),
 }
 

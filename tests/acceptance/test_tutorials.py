@@ -1,4 +1,4 @@
-"""The tutorial is true: its files are written, its commands run in their order and print what it says they print."""
+"""The tutorials are true: their files are written, their commands run in order and print the text of the page."""
 
 import contextlib
 import doctest
@@ -8,17 +8,21 @@ import shlex
 import shutil
 from pathlib import Path
 
+import pytest
+
 import pneudrive as pn
 from pneudrive.cli.main import run
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs/guide/first-hour.md"
+DOCS = ROOT / "docs"
 BLOCK = re.compile(r"^```(toml|console|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+#: Tutorial -> smallest number of its commands.
+TUTORIALS = {"first-hour": 13, "first-controlled-axis": 6, "first-sizing": 4}
 
 
 def commands(block):
-    """Each command of a block with what it is said to print."""
+    """Each command of a block with the output that the page shows."""
     for entry in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
         line, _, wanted = entry.partition("\n")
         yield line, wanted
@@ -37,29 +41,30 @@ def shell(line):
     return out.getvalue(), aside.getvalue()
 
 
-def test_the_guide_lists_every_page_once_and_begins_with_the_first_hour():
-    folder = PAGE.parent
-    listed = re.findall(r"^[a-z][a-z-]*$", (folder / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
-    assert listed[0] == "first-hour"
-    assert sorted(listed) == sorted(path.stem for path in folder.glob("*.md") if path.stem != "index")
+@pytest.mark.parametrize("folder", ["guide", "tutorials"])
+def test_the_index_lists_every_page_once(folder):
+    listed = re.findall(r"^[a-z][a-z-]*$", (DOCS / folder / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(listed) == sorted(path.stem for path in (DOCS / folder).glob("*.md") if path.stem != "index")
 
 
-def test_the_names_of_the_guide_show_what_it_says():
-    text = (ROOT / "docs/guide/describe.md").read_text(encoding="utf-8")
+def test_the_names_of_the_guide_show_the_output_of_the_page():
+    text = (DOCS / "guide/describe.md").read_text(encoding="utf-8")
     test = doctest.DocTestParser().get_doctest(text, {"pn": pn}, "describe", None, 0)
     assert len(test.examples) == 4
     wrong = io.StringIO()
     assert doctest.DocTestRunner(optionflags=FLAGS).run(test, out=wrong.write).failed == 0, wrong.getvalue()
 
 
-def test_every_command_prints_what_the_page_says(tmp_path, monkeypatch):
+@pytest.mark.parametrize("tutorial", TUTORIALS)
+def test_every_command_prints_the_text_of_the_page(tutorial, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    page = DOCS / "tutorials" / f"{tutorial}.md"
     names, seen = {}, 0
-    for kind, text in BLOCK.findall(PAGE.read_text(encoding="utf-8")):
+    for kind, text in BLOCK.findall(page.read_text(encoding="utf-8")):
         if kind == "toml":
             Path(text.splitlines()[0].removeprefix("# ")).write_text(text, encoding="utf-8")
         elif kind == "python":
-            test = doctest.DocTestParser().get_doctest(text, names, "page", str(PAGE), 0)
+            test = doctest.DocTestParser().get_doctest(text, names, "page", str(page), 0)
             wrong = io.StringIO()
             runner = doctest.DocTestRunner(optionflags=FLAGS)
             assert runner.run(test, out=wrong.write, clear_globs=False).failed == 0, wrong.getvalue()
@@ -68,6 +73,6 @@ def test_every_command_prints_what_the_page_says(tmp_path, monkeypatch):
             for line, wanted in commands(text):
                 got = shell(line)
                 seen += 1
-                printed = [doctest.OutputChecker().check_output(wanted, one, FLAGS) for one in got]
+                printed = [doctest.OutputChecker().check_output(wanted, output, FLAGS) for output in got]
                 assert any(printed), "\n".join((line, *got))
-    assert seen > 12
+    assert seen >= TUTORIALS[tutorial]
