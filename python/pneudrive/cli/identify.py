@@ -61,11 +61,13 @@ def identify(
     """Identify parameters of a drive from recordings by output error, with intervals; list undetermined ones.
 
     Ctrl-C ends the search with the best values so far. A file with a table [volume] describes a tank, a fixed volume:
-    its line, heat transfer and leak are identified from its pressure.
+    its line, heat transfer and leak are identified from its pressure. A file with a table [regulator] describes a
+    pressure regulator: its gain and lag are identified from command and pressure.
     """
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tank import Tank
     from pneudrive.identify.dynamic.fit import identify as identified
+    from pneudrive.identify.regulator import Regulator, identify_regulator
     from pneudrive.trajectory import check_target
 
     if out is not None:
@@ -74,6 +76,11 @@ def identify(
     if follow is not None:
         one_of("--follow", follow, {"motion": None})
         _motion(drive, recordings, names, layout, out, report)
+        return
+    if Regulator.is_file(drive):
+        lag = identify_regulator(drive, list(recordings), layout)
+        typer.echo(str(lag))
+        tell([lag.to_toml(out) if out is not None else None])
         return
     if Tank.is_file(drive):
         _tank(

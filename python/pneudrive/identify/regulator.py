@@ -1,0 +1,287 @@
+"""Lag and gain from the command of a pressure regulator to the pressure behind it, from recordings of both.
+
+The model is a grey box: p' = (g u(t - d) + o - p) / T, with one time T for filling and another one for venting. Volume,
+conductance and leak only act through T, so that no such recording determines them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from pneudrive import __version__
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.describe import toml
+from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure
+from pneudrive.errors import DescriptionError, FitError
+from pneudrive.numbers import plain
+from pneudrive.show import Card, Shown
+from pneudrive.signals.drive_recording import read_volume_recordings
+from pneudrive.trajectory import whole
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive import units
+    from pneudrive.signals.drive_recording import VolumeRecording
+    from pneudrive.signals.layout import Layout
+
+    Array = NDArray[np.float64]
+
+NAMES = ("gain_pa", "offset_pa", "filling_s", "venting_s")
+BLOCK_S = 1.0  # blocks of time for the covariance
+TIED = 0.95  # correlation of gain and offset above which the recordings do not separate them
+TURNED = 0.2  # relative spread from run to run above which a number differs between runs
+DELAYS = np.linspace(0.0, 3.0, 7)  # dead times that are tried, in sampling intervals
+NEVER = (
+    "volume, area, conductance, leak, moving mass, friction and the kind of actuator are not determined by command and "
+    "pressure: they only act together, in the lag"
+)
+
+
+class RegulatorTable(Described):
+    """``[regulator]``: start values of a regulator; `full_pressure` belongs to the command 1."""
+
+    table_name: ClassVar[str] = "regulator"
+    full_pressure: Annotated[Any, StatedPressure()]
+    zero_pressure: Annotated[Any, StatedPressure()] = None
+    lag_s: Annotated[float, Quantity("s", "ms", Bounds(above=0.0))] = 0.1
+
+
+class Regulator(Described):
+    """A pressure regulator between a command of 0 to 1 and a pressure, with start values."""
+
+    name: str = "unnamed regulator"
+    regulator: RegulatorTable
+
+    @classmethod
+    def is_file(cls, path: str | Path) -> bool:
+        """Whether a path is a TOML file with a table ``[regulator]``."""
+        if Path(path).suffix != ".toml" or not Path(path).is_file():
+            return False
+        return isinstance(toml.read(path, DescriptionError)[0].get("regulator"), dict)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Regulator:
+        """Read a file."""
+        tables, text = toml.read(path, DescriptionError)
+        with toml.locating(str(path), text):
+            return cls.model_validate(tables)
+
+    def start(self, ambient_pa: float) -> Array:
+        """Return the start point of the search: gain, offset, and logarithms of both lags."""
+        table = self.regulator
+        full = _absolute(table.full_pressure, ambient_pa)
+        zero = ambient_pa if table.zero_pressure is None else _absolute(table.zero_pressure, ambient_pa)
+        return np.array([(full - zero) / 1e5, zero / 1e5, np.log(table.lag_s), np.log(table.lag_s)])
+
+
+def _absolute(pressure: units.Pressure, ambient_pa: float) -> float:
+    return pressure.absolute_pa(ambient_pa)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RegulatorFit(Shown):
+    """Lag and gain of a regulator.
+
+    Attributes
+    ----------
+    name : str
+    values : dict
+        ``gain_pa`` (for the whole range of the command), ``offset_pa`` (absolute, at the command 0), ``filling_s``,
+        ``venting_s``.
+    intervals : dict
+        95 %: of correlated residuals and of the spread from run to run.
+    runs : dict
+        Name of each recording -> its own values.
+    spread : dict
+        Relative standard deviation from run to run.
+    rms, predicted : float
+        Residual of the fit, and of each run predicted from the other ones, as a share of the range.
+    held : float
+        Residual with gain and offset of the description held.
+    correlation : float
+        Of gain and offset.
+    dead_time_s : tuple of float
+        Dead times that fit within 2 % of the best residual.
+    undetermined : tuple of str
+    """
+
+    name: str
+    values: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    runs: dict[str, dict[str, float]]
+    spread: dict[str, float]
+    rms: float
+    predicted: float
+    held: float
+    correlation: float
+    dead_time_s: tuple[float, float]
+    undetermined: tuple[str, ...]
+    series: dict[str, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
+
+    def _card(self) -> Card:
+        rows = []
+        for name, value in self.values.items():
+            low, high = self.intervals[name]
+            text = f"{plain(value)} [{plain(low)}, {plain(high)}]"
+            if name in self.spread:
+                text += f", run to run {100 * self.spread[name]:.0f} %"
+            rows.append((name, text))
+        rows.append(("rms", f"{100 * self.rms:.2f} % of the range; {100 * self.held:.2f} % with the stated gain held"))
+        if np.isfinite(self.predicted):
+            rows.append(("predicted runs", f"{100 * self.predicted:.2f} % of the range"))
+        return Card(f"{self.name}: {len(self.runs)} runs", rows=rows, notes=list(self.undetermined))
+
+    def __str__(self) -> str:
+        """Return values, intervals and statements as text."""
+        card = self._card()
+        return "\n".join([card.title, *(f"  {name}: {text}" for name, text in card.rows), *map(str, card.notes)])
+
+    def to_toml(self, path: str | Path) -> Path:
+        """Write the fit."""
+        tables = {
+            "kind": "regulator-fit",
+            "version": __version__,
+            "rms_percent": 100.0 * self.rms,
+            "held_percent": 100.0 * self.held,
+            **({"predicted_percent": 100.0 * self.predicted} if np.isfinite(self.predicted) else {}),
+            "correlation": self.correlation,
+            "dead_time_s": list(self.dead_time_s),
+            "undetermined": list(self.undetermined),
+            "values": self.values,
+            "intervals": {name: list(ends) for name, ends in self.intervals.items()},
+            "spread": self.spread,
+            "runs": self.runs,
+        }
+        with whole(Path(path)) as temporary:
+            temporary.write_text(toml.write(tables), encoding="utf-8")
+        return Path(path)
+
+
+def identify_regulator(
+    regulator: Regulator | str | Path, recordings: Sequence[Any], layout: Layout | str | Path | None = None
+) -> RegulatorFit:
+    """Identify lag and gain from the command of a regulator to the pressure behind it.
+
+    Parameters
+    ----------
+    regulator : Regulator or path
+    recordings : sequence of path
+        Time, command and pressure; each begins anywhere.
+    layout : Layout or path, optional
+        Of the kind ``fixed-volume``; the range of the command is 0 to 1.
+
+    Raises
+    ------
+    FitError, RecordingError, LayoutError, DescriptionError
+        Input is not valid, or the command does not change.
+    """
+    described = regulator if isinstance(regulator, Regulator) else Regulator.load(regulator)
+    records = read_volume_recordings(list(recordings), layout)
+    idle = [r.name for r in records if np.ptp(r.opening) == 0.0]
+    if idle:
+        raise FitError("the command does not change", value=", ".join(idle), remedy="record steps of the command")
+    start = described.start(STANDARD_ATMOSPHERE_PA)
+    solved = _fit(records, start)
+    span = float(np.mean([np.ptp(r.pressure_pa) for r in records]))
+    rms = float(np.sqrt(np.mean(_residual(solved, records) ** 2)))
+    own = {r.name: _fit([r], solved) for r in records}
+    runs = {name: dict(zip(NAMES, _values(point).tolist(), strict=True)) for name, point in own.items()}
+    intervals, correlation = _intervals(records, solved, own)
+    spread = {}
+    if len(records) > 1:
+        spread = {n: float(np.std([run[n] for run in runs.values()], ddof=1) / abs(_named(solved)[n])) for n in NAMES}
+    predicted = [_residual(_fit([o for o in records if o is not r], solved), [r]) for r in records if len(records) > 1]
+    held = least_squares(lambda lags: _residual(np.r_[start[:2], lags], records).ravel(), solved[2:])
+    dead = _dead_time(records, solved)
+    step = float(np.median(np.diff(records[0].time_s)))
+    lost = [NEVER]
+    if abs(correlation) > TIED:
+        lost.insert(0, f"gain and offset are not separated: they correlate at {correlation:.2f}. Add a run at rest, or hold "
+                    "the stated gain")  # fmt: skip
+    if dead[0] == 0.0:
+        lost.insert(0, f"the dead time is not determined: 0 to {dead[1]:.3f} s fit, at a sample each {step:.3f} s")
+    for name, value in spread.items():
+        if value > TURNED:
+            lost.append(f"{name} differs from run to run by {100 * value:.0f} %")
+    shown = {}
+    for r in records:
+        shown[r.name] = (r.time_s, r.pressure_pa, r.pressure_pa - 1e5 * _residual(solved, [r]))
+    return RegulatorFit(
+        described.name, _named(solved), intervals, runs, spread, 1e5 * rms / span,
+        1e5 * float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))) / span if predicted else float("nan"),
+        1e5 * float(np.sqrt(np.mean(held.fun**2))) / span, correlation, dead, tuple(lost), shown,
+    )  # fmt: skip
+
+
+def _values(point: Array) -> Array:
+    return np.r_[1e5 * point[:2], np.exp(point[2:4])]
+
+
+def _named(point: Array) -> dict[str, float]:
+    return dict(zip(NAMES, _values(point).tolist(), strict=True))
+
+
+def _fit(records: Sequence[VolumeRecording], start: Array) -> Array:
+    return least_squares(lambda point: _residual(point, records), start, x_scale=[1.0, 1.0, 0.3, 0.3]).x
+
+
+def _residual(point: Array, records: Sequence[VolumeRecording], dead_s: float = 0.0) -> Array:
+    """Return measured less simulated pressures of all recordings in bar."""
+    return np.concatenate([r.pressure_pa / 1e5 - _simulate(point, r, dead_s) for r in records])
+
+
+def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
+    """Return the pressure in bar: an exact step of the lag from sample to sample, to the mean goal between them."""
+    goal = point[0] * np.interp(record.time_s - dead_s, record.time_s, record.opening) + point[1]
+    between, step = 0.5 * (goal[1:] + goal[:-1]), np.diff(record.time_s)
+    filling, venting = (1.0 - np.exp(-step / lag) for lag in np.exp(point[2:4]))
+    out = np.empty(record.time_s.size)
+    out[0] = p = record.pressure_pa[0] / 1e5
+    for k, target in enumerate(between):
+        p += (filling[k] if target > p else venting[k]) * (target - p)
+        out[k + 1] = p
+    return out
+
+
+def _intervals(
+    records: Sequence[VolumeRecording], point: Array, own: dict[str, Array]
+) -> tuple[dict[str, tuple[float, float]], float]:
+    """Return the wider one of the intervals by blocks of time and by runs, and the correlation of gain and offset."""
+    steps = np.array([1e-4, 1e-4, 1e-3, 1e-3])
+    base = _residual(point, records)
+    moved = [
+        (_residual(point + steps * unit, records) - base) / step for unit, step in zip(np.eye(4), steps, strict=True)
+    ]
+    jacobian = np.array(moved).T
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    times = np.concatenate([i * 1e6 + r.time_s for i, r in enumerate(records)])
+    edges = np.unique(np.floor(times / BLOCK_S), return_index=True)[1]
+    scores = np.add.reduceat(jacobian * base[:, None], edges, axis=0)
+    covariance = inverse @ (scores.T @ scores) @ inverse
+    deviation = student.ppf(0.975, max(len(edges) - 4, 3)) * np.sqrt(np.diag(covariance))
+    if len(own) > 1:
+        between = np.std([p[:4] for p in own.values()], axis=0, ddof=1) / np.sqrt(len(own))
+        deviation = np.maximum(deviation, student.ppf(0.975, len(own) - 1) * between)
+    low, high = _values(point - deviation), _values(point + deviation)
+    ends = {name: (float(low[i]), float(high[i])) for i, name in enumerate(NAMES)}
+    return ends, float(inverse[0, 1] / np.sqrt(inverse[0, 0] * inverse[1, 1]))
+
+
+def _dead_time(records: Sequence[VolumeRecording], point: Array) -> tuple[float, float]:
+    """Return the smallest and the largest dead time that fit within 2 % of the best residual."""
+    step = float(np.median(np.diff(records[0].time_s)))
+    sizes = []
+    for delay in DELAYS * step:
+        found = least_squares(lambda p, d=delay: _residual(p, records, d), point, x_scale=[1.0, 1.0, 0.3, 0.3])
+        sizes.append(float(np.sqrt(2.0 * found.cost)))
+    fits = DELAYS[np.array(sizes) < 1.02 * min(sizes)] * step
+    return float(fits.min()), float(fits.max())
