@@ -194,7 +194,7 @@ def identify_regulator(
     span = float(np.mean([np.ptp(r.pressure_pa) for r in records]))
     rms = float(np.sqrt(np.mean(_residual(solved, records) ** 2)))
     own = {r.name: _fit([r], solved) for r in records}
-    runs = {name: dict(zip(NAMES, _values(point).tolist(), strict=True)) for name, point in own.items()}
+    runs = {name: _named(point) for name, point in own.items()}
     intervals, correlation = _intervals(records, solved, own)
     spread = {}
     if len(records) > 1:
@@ -205,8 +205,8 @@ def identify_regulator(
     step = float(np.median(np.diff(records[0].time_s)))
     lost = [NEVER]
     if abs(correlation) > TIED:
-        lost.insert(0, f"gain and offset are not separated: they correlate at {correlation:.2f}. Add a run at rest, or hold "
-                    "the stated gain")  # fmt: skip
+        words = f"gain and offset are not separated: they correlate at {correlation:.2f}"
+        lost.insert(0, f"{words}. Add a run at rest, or hold the stated gain")
     if dead[0] == 0.0:
         lost.insert(0, f"the dead time is not determined: 0 to {dead[1]:.3f} s fit, at a sample each {step:.3f} s")
     for name, value in spread.items():
@@ -227,7 +227,7 @@ def _values(point: Array) -> Array:
 
 
 def _named(point: Array) -> dict[str, float]:
-    return dict(zip(NAMES, _values(point).tolist(), strict=True))
+    return {str(name): float(value) for name, value in zip(NAMES, _values(point), strict=True)}
 
 
 def _fit(records: Sequence[VolumeRecording], start: Array) -> Array:
