@@ -67,7 +67,7 @@ def identify(
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tank import Tank
     from pneudrive.identify.dynamic.fit import identify as identified
-    from pneudrive.identify.regulator import Regulator, identify_regulator
+    from pneudrive.identify.follow.regulator import Regulator, identify_regulator
     from pneudrive.trajectory import check_target
 
     if out is not None:

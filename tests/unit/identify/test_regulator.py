@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneudrive.errors import FitError
-from pneudrive.identify.regulator import Regulator, identify_regulator
+from pneudrive.identify.follow.regulator import Regulator, identify_regulator
 from pneudrive.signals.drive_recording import volume_recording
 
 DATA = Path(__file__).parents[3] / "data/measurements/affetto-2024"

@@ -1,1 +1,1 @@
-"""Circuits that follow a recorded motion: volumes, heat, walls and leaks of closed chambers from their pressures."""
+"""Models that follow a recorded input: closed chambers along a motion, and regulators under a command."""
