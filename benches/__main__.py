@@ -26,7 +26,7 @@ from benches.sweep import Entry, interleave
 HERE = Path(__file__).resolve().parent
 ROUNDS = {"A": 21, "B": 21, "C": 3}
 COMPILED = "numbalsoda LSODA"
-# What the product promises: at least so many times faster than ...
+# Promised speed-up: at least this factor compared with ...
 GOALS = [
     ("A", COMPILED, 3.0),
     ("B", COMPILED, 3.0),
@@ -70,7 +70,7 @@ def solvers(peers_only: bool) -> list[Any]:
 
 
 def machine() -> dict[str, Any]:
-    """Return what a reader needs to judge the seconds."""
+    """Return the data that a reader needs to judge the seconds."""
     cpu = platform.processor()
     info = Path("/proc/cpuinfo")
     if info.exists():

@@ -3,8 +3,8 @@
     python -m benches.campaign_map [--speeds 500] [--pressures 15] [--folder DIR] [--keep]
 
 Makes a campaign file of 75 million samples (Stribeck friction, sensor noise and quantisation, seeded), then
-characterises it in a fresh process and prints wall time, memory and how well the truth came back. The bar is
-20 s and 4 GiB on 2 processors. Making the file is not part of the time.
+characterises it in a fresh process. It prints wall time, memory and the errors of the result. The bar is 20 s and 4 GiB
+on 2 processors. Making the file is not part of the time.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a chunk of a study costs beside its members: in this process, with a folder, and on a Dask cluster.
+"""Overhead of a chunk of a study: in this process, with a folder, and on a Dask cluster.
 
     .venv-extras/bin/python -m benches.cluster        (make test-extras sets that environment up)
 

@@ -3,7 +3,7 @@
     python -m benches.control_goals --out FOLDER [--members 200] [--seeds 5] [--axes P1,P2,P3,P3h,P4,P5] [--setup real]
     python -m benches.control_goals --out FOLDER --axes "" --laws        each law beside what a first study reached
 
-Runs are kept in FOLDER, so that a call that was interrupted goes on. All of it is simulated.
+Runs are kept in FOLDER, so that an interrupted call continues. All results are simulated.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Studies:
 
 
 def beside_rows(studies: Studies) -> Iterator[tuple[str, ...]]:
-    """Yield law, cell, what is measured, what the first study reached, and their ratio."""
+    """Yield controller, cell, measure, result of the first study, and their ratio."""
     described = studies.out / f"{DESCRIBED}.toml"
     studies.out.mkdir(parents=True, exist_ok=True)
     described.write_text('schema = 1\nlaw = "nmpc"\nadaptation = false\n', encoding="utf-8")
@@ -152,7 +152,7 @@ def measure(name: str, law: str, studies: Studies) -> list[tuple[str, str]]:
 def worst_step(law: str, steps: int) -> None:
     """Print the time of a law's steps, of each the least of three equal runs: what disturbs one comes in bursts.
 
-    The first one, whose code has to be fetched, stands for itself.
+    The first run, whose code has to be fetched, is listed separately.
     """
     drive = pn.Circuit.load(EXAMPLES / "controlled_axis.toml")
     prepared = prepare(drive, law, "sine 60 mm 1 Hz around 250 mm", duration=1e-3 * steps, mismatch="all")

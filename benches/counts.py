@@ -1,4 +1,4 @@
-"""How much work the solver does, counted: exact, the same on every machine, and asserted by the tests.
+"""Work of the solver in counts: exact, the same on every machine, and asserted by the tests.
 
 ``python -m benches.counts`` writes ``benches/counts.json``. A change there is a change of the solver:
 say in the changelog why.

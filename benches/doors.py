@@ -19,7 +19,7 @@ ROUNDS = 21
 
 
 def _processor(arguments: list[str]) -> float:
-    """Processor time of a process and its children, s: what a quiet machine lets a user wait."""
+    """Processor time of a process and its children, s: the waiting time of a user on a quiet machine."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(arguments, check=True, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -27,7 +27,7 @@ def _processor(arguments: list[str]) -> float:
 
 
 def _least(*measures: Callable[[], float]) -> list[float]:
-    """Least of some rounds of each, in turns: what stands in the way on a busy machine only adds."""
+    """Least of some rounds of each, in turns, because a busy machine can only add time."""
     rounds = [[measure() for measure in measures] for _ in range(ROUNDS)]
     return [min(times) for times in zip(*rounds, strict=True)]
 
@@ -52,7 +52,7 @@ def measure() -> list[tuple[str, float, float]]:
         simulate += ["--out", f"{folder}/run.parquet"]
         processes = (["-c", "pass"], ["-c", "import numpy"], ["-c", "import pneudrive"])
         labelled, command, bare, numpy, package = _least(
-            # The processes between leave cold caches behind, which are none of the call's own.
+            # The processes in between leave cold caches, which do not belong to the call.
             lambda: min(once(call) for _ in range(5)),
             lambda: _processor(simulate),
             *(lambda code=code: _processor([sys.executable, *code]) for code in processes),

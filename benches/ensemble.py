@@ -70,7 +70,7 @@ def ours(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> np.ndarray:
 
 
 def outcome(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> Outcome:
-    """Return what the core gives: these outputs, and its attempts at a step."""
+    """Return the core's result: these outputs, and its step attempts."""
     names = [*(path for path, *_ in VARIED), BREAKAWAY[0]]
     values = rows(n)
     drive = json.loads(json.dumps(A.data["drive"]))

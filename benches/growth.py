@@ -1,4 +1,4 @@
-"""How the cost grows: with drives on one tank, with cells of lines, with members, with time; fitted exponents.
+"""Growth of the cost with drives on one tank, cells of lines, members, and time: fitted exponents.
 
 ``python -m benches.growth`` prints the table alone; ``CIRCUITS`` are counted in ``counts.json`` as well.
 """

@@ -1,16 +1,16 @@
-"""Identification: ours beside the same fit with SciPy's LSODA and finite differences.
+"""Identification: pneudrive compared with the same fit with SciPy's LSODA and finite differences.
 
-``python -m benches.identify`` prints what the tests do not have time for, all on synthetic records:
+``python -m benches.identify`` prints the comparisons that take too long for tests, all on synthetic records:
 
-- speed, in `make bench` too: five friction parameters from 10 s of servo motion at 1 kHz, 1 um and 200 Pa of noise,
-  from starts 50 % off, against output error with LSODA and finite differences. One simulation of theirs is timed
-  between two fits of ours and taken times what a Gauss-Newton step needs (one run, and one for each parameter and each
-  number of the start) times the steps that ours took: in its favour, as single shooting from such starts needs more,
-  or does not arrive. Ours is the whole call, with intervals and limits of the model error. Compared is processor time
-  of all threads. How far each simulation is off, in units of the noise, stands beside its time: with `odeint` at 1e-6
-  it is more than the noise, and a fit by finite differences then ends beside the truth by many standard errors (3 s of
-  this record: Coulomb friction by 9, viscous by 15), while at 1e-9 it ends where ours does. So the tolerance of equal
-  accuracy is the one to compare with.
+- speed, also in `make bench`. Five friction parameters from 10 s of servo motion at 1 kHz, with 1 um and 200 Pa of
+  noise, from starts 50 % off. The comparison is output error with LSODA and finite differences. One simulation with
+  LSODA is timed between two fits of pneudrive. Its time is multiplied by the runs of a Gauss-Newton step (one run, and
+  one for each parameter and each start value) and by pneudrive's number of steps. This favours LSODA, because single
+  shooting from such starts needs more steps or fails. The time of pneudrive is the whole call, with intervals and
+  limits of the model error. The comparison uses the processor time of all threads. The error of each simulation, in
+  units of the noise, is listed with its time. With `odeint` at 1e-6 it exceeds the noise, and a fit by finite
+  differences then has errors of many standard errors (3 s of this record: Coulomb friction by 9, viscous by 15). At
+  1e-9 the fit agrees with that of pneudrive. The comparison therefore uses the tolerance of equal accuracy.
 - coverage: a laboratory's noise (10 um, 2 kPa), unknown offsets of 0.5 % of full scale on all sensors, valve C and b
   free.
 """
@@ -210,7 +210,7 @@ def coverage(count: int) -> None:
 
 
 def main() -> None:
-    """Run what is asked for."""
+    """Run the requested benches."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--coverage", type=int, default=0, help="seeds of the coverage study; 0 leaves it out")
     arguments = parser.parse_args()

@@ -1,9 +1,9 @@
-"""How near to what a core can calculate: operations of a run over its time, beside a loop of multiply-adds.
+"""Distance from the limit of a core: operations of a run over its time, compared with a loop of multiply-adds.
 
-``python -m benches.limit`` prints the table alone. The operations of an attempt at a step were counted once, with a
-number type that counts, for the equations of the reference drive with their Jacobian, its elimination and all stages:
-an addition, a multiplication, a division, a root, a comparison as 1, a fused multiply-add as 2. What else a run does,
-events and samples, is not among them. The limit is measured in the same run by `limit.rs`.
+``python -m benches.limit`` prints only the table. The operations of a step attempt were counted once with a counting
+number type, for the equations of the reference drive with their Jacobian, its elimination and all stages. An addition,
+a multiplication, a division, a root and a comparison count as 1, a fused multiply-add as 2. Events and samples, the
+other work of a run, are not included. The limit is measured in the same run by `limit.rs`.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _row(name: str, count: int, flops: int, seconds: float) -> tuple[str, ...]:
 
 
 def _timed(solve: Callable[[], Any]) -> tuple[float, Any]:
-    """Return the least processor time of three calls, and what the last one gave."""
+    """Return the least processor time of three calls, and the result of the last one."""
     solve()
     times = []
     for _ in range(3):

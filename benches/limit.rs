@@ -1,4 +1,4 @@
-// How many operations in f64 a core of this machine can do: independent chains of fused multiply-adds, counted as two.
+// Operations per second in f64 of a core of this machine: independent chains of fused multiply-adds, counted as two.
 use std::{hint::black_box, time::Instant};
 
 /// Numbers that are worked on side by side: eight registers of 512 bits, sixteen of 256.

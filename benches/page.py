@@ -1,4 +1,4 @@
-"""The page in a browser: milliseconds from an input to the paint, beside the time of a frame of an empty page."""
+"""The page in a browser: milliseconds from an input to the paint, compared with a frame of an empty page."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
 """The timed cases of the reference drive, their yardstick, and the one tolerance convention of all solvers.
 
-Case A is the full stroke (2 s, states at 1 kHz), case B creeps at 5 mm/s with stick-slip (5 s, 500 Hz), case C is 10 s
-of position control with the command sampled and held at 1 kHz.  All are golden cases of ``tests/golden``.
-Every solver gets rtol = tol and atol_i = tol * SCALE_i; one that takes a single atol integrates the
-states divided by SCALE.
+Case A is the full stroke (2 s, states at 1 kHz). Case B creeps at 5 mm/s with stick-slip (5 s, 500 Hz). Case C is 10 s
+of position control with the command sampled and held at 1 kHz. All are golden cases of ``tests/golden``. Every solver
+gets rtol = tol and atol_i = tol * SCALE_i. One that takes a single atol integrates the states divided by SCALE.
 """
 
 from __future__ import annotations
@@ -109,7 +108,7 @@ class Case:
 
     @cached_property
     def compared(self) -> np.ndarray:
-        """Which golden samples count: those that are not around a first contact with an end stop."""
+        """Golden samples that count: those that are not around a first contact with an end stop."""
         position = self.golden[:, POSITION]
         beyond = (position < 0.0) | (position > self.stroke)
         keep = np.ones(len(position), bool)

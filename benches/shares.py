@@ -1,4 +1,4 @@
-"""Where the time goes: shares of the processor time of cases A, B, C and of the ensemble, by what is done in it.
+"""Distribution of processor time: fractions for cases A, B, C and the ensemble, by kind of work.
 
 ``python -m benches.shares target/release/lib_core.so`` after ``cargo build --release -p pneudrive-python``, as the
 installed core has no names of functions. It takes Linux' ``perf``, prints the table and writes ``shares.json``, which
@@ -72,7 +72,7 @@ def shares(which: str, package: Path) -> dict[str, float]:
 
 
 def by_work(told: str) -> dict[str, float]:
-    """Sum the lines of perf's report by what the functions do."""
+    """Sum the lines of perf's report by the purpose of the functions."""
     found = dict.fromkeys([*WORK, REST], 0.0)
     for line in told.splitlines():
         read = re.fullmatch(r"\s*([\d.]+)%\s+\[.\]\s+(.+?)\s*", line)

@@ -1,4 +1,4 @@
-"""What pruning removes before a sizing, on random tasks: the removed choices nearest to their bounds are simulated.
+"""Effect of pruning before a sizing, on random tasks: the removed choices nearest to their bounds are simulated.
 
     python -m benches.sizing_prune [TASKS]
 

@@ -1,4 +1,4 @@
-"""Which tolerance each solver needs, and how long it takes there: interleaved, least and median of rounds."""
+"""Tolerance that each solver needs, and its time: interleaved, least and median of rounds."""
 
 from __future__ import annotations
 

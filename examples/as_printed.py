@@ -1,4 +1,4 @@
-"""What the source paper's printed chamber equations cost: the same stroke with them and with the energy balance."""
+"""Effect of the source paper's printed chamber equations: the same stroke with them and with the energy balance."""
 
 import math
 import warnings
@@ -9,7 +9,7 @@ import xarray as xr
 
 import pneudrive as pn
 
-# "as-printed" warns that it breaks the energy balance: that is what is measured here.
+# "as-printed" warns that it breaks the energy balance. This effect is measured here.
 warnings.simplefilter("ignore", pn.errors.PneudriveWarning)
 
 BORE, STROKE, DEAD, HEAT = 0.032, 0.2, 5e-6, 60.0  # m, m, m3, W/(m2 K)

@@ -1,4 +1,7 @@
-"""How much a motion depends on the pressure ratio above which the valve's flow is linear: it is part of the model."""
+"""Dependence of a motion on the pressure ratio above which the valve's flow is linear.
+
+This ratio is part of the model.
+"""
 
 import warnings
 

@@ -124,7 +124,7 @@ class Bench:
 
 
 def make_rig() -> Bench:
-    """Give the rig; this is what the command line names."""
+    """Return the rig. The command line names this function."""
     return Bench()
 
 

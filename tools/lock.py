@@ -50,7 +50,7 @@ def fingerprint(name: str) -> str:
 
 
 def header(name: str) -> str:
-    """First lines of a lock file: how to renew it, and what it was made from."""
+    """First lines of a lock file: the command that renews it, and its inputs."""
     return f"# Written by `make lock`; do not edit.\n# made from: {fingerprint(name)}\n"
 
 

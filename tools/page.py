@@ -40,7 +40,7 @@ def run_npm(folder: Path, *words: str) -> None:
 
 
 def install(folder: Path) -> None:
-    """Install what the lock of a folder names, unless it is there."""
+    """Install the packages in the lock of a folder, unless they are installed."""
     lock, stamp = folder / "package-lock.json", folder / "node_modules" / ".pneudrive"
     wanted = hashlib.sha256(lock.read_bytes()).hexdigest()
     if stamp.is_file() and stamp.read_text() == wanted:

@@ -52,7 +52,7 @@ def attempt() -> None:
         home = Path(folder)
         venv.create(home / "venv", with_pip=True)
         bin_ = home / "venv" / "bin"
-        # On the path nothing but the environment: no Rust, no node, no compiler.
+        # The path contains only the environment: no Rust, no node, no compiler.
         clean = {"PATH": str(bin_), "HOME": folder, "TMPDIR": folder, "LANG": "C.UTF-8"}
         clean |= {key: value for key, value in os.environ.items() if key.startswith(("PIP_", "SSL_", "HTTP"))}
 

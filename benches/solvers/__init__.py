@@ -1,1 +1,4 @@
-"""One file a solver: `name`, `case_a(tol)` and `case_c(tol)` give p-T states; `bare_a`, `bare_c` what is timed."""
+"""One file a solver: `name`, `case_a(tol)` and `case_c(tol)` give p-T states.
+
+`bare_a` and `bare_c` are the timed functions.
+"""

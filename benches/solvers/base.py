@@ -1,4 +1,4 @@
-"""What a peer is: a solver that continues from a state under a constant command."""
+"""A peer: a solver that continues from a state under a constant command."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import Any
 
 
 def derivative(m: Any, y: Sequence[Any], u: float, q: Sequence[Any]) -> list[Any]:
-    """Return the state derivative; `m` has sqrt, exp, where, minimum, maximum; `q` is laid out as `rhs.PARAMETERS`."""
+    """Return the state derivative. `m` has sqrt, exp, where, minimum, maximum. `q` is laid out as `rhs.PARAMETERS`."""
     (k, gas, p_supply, t_supply, p_exhaust, t_exhaust, bore, stroke, dead, mass, alpha, t_wall, rho_c, b, linear, edge,
      k_stop, d_stop, depth, coulomb, breakaway, stribeck, viscous, stiffness, damping) = q  # fmt: skip
     x, v, p_a, t_a, p_b, t_b, z = y

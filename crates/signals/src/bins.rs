@@ -9,12 +9,12 @@ pub struct Bins {
     pub low: f64,
     /// Upper end of the last one.
     pub high: f64,
-    /// How many.
+    /// Number of bins.
     pub count: usize,
 }
 
-/// The mean of the values whose positions lie in each bin, over some stretches of samples; of these only what is chosen,
-/// where a choice is given. Not a number in a bin without any. A bin holds its lower end, not its upper one.
+/// Returns the mean of the values in each position bin, over some ranges of samples. If a choice is given, only the
+/// chosen samples count. A bin without samples is NaN. A bin includes its lower end, but not its upper end.
 ///
 /// # Panics
 /// The columns differ in length, or a stretch ends behind them.

@@ -1,4 +1,4 @@
-//! What samples of a recording show, each in one pass over them.
+//! Properties of recorded samples, each computed in one pass.
 #![warn(missing_docs)]
 
 mod bins;

@@ -13,7 +13,7 @@ impl Extreme {
         Extreme { value, begin: place, end: place }
     }
 
-    /// Takes the next sample; `beyond` says that it lies further out than those before.
+    /// Takes the next sample. `beyond` states that it is further out than those before.
     #[inline(always)]
     fn take(&mut self, place: usize, value: f64, beyond: bool) {
         if beyond {
@@ -30,8 +30,8 @@ impl Extreme {
 
 /// Finds the samples at which a motion reverses by at least `least`, the extremes at both ends included.
 ///
-/// Of equal extremes the first one counts, of equal samples in a row the one in the middle. All values are finite; where
-/// they nowhere differ by `least`, the greatest and the least one are found.
+/// Among equal extremes the first one counts, and among equal consecutive samples the one in the middle. All values are
+/// finite. If they never differ by `least`, the greatest and the least one are found.
 pub fn turning_points(values: &[f64], least: f64) -> Vec<usize> {
     let mut points = Vec::new();
     let Some(&first) = values.first() else { return points };

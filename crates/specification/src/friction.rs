@@ -239,7 +239,7 @@ pub struct FormulaState {
     pub rate: String,
 }
 
-/// Which parameters are Fc, Fs and Fv.
+/// Parameters that are Fc, Fs and Fv.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaLevels {
@@ -299,7 +299,7 @@ pub struct Formula {
 pub struct SlipElement {
     /// Stiffness of the spring, N/m.
     pub stiffness_n_m: f64,
-    /// Of the level of the law.
+    /// Fraction of the level of the law.
     pub share: f64,
 }
 

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 /// A description that reads itself. `serde_json::from_str` does the same, but is compiled again, for all tables, in each
 /// crate that calls it, and as fast code: this crate is compiled to be small.
 pub trait FromJson: Sized {
-    /// Of JSON.
+    /// Error in JSON.
     ///
     /// # Errors
     /// It is not JSON, or of another form.
@@ -127,7 +127,7 @@ pub struct Tank {
     pub tube: Option<BTreeMap<String, f64>>,
 }
 
-/// Which of its sides the rod of a cylinder is on.
+/// Side of the rod of a cylinder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CylinderKind {
@@ -166,7 +166,7 @@ pub struct EndStop {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cylinder {
-    /// Which of its sides the rod is on.
+    /// Side of the rod.
     pub kind: CylinderKind,
     /// Diameter of the bore, m.
     pub bore_m: f64,

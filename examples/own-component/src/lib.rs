@@ -1,4 +1,4 @@
-//! A component of a crate of its own: a filter that clogs with what has passed it.
+//! A component in a separate crate: a filter that clogs with the gas that has passed it.
 
 use circuit::math::{Deps, Lane, Over, Real};
 use circuit::own::{
@@ -19,7 +19,7 @@ circuit::own_part! {
         laws { clean: Iso6358 }
         same {
             path: Between,
-            /// Where the mass stands among the signals: flow and rate read it there.
+            /// Index of the mass among the signals, where flow and rate read it.
             passed: usize,
         }
     }

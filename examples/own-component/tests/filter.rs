@@ -45,7 +45,7 @@ fn what_passes_follows_the_closed_form_and_the_ledger_closes() {
     assert!(ledger.mass_error.abs() < 1e-12 && ledger.energy_error.abs() < 1e-6, "{ledger:?}");
 }
 
-/// The part runs over duals, and over numbers with derivatives of its own: d(m')/dm = -m'/(m_half + m).
+/// The part works for dual numbers, and for numbers with derivatives: d(m')/dm = -m'/(m_half + m).
 #[test]
 fn it_is_linearised_and_saved() {
     let mut session = filling().session(&start(), Options::default()).expect("starts");

@@ -1,4 +1,4 @@
-//! A law of control in a crate of its own: feed-forward of the velocity with feedback of position and velocity.
+//! A controller in a separate crate: feed-forward of the velocity with feedback of position and velocity.
 
 use control::{OwnLaw, Reference, Seen};
 

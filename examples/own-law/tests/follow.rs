@@ -74,7 +74,7 @@ fn it_leads_a_drive_along_a_move() {
     assert!(most < 15e-3 && last < 5e-3, "errors {most} m, {last} m");
 }
 
-/// The law that gives no number ends the run with a message; the loop is told by its return.
+/// A controller that returns NaN ends the run with a message, and the loop receives this by its return value.
 #[test]
 fn a_law_without_a_command_ends_the_run_in_words() {
     let failed = errors(|seen: &control::Seen, _: &Reference| if seen.time > 0.2 { f64::NAN } else { 0.0 });

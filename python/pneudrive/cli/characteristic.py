@@ -1,4 +1,4 @@
-"""``pneudrive characteristic``: what a drive does, one characteristic at a time."""
+"""``pneudrive characteristic``: one characteristic of a drive."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def tune(
     out: Annotated[Path | None, typer.Option(help="Controller file (TOML) with all gains.")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Tune a law from the description of a drive, with the rule of each gain, what limits it, and how it does there."""
+    """Tune a controller from the description of a drive, with the rule and limits of each gain, and its result."""
     from pneudrive.control.tuning import tune as tuned
     from pneudrive.describe.load import load_described
     from pneudrive.trajectory import check_target
@@ -94,7 +94,7 @@ def _show_tuning(found: Tuning) -> None:
 
 
 def _try_out(drive: Drive | Circuit, found: Tuning, setup: str) -> None:
-    """Run the tuned law on the drive that it was told of, and warn where it does not follow."""
+    """Run the tuned controller on its assumed drive, and warn if it does not follow."""
     from pneudrive.control.loop import prepare, run_prepared
     from pneudrive.errors import PneudriveError, warn
 

@@ -1,4 +1,4 @@
-"""``pneudrive datasheet``: what a drive does, on pages to file."""
+"""``pneudrive datasheet``: characteristics of a drive, on pages to file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def datasheet(
     intervals: Annotated[bool, typer.Option(help="Carry intervals of identified values through.")] = True,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Write a datasheet: circuit, numbers with standard and interval, curves, values with source, recordings beside."""
+    """Write a datasheet: circuit, numbers with standard and interval, curves, values with source, and recordings."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.datasheet.sheet import build
     from pneudrive.describe.load import load_described

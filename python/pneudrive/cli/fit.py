@@ -92,7 +92,7 @@ def fit(
 
 
 def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, CampaignCharacteristics | None]:
-    """Read a map, or make one; the second is what a single campaign measured beside its map."""
+    """Read a map, or make one. The second result contains the other measurements of a single campaign."""
     from pneudrive.errors import CommandError, PneudriveError
     from pneudrive.friction.campaign.characteristics import characteristics
     from pneudrive.friction.friction_map import read_map

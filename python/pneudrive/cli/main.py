@@ -80,7 +80,7 @@ def run(arguments: Sequence[str]) -> int:
     Returns
     -------
     int
-        Exit status: 0 success; 2 wrong input; 1 other error; 130 interrupted.
+        Exit status: 0 success, 2 wrong input, 1 other error, 130 interrupted.
     """
     first = next((word for word in arguments if not word.startswith("-")), None)
     if first is not None and first not in COMMANDS:

@@ -1,4 +1,4 @@
-"""``pneudrive measure``: two places in a recording, also beside another one."""
+"""``pneudrive measure``: two places in a recording, also compared with another one."""
 
 from __future__ import annotations
 

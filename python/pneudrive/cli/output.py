@@ -87,7 +87,7 @@ def show_view(view: View) -> None:
 
 
 def show_statements(statements: Iterable[Statement]) -> None:
-    """Print sentences on what the data show; "!" marks what they do not show."""
+    """Print statements on the data. "!" marks undetermined values."""
     show_lines(f"{'-' if statement.carried else '!'} {statement}" for statement in statements)
 
 

@@ -21,7 +21,7 @@ def report(
     ] = None,
     out: Results = Path("report"),
 ) -> None:
-    """Write a page of a fit: values with intervals, recordings, what the data do not determine.
+    """Write a page of a fit: values with intervals, recordings, undetermined values.
 
     Residuals need the data: --map for the fit of a friction map; `pneudrive identify --report` for that of a drive.
     """

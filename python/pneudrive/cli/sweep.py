@@ -81,7 +81,7 @@ def sweep(
 ) -> None:
     """Simulate a drive or a circuit in many variants and write what each run gave.
 
-    Finished chunks are kept: after Ctrl-C, a crash or a full disk the same command goes on from there.
+    Finished chunks are kept. After Ctrl-C, a crash or a full disk, the same command continues from there.
     """
     from pneudrive.cli.described import changed, command_of
     from pneudrive.cli.progress import on_terminal

@@ -26,7 +26,7 @@ class DescribedValue(NamedTuple):
     value : object
         As users write it: ``"25 mm"``, a number or a word.
     origin : str
-        Where it comes from, in words; empty for a value of the user without a source.
+        Source, in words. Empty for a value of the user without a source.
     kind : str
         ``"given"``, ``"source"``, ``"identified"``, ``"assumed"`` or ``"default"``.
     """
@@ -51,7 +51,7 @@ def values_of(described: Drive | Circuit) -> list[DescribedValue]:
     assumed = _assumptions(described, is_circuit=is_circuit)
     origins = _origins(described, is_circuit=is_circuit)
     identified = getattr(described, "provenance", None) or {}
-    # With the tables above each: a law of one's own is a table where the defaults have its name.
+    # With the tables above each one. A custom law is a table where the defaults have its name.
     given = {key.rsplit(".", depth)[0] for key, _ in leaves(described.to_dict()) for depth in range(key.count(".") + 1)}
     out = []
     for key, value in leaves(described.with_defaults()):

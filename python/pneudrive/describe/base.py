@@ -261,7 +261,7 @@ class StatedPressure(Mark):
         return pressure
 
     def show(self, value: units.Pressure) -> str:
-        """Write the pressure, absolute or gauge as it was given."""
+        """Write the pressure in its given form, absolute or gauge."""
         return str(value)
 
     def schema(self) -> dict[str, Any]:
@@ -303,7 +303,7 @@ _TYPES = {"string_type": "a text in quotes", "bool_type": "true or false", "int_
 class Described(Shown, BaseModel):
     """Base of every table of a description: frozen, closed to unknown keys, one message for each error.
 
-    A field is stored in SI under a name with its unit (``bore_m``); the key of the file (``bore``) gives the same
+    A field is stored in SI under a name with its unit (``bore_m``). The key of the file (``bore``) gives the same
     number as a quantity that shows its unit.
     """
 

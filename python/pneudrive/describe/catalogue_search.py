@@ -31,11 +31,11 @@ def find_parts(
     kind : str, optional
         Kind of component, the beginning of one, or a pattern: ``"valve"``, ``"cylinder/rodless"``, ``"*5/3"``.
     bore, stroke : str, optional
-        A length, or a range: ``"25 mm"``, ``"20 mm .. 40 mm"``. A part without a stroke of its own is made to order and
-        fits any.
+        A length, or a range: ``"25 mm"``, ``"20 mm .. 40 mm"``. A part without a fixed stroke is made to order and fits
+        any stroke.
     flow : str, optional
-        Sonic conductance or nominal flow, or a range of one: ``"1 dm3/(s bar) .. 3 dm3/(s bar)"``,
-        ``"500 l/min ANR .. 800 l/min ANR"``. Of a flow control that of the needle fully open.
+        Sonic conductance or nominal flow, or a range of one: ``"1 dm3/(s bar) .. 3 dm3/(s bar)"``, ``"500 l/min ANR ..
+        800 l/min ANR"``. For a flow control, this is the needle when fully open.
 
     Raises
     ------

@@ -44,8 +44,8 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 class Circuit(Described):
     """A pneumatic circuit: components by name, and connections between their ports.
 
-    Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``; `plugged` lists
-    closed ports; `junctions` selects how two restrictions are joined. `initial` is the default start state of a run.
+    Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``. `plugged` lists
+    closed ports. `junctions` selects how two restrictions are joined. `initial` is the default start state of a run.
     Tables of a drive file (``supply``, ``valve``, ``cylinder``, ...) define the components of these names and their
     usual joints.
 
@@ -312,9 +312,9 @@ class Circuit(Described):
         Parameters
         ----------
         commands : dict, str, number, sequence or None
-            By component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each in a form of `pneudrive.simulate`,
-            or texts with the name in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name may be left out where only one
-            component has a command. Without a command a valve stays shut.
+            Commands by component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each in a form of
+            `pneudrive.simulate`. Texts may have the name in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name may be
+            left out if only one component has a command. Without a command a valve stays shut.
         duration, sample_rate, rtol, ledger, budget, progress, cancel
             See `pneudrive.simulate`.
         initial : dict or str, optional

@@ -199,7 +199,7 @@ def _read(mark: Quantity, given: object, name: str) -> float:
 class Component(Described):
     """Component of a circuit.
 
-    Its class is made from the core's entry of its kind: a number is stored in SI under a name with its unit, and its
+    Its class is made from the core's entry of its kind. A number is stored in SI under a name with its unit, and its
     key reads it as a quantity.
     """
 

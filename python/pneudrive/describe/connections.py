@@ -1,6 +1,6 @@
 """Connections between the components of a circuit: chains of ports become joints, and errors in them are reported.
 
-`a -> b -> c` enters a component of two ports by its first and leaves it by its second; exhausts and optional ports do
+`a -> b -> c` enters a component of two ports by its first and leaves it by its second. Exhausts and optional ports do
 not count, and any other port is named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on port 12 of b, without
 flow.
 """

@@ -189,7 +189,7 @@ class Drive(Described):
 
     @property
     def has_lines(self) -> bool:
-        """Whether tubes or flow controls lie between valve and cylinder."""
+        """Whether there are tubes or flow controls between valve and cylinder."""
         return bool(self.tubing or self.flow_control)
 
     @property
@@ -459,7 +459,7 @@ def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Val
 
 
 def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Return a start state in SI, pressures absolute, by what a drive has; an array if that is one, of many drives.
+    """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays stand for many drives.
 
     Parameters
     ----------

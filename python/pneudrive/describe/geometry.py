@@ -46,7 +46,7 @@ class ChamberSizes(NamedTuple):
     area_a_m2, area_b_m2 : float
         On which the pressures act.
     dead_volume_a_m3, dead_volume_b_m3 : float
-        Of chamber a at x = 0, of chamber b at the end of the stroke.
+        Dead volume of chamber a at x = 0, and of chamber b at the end of the stroke.
     stroke_m : float
     """
 
@@ -57,12 +57,12 @@ class ChamberSizes(NamedTuple):
     stroke_m: float
 
     def volumes_m3(self, position_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the volumes of chambers a and b, m3: dead volume and what the piston leaves of the stroke.
+        """Return the volumes of chambers a and b, m3: dead volume and the free volume of the stroke.
 
         Parameters
         ----------
         position_m : ndarray
-            Of the piston, m; chamber a grows with it.
+            Position of the piston, m. Chamber a grows with it.
         """
         a = self.dead_volume_a_m3 + self.area_a_m2 * position_m
         return a, self.dead_volume_b_m3 + self.area_b_m2 * (self.stroke_m - position_m)

@@ -47,8 +47,8 @@ class WrittenState(written.WrittenParameter):
 class FrictionLaw(written.Written):
     """Friction law written as formulas.
 
-    Frozen. Formulas are text in SI; names in them are parameters, states, names of `let`, and ``v`` (velocity),
-    ``x`` (position), ``pressure_a``, ``pressure_b`` (gauge), ``pi``. `docs/guide/own-law.md` has the whole grammar.
+    Frozen. Formulas are text in SI. Names in them are parameters, states, names of `let`, and ``v`` (velocity), ``x``
+    (position), ``pressure_a``, ``pressure_b`` (gauge), ``pi``. `docs/guide/own-law.md` has the whole grammar.
 
     Parameters
     ----------
@@ -57,17 +57,17 @@ class FrictionLaw(written.Written):
     force : str
         Friction force, N, positive where it opposes v > 0; the rate of state ``z`` is ``z_rate``.
     parameters : dict
-        Name -> ``{"unit": "N", "above": 0, "default": ..., "meaning": "..."}``; bounds ``above``, ``at_least``,
-        ``below``, ``at_most`` and the default in that SI unit, or quantities with a unit.
+        Name -> ``{"unit": "N", "above": 0, "default": ..., "meaning": "..."}``. Bounds are ``above``, ``at_least``,
+        ``below`` and ``at_most``. Bounds and default are in that SI unit, or quantities with a unit.
     states : dict
         Name -> ``{"unit": "m", "scale": "1 mm", "rate": "v - ..."}``; they start at 0.
     let : dict
         Name -> formula, evaluated in this order.
     levels : dict
-        Names of the parameters that are ``coulomb``, ``breakaway`` and ``viscous``, on which modifiers act; the
-        default is the parameters of these names.
+        Names of the parameters that are ``coulomb``, ``breakaway`` and ``viscous``, on which modifiers act. The default
+        is the parameters of these names.
     energy, slip, steady : str, optional
-        Energy stored in the states, J; rate of irreversible slip, m/s; force in steady sliding, N.
+        Energy stored in the states, J. Rate of irreversible slip, m/s. Force in steady sliding, N.
     odd : bool
         Claims that the force changes its sign with v and all states; checked.
     title, source : str

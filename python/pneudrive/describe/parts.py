@@ -295,12 +295,12 @@ class FlowCoefficient(Quantity):
 class Valve(Described):
     """Proportional 5/3 valve.
 
-    A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance, u < 0 supply -> b and
-    a -> exhaust. `command` is the range of the electrical input, for commands in V or mA; its ends are u = -1 and 1.
-    `overlap` is the fraction of the command up to which an edge stays shut, negative for an edge that is open in the
-    centre. `leakage` is the fraction of the conductance that leaks past each edge in the centre.
-    The size is given in exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv
-    (`pneudrive.describe.valve_flow` states the assumptions of each conversion).
+    A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance. u < 0 opens supply -> b
+    and a -> exhaust. `command` is the range of the electrical input, for commands in V or mA; its ends are u = -1 and
+    1. `overlap` is the fraction of the command up to which an edge stays shut, negative for an edge that is open in the
+    centre. `leakage` is the fraction of the conductance that leaks past each edge in the centre. The size is given in
+    exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv.
+    `pneudrive.describe.valve_flow` states the assumptions of each conversion.
     """
 
     table_name: ClassVar[str] = "valve"
@@ -363,7 +363,7 @@ class Spring(Described):
 
 
 class Load(Described):
-    """Load of the piston, beside its own moving mass; `force` acts in +x."""
+    """Load of the piston, in addition to its moving mass. `force` acts in +x."""
 
     table_name: ClassVar[str] = "load"
     mass_kg: Annotated[float, Quantity("kg", "kg", NOT_NEGATIVE)] = 0.0

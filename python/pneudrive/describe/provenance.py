@@ -58,9 +58,9 @@ class _Ends(Quantity):
 class Origin(Described):
     """Origin of one value.
 
-    `interval` holds two quantities, `confidence` its coverage probability, `source` the recordings, `fit` the hash of
-    the fit, `model_error` the lower limit of the model error, if known, `correlation` that of its error with the errors
-    of other values, by their names.
+    `interval` holds two quantities, and `confidence` its coverage probability. `source` names the recordings, and `fit`
+    the hash of the fit. `model_error` is the lower limit of the model error, if known. `correlation` is that of its
+    error with the errors of other values, by their names.
     """
 
     table_name: ClassVar[str] = "provenance"

@@ -1,8 +1,8 @@
 """Short form of a circuit: the tables of a drive file as components with their usual joints.
 
-``[supply]``, ``[valve]`` and ``[cylinder]`` are components of these names, ``[friction]`` belongs to the cylinder,
-``[load]`` moves with it; ``[tubing]`` and ``[flow_control]`` lie between valve and cylinder, for each chamber. Keys
-are only renamed; no value is computed.
+``[supply]``, ``[valve]`` and ``[cylinder]`` are components of these names. ``[friction]`` belongs to the cylinder, and
+``[load]`` moves with it. ``[tubing]`` and ``[flow_control]`` are between valve and cylinder, for each chamber. Keys are
+only renamed; no value is computed.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ def _tube(table: object) -> object:
 
 
 class Tank(Described):
-    """Fixed volume on a line, or shut without a line; a tube may lie between line and volume.
+    """Fixed volume on a line, or shut without a line. A tube may connect line and volume.
 
     Examples
     --------

@@ -31,7 +31,7 @@ KV_PER_CV = 3.785411784e-3 * 60.0 * math.sqrt(BAR_PA / 6894.757293168361)
 def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> float:
     """Return C in m3/(s Pa) from the flow at 6 bar gauge before and 5 bar gauge behind the valve, at 20 degC.
 
-    q = C p1 [1 - ((r - b)/(1 - b))^2]^m with p1 = 7 bar, r = 6/7: gauge pressure and flow both refer to the 100 kPa of
+    q = C p1 [1 - ((r - b)/(1 - b))^2]^m with p1 = 7 bar, r = 6/7. Gauge pressure and flow both refer to the 100 kPa of
     the reference atmosphere [iso6358-2013, iso8778-2003]. Catalogues that print C, b and the nominal flow agree to the
     litre [smc-eus11-83].
     """
@@ -42,9 +42,9 @@ def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> f
 def conductance_from_kv(kv_m3_h: float) -> float:
     """Return C in m3/(s Pa) from Kv, the flow of water in m3/h at 1 bar [iec60534-1].
 
-    Assumes that the effective area is the same for water and for choked air:
-    A = Kv sqrt(rho_water / (2 * 1 bar)) and C = A psi / (rho_0 sqrt(R T_0)). One Kv gives 3.9 dm3/(s bar); printed
-    pairs of Cv and C lie between 8 % below and 18 % above this [smc-eus11-83].
+    Assumes that the effective area is the same for water and for choked air: A = Kv sqrt(rho_water / (2 * 1 bar)) and C
+    = A psi / (rho_0 sqrt(R T_0)). One Kv gives 3.9 dm3/(s bar). Printed pairs of Cv and C are between 8 % below and 18
+    % above this [smc-eus11-83].
     """
     area = kv_m3_h / 3600.0 * math.sqrt(WATER_DENSITY_KG_M3 / (2.0 * BAR_PA))
     choked = _core.choked_flow_factor(AIR_HEAT_CAPACITY_RATIO) / math.sqrt(AIR_GAS_CONSTANT_J_KG_K * ANR_TEMPERATURE_K)

@@ -15,7 +15,7 @@ _START = (
 def command(module: str, *arguments: str) -> list[str]:
     """Return the command that runs ``main`` of a module of pneudrive in a child process.
 
-    ``python -m`` would put the current folder first in the search path: a file numpy.py in it would run.
-    Ctrl-C ends the child as well where this process, as a server that a script starts, was told to ignore it.
+    ``python -m`` would put the current folder first in the search path, and run a file numpy.py in it. Ctrl-C also ends
+    the child if this process ignores Ctrl-C, for example a server that a script starts.
     """
     return [sys.executable, "-I", "-c", _START, json.dumps([p for p in sys.path if p]), module, *arguments]

@@ -18,7 +18,7 @@ _THREADS = threading.Lock()
 
 
 def take(file: int) -> bool:
-    """Take the lock of an open file; try a few times, because `is_held` takes it for a moment.
+    """Take the lock of an open file. Try a few times, because `is_held` takes the lock for a moment.
 
     Raises
     ------

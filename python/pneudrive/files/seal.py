@@ -1,4 +1,4 @@
-"""Parquet files with a checksum, the SHA-256 of their own bytes, so that a reader detects any change."""
+"""Parquet files with a checksum, the SHA-256 of their bytes, so that a reader detects any change."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def look(path: Path, size: int) -> Looked:
 
 @lru_cache(maxsize=16)
 def _look_mapped(path: Path, _size: int, _changed_ns: int, _number: int) -> Looked:
-    """Check a large file once for as long as it stays the same: its hash takes longer than what is read of it."""
+    """Check a large file once while it is unchanged, because its hash takes longer than reading a few columns."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         return Looked(*_look(data))
 

@@ -1,9 +1,9 @@
 """Columns of a binary file, read by one kept process that may crash instead of this one.
 
 A Parquet file with a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of pneudrive) has the
-bytes that we wrote, and is read here. All others are read in `reader_process`. Measured on two cores: the first
-file costs the start of a process and the import of its library (0.2 to 0.6 s), each further message 0.3 ms and the
-transfer of the columns; so many small files are one message.
+bytes that we wrote, and is read here. All others are read in `reader_process`. Measured on two cores: the first file
+costs the start of a process and the import of its library (0.2 to 0.6 s). Each further message costs 0.3 ms and the
+transfer of the columns. Many small files are therefore one message.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> I
 def read_columns(
     paths: Iterable[Path], wanted: Sequence[str], kind: type[PneudriveError]
 ) -> Iterator[dict[str, NDArray[Any]] | PneudriveError]:
-    """Read columns of many Parquet files; columns that a file lacks are left out; see `read_texts`."""
+    """Read columns of many Parquet files. Columns that a file lacks are left out. See `read_texts`."""
     request = {"ask": "some columns", "form": "parquet", "wanted": list(wanted), "rows": None, "dates": []}
     for some in _batches(paths, kind):
         others = _ask_foreign(some, request, kind)

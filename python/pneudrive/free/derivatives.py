@@ -121,7 +121,7 @@ class Differentiator:
         Raises
         ------
         SimulationError
-            The solver cannot go on, or the core rejects the values.
+            The solver cannot continue, or the core rejects the values.
         """
         family, numbers = self._family, np.asarray(values, dtype=float)
         try:

@@ -47,7 +47,7 @@ def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
     Returns
     -------
     pathlib.Path
-        Of report.html.
+        Folder of report.html.
 
     Raises
     ------

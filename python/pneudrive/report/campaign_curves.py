@@ -117,7 +117,7 @@ def _rise(topic: Topic, found: CampaignCharacteristics, a: AirShare) -> str:
 
 
 def _parts(a: AirShare) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return middle, lower and upper end of the force and of its parts, as far as they are separable."""
+    """Return middle, lower and upper end of the force, and of its parts if they are separable."""
     total = {"total": (a.total_n, a.total_low_n, a.total_high_n)}
     if not a.separated:
         return total

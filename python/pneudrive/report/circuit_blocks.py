@@ -30,7 +30,7 @@ Place = tuple[int, int]
 
 
 class Label(NamedTuple):
-    """Lines of text beside a symbol."""
+    """Lines of text next to a symbol."""
 
     lines: tuple[str, ...]
     x: float  # of the left end, or of the right end

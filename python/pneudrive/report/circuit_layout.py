@@ -94,7 +94,7 @@ def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
 
 
 def _beside(lines: Sequence[Net], circuit: Circuit) -> dict[str, tuple[str, str]]:
-    """Return the components without gas that move with an actuator, each with the component beside it that moves it."""
+    """Return the components without gas that move with an actuator, each with the neighbour that moves it."""
     has_gas = {name for name in circuit.components if any(p.kind == "gas" for p in circuit.wiring.ports(name))}
     out: dict[str, tuple[str, str]] = {}
     found = {name: name for name in has_gas}
@@ -112,7 +112,7 @@ def _beside(lines: Sequence[Net], circuit: Circuit) -> dict[str, tuple[str, str]
 
 
 def _columns(names: Sequence[str], beside: Mapping[str, tuple[str, str]]) -> list[list[str]]:
-    """Return the blocks beside an actuator in columns, by their distance in the chain of motion."""
+    """Return the neighbours of an actuator in columns, by their distance in the chain of motion."""
     columns = [[names[0]]]
     while column := [name for name in names[1:] if beside[name][1] in columns[-1]]:
         columns.append(column)
@@ -138,7 +138,7 @@ def _put_beside(names: Sequence[str], beside: Mapping[str, tuple[str, str]], pla
 def _group_extent(
     names: Sequence[str], beside: Mapping[str, tuple[str, str]], placed: Mapping[str, Block]
 ) -> tuple[float, float]:
-    """Return the extent of a block to the left and right of its origin, with the blocks beside it."""
+    """Return the extent of a block to the left and right of its origin, including its neighbours."""
     own = placed[names[0]]
     widths = (max(placed[name].box[2] - placed[name].box[0] + 4 for name in c) for c in _columns(names, beside))
     marked = 1.0 if own.marks else 0.0

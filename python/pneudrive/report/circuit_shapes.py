@@ -35,8 +35,8 @@ class Shape(NamedTuple):
     Attributes
     ----------
     word : str
-        ``"line"``, ``"thick"``, ``"dashed"``, ``"triangle"`` (an outline), ``"head"`` (a filled one), ``"arc"``,
-        ``"dot"`` or ``"text"``.
+        ``"line"``, ``"thick"``, ``"dashed"``, ``"triangle"`` (an outline), ``"head"`` (filled), ``"arc"``, ``"dot"`` or
+        ``"text"``.
     points : tuple
         Corners of a line or triangle; else the one point where it is.
     component : str
@@ -45,7 +45,8 @@ class Shape(NamedTuple):
         Radius of an arc or a dot, modules; size of a text, points.
     text : str
     align : str
-        Of a text: ``"center"``, ``"left"`` or ``"right"`` of its point; then ``"top"`` if it hangs below it.
+        Alignment of a text: ``"center"``, ``"left"`` or ``"right"`` of its point. ``"top"`` is added if the text is
+        below the point.
     angles : tuple of float
         First and last angle of an arc, degrees against the clock from the right.
     """
@@ -67,14 +68,14 @@ class CircuitShapes(NamedTuple):
 
 
 class PistonShapes(NamedTuple):
-    """Where a cylinder with one piston is drawn, for who moves it.
+    """Place of a cylinder with one piston in the drawing, for an animation.
 
     Attributes
     ----------
     barrel : tuple
         x and y of the lower left corner, x and y of the upper right one; chamber a on the left.
     piston : tuple
-        x of its faces as it is drawn.
+        x of its faces in the drawing.
     moves : dict
         Number of a shape -> whether each of its points moves with the piston: of a rod the end at the piston alone.
     """

@@ -54,7 +54,7 @@ def plot_reference(reference: Reference, plant: Plant, path: str | Path | None =
     ----------
     reference : Reference
     plant : Plant
-        Of `pneudrive.control.tune`.
+        Result of `pneudrive.control.tune`.
     path : path-like, optional
         Picture to write: .png, .svg or .pdf.
 
@@ -187,7 +187,7 @@ def boxes(found: ControlComparison, along: str) -> Figure:
 
 
 def _show_all(axis: Axes, factor: float, errors_m: Sequence[Any]) -> None:
-    """Make small errors visible beside large ones: a logarithmic axis on both sides of a linear part."""
+    """Make small errors visible next to large ones: a logarithmic axis on both sides of a linear part."""
     largest = [factor * float(np.abs(one).max()) for one in errors_m]
     if largest and max(largest) > FAR_APART * min(largest) > 0.0:
         axis.set_yscale("symlog", linthresh=10.0 ** np.floor(np.log10(min(largest))))

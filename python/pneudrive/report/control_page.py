@@ -1,4 +1,4 @@
-"""The page of laws beside each other."""
+"""Report of a benchmark of controllers."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _reference(found: ControlComparison, number: int) -> Section:
 
 
 def _true(found: ControlComparison) -> list[Section]:
-    """Say what was true where it was not what the laws were told: over all members least and largest."""
+    """Describe the true values that differ from the assumed ones: least and largest over all members."""
     each: dict[str, list[float]] = {}
     for run in found.runs:
         for name, value in run.truth.items():
@@ -127,7 +127,7 @@ def _true(found: ControlComparison) -> list[Section]:
 
 
 def _told(found: ControlComparison) -> Section:
-    """Say what each law was told: its gains with their rules, and what the drive is to it."""
+    """Describe each controller: its gains with their rules, and the drive that it assumes."""
     rows = [
         (name, gain.key, str(gain), gain.meaning, "given" if gain.given else gain.rule)
         for name, tuning in found.tunings.items()

@@ -59,7 +59,7 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     Raises
     ------
     CommandError
-        Another suffix; the file cannot be written; or typst is not installed.
+        Another suffix, a file that cannot be written, or a missing installation of typst.
     """
     target = check_target(path, SUFFIXES)
     report = Report(_title(found), found.headlines, _sections(found), synthetic=True)
@@ -122,7 +122,7 @@ def _numbers(found: Datasheet) -> Section:
 
 
 def _published(found: Datasheet) -> PageTable | None:
-    """Return the figures that makers print of the drive's parts beside those of the drive."""
+    """Return the printed figures of the drive's parts, with those of the drive."""
     if "published" not in found.results:
         return None
     table = found.results["published"]
@@ -181,7 +181,7 @@ def _measured(measured: MeasuredBeside) -> Section:
 
 
 def _beside(measured: MeasuredBeside) -> Figure | None:
-    """Draw what was measured with what is simulated."""
+    """Draw measurement and simulation together."""
     count = (2 if measured.validation is not None else 0) + bool(measured.responses) + (measured.friction is not None)
     if not count:
         return None

@@ -1,4 +1,4 @@
-"""The page of a fit of any kind: values with intervals, what is not determined, residuals, data."""
+"""Page of a fit of any kind: values with intervals, undetermined values, residuals, data."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def write_fit_report(fit: Fit, folder: str | Path) -> Path:
     Parameters
     ----------
     fit : Fit
-        Of any kind; one that was read from a file has no residuals.
+        Fit of any kind. A fit from a file has no residuals.
     folder : path-like
         Made if it does not exist.
 
     Returns
     -------
     pathlib.Path
-        Of report.html.
+        Folder of report.html.
 
     Raises
     ------

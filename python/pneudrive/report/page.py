@@ -89,7 +89,7 @@ def _marked(part: Section, synthetic: bool) -> Section:
 
 @dataclass
 class Report:
-    """A report: verdict, sections, and the pictures that were written beside it."""
+    """A report: verdict, sections, and the pictures in its folder."""
 
     title: str
     verdict: Iterable[str]

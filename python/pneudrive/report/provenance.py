@@ -1,4 +1,4 @@
-"""Provenance: software, data, sources; what is validated on real data and what is not."""
+"""Provenance: software, data, sources, and validation on real data."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
 
 
 def source_notes(found: Characterisation) -> list[Path]:
-    """Return the paths of files SOURCE.md beside the recordings or one folder above."""
+    """Return the paths of files SOURCE.md next to the recordings or one folder above."""
     notes = []
     for recording in found.recordings:
         if recording.source is None:

@@ -1,4 +1,4 @@
-"""The page of a sizing: candidates, what limits each, the best with its values, the task, how to run it again."""
+"""Page of a sizing: candidates and their limits, the best one with its values, the task, and the command."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _missed(one: SizedDrive) -> str:
 
 
 def _read(value: float, unit: str) -> str:
-    """Return a value, in SI, as it is read; infinite where the stroke does not end."""
+    """Return a value, in SI, as a number. Infinite if the stroke does not end."""
     factor, read = READ.get(unit, (1.0, unit))
     return f"{factor * value:.3g} {read}" if value < float("inf") else "the stroke does not end"
 

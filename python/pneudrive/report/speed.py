@@ -37,7 +37,7 @@ SAME_BAR = 0.05
 
 
 def section(found: Characterisation, fits: Fits) -> Section:
-    """Return the section on friction over speed: fitted law, parameters, and what is not determined."""
+    """Return the section on friction over speed: fitted law, parameters, and undetermined values."""
     topic, speeds = Topic("recordings", "speed"), np.array([p.speed_m_s for p in found.points])
     ends = {"slow": speeds.min() * 1e3, "fast": speeds.max() * 1e3}
     law = topic.say("with_law") if has_curve(fits) else ""
@@ -62,7 +62,7 @@ def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:
 
 
 def undetermined(fits: Fits) -> tuple[tuple[str, str, str, str], ...]:
-    """Return group, parameters, reason and remedy of what the richest fit of each group cannot determine."""
+    """Return group, parameters, reason and remedy of the values that each group's richest fit cannot determine."""
     rows: dict[tuple[str, str, str], list[str]] = {}
     for group, by_law in fits.items():
         lost: dict[tuple[str, str], list[str]] = {}

@@ -29,7 +29,7 @@ class Addition:
     sections : tuple of Section
         They follow those of the recordings; a section with an existing key continues that section.
     validity : str
-        Text: what is validated on real data and what is not.
+        Text on validation with real data, and its limits.
     settings : tuple
         Rows of the table of software: name, value.
     sources : tuple

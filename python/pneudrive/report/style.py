@@ -185,7 +185,10 @@ def finish(figure: Figure, *, synthetic: bool) -> None:
 
 
 def lay_out(figure: Figure) -> None:
-    """Place the panels for good: as long as a figure has a layout, matplotlib draws it twice for each file."""
+    """Fix the places of the panels.
+
+    As long as a figure has a layout engine, matplotlib draws it twice for each file.
+    """
     layout, dpi = figure.get_layout_engine(), figure.dpi
     if layout is not None:
         figure.dpi = PNG_DPI

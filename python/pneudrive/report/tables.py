@@ -43,7 +43,7 @@ class PageColumn(NamedTuple):
     head : str
         Its heading; the unit follows from the end of the field's name.
     field : str
-        Of a record (``"stop.speed_m_s"``); "" takes the values of a tuple one after the other.
+        Name of the field of a record (``"stop.speed_m_s"``). "" takes the values of a tuple one after the other.
     form : str
         Format of a number, as in ``format``, or one of the named forms.
     """

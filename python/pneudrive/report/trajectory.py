@@ -42,8 +42,8 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
     Parameters
     ----------
     run : xarray.Dataset
-        From ``pneudrive.simulate``; missing variables are left out. Of a circuit, the first eight of each
-        kind: more would not be distinguishable.
+        Result of ``pneudrive.simulate``. Missing variables are left out. A circuit shows the first eight of each kind,
+        because more would not be distinguishable.
     path : path-like, optional
         Picture to write: .png, .svg, .pdf, or .html (a page with the picture and its provenance).
 

@@ -73,7 +73,7 @@ def write_report(
     Returns
     -------
     pathlib.Path
-        Of report.html.
+        Folder of report.html.
 
     Raises
     ------

@@ -14,12 +14,12 @@ Times of samples are those of `pneudrive.rig.sampling.schedule`::
 Simulated rigs are TOML files, each value with its source (`shipped_rigs` lists those of the package; one can extend
 another). `pneudrive.rig.faults.FaultyRig` adds faults to any rig.
 
-A new kind of rig needs a function (source, seed, pace) -> Rig and one line in `pneudrive.rig.loading.LOADERS`; the
-kind is the scheme of an address, ``kind = "..."`` in a TOML file, or ``folder``.
+A new kind of rig needs a function (source, seed, pace) -> Rig and one line in `pneudrive.rig.loading.LOADERS`. The kind
+is the scheme of an address, ``kind = "..."`` in a TOML file, or ``folder``.
 
-Without a campaign, `SimulatedRig` is a stateless object: `drag` returns the true signals of cycles at one speed,
-`record` the readings of the sensors, `measure` does both, `sweep` over speeds and pressures; `session` returns the
-stateful `RigSession` of `load_rig`.
+Without a campaign, `SimulatedRig` is a stateless object: `drag` returns the true signals of cycles at one speed.
+`record` returns the readings of the sensors. `measure` does both, and `sweep` does so over speeds and pressures.
+`session` returns the stateful `RigSession` of `load_rig`.
 """
 
 from __future__ import annotations

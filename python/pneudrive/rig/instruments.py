@@ -33,7 +33,7 @@ class Instruments:
     """Sensors with calibration errors drawn once from the rig's seed.
 
     The stated accuracy is a standard uncertainty. It is the standard deviation of the gain's error at the end of the
-    range, and of the zeros of pressure sensors and thermometer; the zero of the force sensor, which is tared, comes
+    range, and of the zeros of pressure sensors and thermometer. The zero of the force sensor, which is tared, comes
     from the rig file. A third of the accuracy, shared by both directions, changes sign with the force.
 
     Parameters

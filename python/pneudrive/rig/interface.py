@@ -1,8 +1,7 @@
 """Interface of rigs: nine verbs of simulated rigs, replays, PLCs and a laboratory's own code.
 
-A laboratory connects its hardware by a class with the methods of `Rig`; it needs no base class.
-All numbers are SI, pressures absolute; x grows as chamber a grows; the force is what the rig applies to the piston
-in +x.
+A laboratory connects its hardware by a class with the methods of `Rig`; it needs no base class. All numbers are SI, and
+pressures are absolute. x grows as chamber a grows. The force is that of the rig on the piston in +x.
 """
 
 from __future__ import annotations
@@ -363,7 +362,7 @@ class Reproducible(Protocol):
         ...
 
     def truth(self) -> dict[str, Any]:
-        """Return the ground truth of the last cycle as plain data; kept beside the recording, for tests only."""
+        """Return the ground truth of the last cycle as plain data, stored with the recording for tests only."""
         ...
 
 

@@ -49,8 +49,8 @@ def load_rig(
     Parameters
     ----------
     source : str or Path
-        Name of a shipped rig (`shipped_rigs`), a rig file (TOML, its ``kind`` says which), a folder of recordings, an
-        address such as ``opc.tcp://127.0.0.1:4840``, or a laboratory's own code as ``own_rig.py:make_rig`` or
+        Name of a shipped rig (`shipped_rigs`), a rig file (TOML with its ``kind``), a folder of recordings, or an
+        address such as ``opc.tcp://127.0.0.1:4840``. A laboratory's own code is ``own_rig.py:make_rig`` or
         ``package.module:Class``, called without arguments.
     seed : int
         Seed of all random numbers of a simulated rig; other rigs ignore it.

@@ -96,7 +96,7 @@ class Machine:
         RigError
             The axis is to be released, but the pressures would move it away.
         SimulationError
-            The core cannot go on.
+            The core cannot continue.
         """
         friction = self.friction()
         hold = step if isinstance(step, Hold) else Hold(0.0)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """What the servo axis can do.
+    """Limits of the servo axis.
 
     Parameters
     ----------

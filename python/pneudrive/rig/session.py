@@ -40,7 +40,7 @@ USUAL_TEMPERATURES_K = (-10.0, 15.0)
 class _Run:
     """Running motion of the axis, for threads that end or display it.
 
-    ``before`` is the history at the beginning of the present step, ``reached_s`` the time reached in it, ``seen`` the
+    ``before`` is the history at the start of the present step, ``reached_s`` the time reached in it, and ``seen`` the
     last readings of the sensors.
     """
 
@@ -68,9 +68,9 @@ class Simulated(Protocol):
 class RigSession:
     """Session of a simulated rig: `Rig`, `Reproducible` and `Changeable`.
 
-    Noise depends only on the seed and the key of the cycle. Drifting quantities (clock, distance and temperature of the
-    seal, temperature of the room, zero of the force sensor, age of the contact, pressures) depend on the history, which
-    `memory` returns. Another thread may stop the rig.
+    Noise depends only on the seed and the key of the cycle. Drifting quantities depend on the history, which `memory`
+    returns. They are clock, distance and temperature of the seal, room temperature, zero of the force sensor, age of
+    the contact, and pressures. Another thread may stop the rig.
 
     Parameters
     ----------

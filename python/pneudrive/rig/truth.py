@@ -1,17 +1,18 @@
-"""Ground truth of a cycle on a simulated rig: kept beside its recording for tests, never used by analyses.
+"""Ground truth of a cycle on a simulated rig: stored with its recording for tests, never used by analyses.
 
 - ``clock_s``, ``travel_m``, ``room_temperature_k``, ``seal_temperature_k``: at the end of the cycle
 - ``levels``: mounted factor levels
 - ``sensors``: errors of the force sensor: zero, gain (relative), hysteresis
 - ``steps``: one entry for each step that did something
 
-A move has its ``speed_m_s`` and ``direction``; ``friction``, the law with its present values; ``friction_n``, the mean
-steady friction along the move at that speed and the set pressures; and for the part at constant speed, if any, means of
-the true friction force (``friction_mean_n``), of both pressures and of the force of the air on the piston in +x
-(``air_force_n``). A hold has its duration, whether it was released, and the force of the sensor at its beginning and
+A move has its ``speed_m_s`` and ``direction``. ``friction`` is the law with its present values. ``friction_n`` is the
+mean steady friction along the move at that speed and the set pressures. If there is a part at constant speed, it has
+means of the true friction force (``friction_mean_n``), of both pressures, and of the force of the air on the piston in
++x (``air_force_n``). A hold has its duration, whether it was released, and the force of the sensor at its beginning and
 end.
-If friction depends on the age of the contact, every step has this age at both ends, and a move the increase of friction
-by this age at its beginning (``dwell_increment_n``), before presliding reduces it. ``friction_peak_n`` is the largest
+If friction depends on the age of the contact, every step has this age at both ends. A move also has the increase of
+friction by this age at its start (``dwell_increment_n``), before presliding reduces it. ``friction_peak_n`` is the
+largest
 friction over the first `RESTART_M` of a move.
 """
 

@@ -1,7 +1,7 @@
 """From a datasheet to a controlled axis: its friction is measured, its valve identified, a law tuned and run.
 
-All of it is simulated. The axis that is run differs from its datasheet in numbers that no step reads: they show only in
-what a simulated rig and the axis' own sensors measure.
+All results are simulated. The true axis differs from its datasheet in numbers that no step reads. They show only in the
+measurements of a simulated rig and of the axis' sensors.
 """
 
 from __future__ import annotations
@@ -120,16 +120,16 @@ def identify_valve(axis: Circuit, measured: NDArray[np.float64]) -> tuple[Circui
 
 @dataclass(frozen=True)
 class IdentifiedAxis:
-    """What came of the chain.
+    """Result of the chain.
 
     Attributes
     ----------
     numbers : tuple of tuple of str
         Rows: name, datasheet, identified, truth.
     scores : tuple of tuple of str
-        Rows: what the law was told, RMSE and largest error without and with learning, medians of the seeds.
+        Rows: assumed drive, RMSE and largest error without and with learning, medians of the seeds.
     runs : dict
-        What the law was told -> its first run without learning.
+        Assumed drive -> its first run without learning.
     """
 
     numbers: tuple[tuple[str, ...], ...]
@@ -208,7 +208,7 @@ def identify_axis(sheet: Circuit) -> IdentifiedAxis:
 
 
 def _numbers(sheet: Circuit, truth: Circuit, friction: dict[str, float], valve: dict[str, float]) -> list[tuple]:
-    """Return the rows of what was found."""
+    """Return the rows of the result."""
     rows = []
     ends = [_friction(one) for one in (sheet, truth)]
     for key, (_, title, form, factor) in FITTED.items():

@@ -1,7 +1,7 @@
 """Balances of force and of both pressures along a recording: the drive's equations at measured states, and residuals.
 
 The core evaluates the equations (``Drive.along``). The residuals are in weak form, so that no measured signal is
-differentiated: with a smooth kernel k of compact support, integration by parts moves derivatives to the kernel,
+differentiated. With a smooth kernel k of compact support, integration by parts moves derivatives to the kernel:
 
     e_F = k * (m a) - k * (sum of forces - friction)   with k * a = k'' * x            N
     e_p = k * dp/dt - k * (dp/dt of the energy balance) with k * dp/dt = k' * p        Pa/s

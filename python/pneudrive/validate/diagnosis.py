@@ -73,7 +73,7 @@ class Culprit:
     share : float
         Explained share of the squared residual before this cause.
     balances : dict
-        Balance -> share of its own squared residual.
+        Balance -> fraction of its squared residual.
     rivals : tuple of (str, float)
         Causes that explain nearly as much, with their share: the records cannot distinguish them.
     text : str
@@ -276,7 +276,7 @@ def diagnose(
         alone = alone or tuple((r.cause.key, r.amount, r.share) for r in refined)
         if refined and _is_dirty(search, refined[0].after):
             refined = _with_companions(search, model, left, taken, watch, refined)
-        # Only the cause that explains most counts: weaker ones are no evidence.
+        # Only the cause that explains most counts, because weaker ones are not evidence.
         if not refined or not _is_shown(search, found := refined[0], left):
             break
         culprits.append(_culprit(search, found, refined, left, is_identified=bool(drive.provenance)))
@@ -303,7 +303,7 @@ def _refined(search: _Search, model: _Model, left: Array, taken: set[str], watch
     linear.sort(key=lambda r: -r.share)
     refined = [r if r.cause.change is None else _newton(search, model, left, r) for r in linear[:REFINED]]
     refined = sorted([*refined, *linear[REFINED:]], key=lambda r: -r.share)
-    # Of indistinguishable causes, the one with the fewest coefficients comes first.
+    # Among indistinguishable causes, the one with the fewest coefficients comes first.
     rivals = [r for r in refined if _is_rival(search, r, refined[0])]
     return sorted(rivals, key=lambda r: (r.cause.parts, -r.share)) + [r for r in refined if r not in rivals]
 

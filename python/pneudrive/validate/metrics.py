@@ -56,7 +56,7 @@ class Whiteness:
     autocorrelation : ndarray, shape (LAGS,)
         Values at lags 1 to LAGS.
     bound : float
-        1.96 / sqrt(N): 95 % of the values of white noise lie within it.
+        1.96 / sqrt(N): 95 % of the values of white noise are within it.
     outside : float
         Share of the lags beyond the bound.
     ljung_box, p : float

@@ -120,7 +120,7 @@ def _scales(scene: Scene) -> Values:
     inertia = moving_mass(drive) * noise_level(x) * float(np.linalg.norm(k2))
     size = float(np.sqrt(np.mean(terms.friction_n**2) + np.mean((terms.force_n - terms.friction_n) ** 2)))
     force = np.full(x.size - k0.size + 1, float(np.sqrt(push**2 + inertia**2 + (FLOOR * size) ** 2)))
-    # Where pressures are nearly equal, flow changes steeply with them: noise becomes flow.
+    # If pressures are nearly equal, flow changes steeply with them, and noise becomes flow.
     p_a, p_b = scene.pressures
     shaken = replace(
         scene, pressures=(p_a + noise_p[0], p_b + noise_p[1]), opened=openings(drive, signals.command)

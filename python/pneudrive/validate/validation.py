@@ -225,8 +225,8 @@ class Validation(Shown):
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml (metrics, verdicts, diagnosis) and run-1.parquet, ... into an existing folder.
 
-        A file of a run has the recording on a uniform time base, and the model beside it: columns ``free.position_m``
-        of the free run, ``restarted.position_m`` of the runs from measured states; SI, NaN without a result.
+        A file of a run has the recording and the model on a uniform time base. Its columns are ``free.position_m`` of
+        the free run and ``restarted.position_m`` of the runs from measured states, in SI, with NaN for missing results.
         """
         target = Path(folder) / "validation.toml"
         with whole(target) as temporary:
@@ -278,10 +278,11 @@ def validate(
     drive : Drive or DriveFit
         Drive to validate; a fit is applied to its drive, and its errors of sensors are corrected.
     recordings
-        One or several of: a file of ``pneudrive simulate --out``, a foreign file with a layout, a result of
-        ``pn.simulate``, a mapping of SI columns (time_s, command, position_m, pressure_a_pa, pressure_b_pa).
+        One or several recordings. Each is a file of ``pneudrive simulate --out``, a foreign file with a layout, a
+        result of ``pn.simulate``, or a mapping of SI columns (time_s, command, position_m, pressure_a_pa,
+        pressure_b_pa).
     layout
-        Layout of foreign files; None: ``layout.toml`` beside the file.
+        Layout of foreign files. None: ``layout.toml`` next to the file.
     window_s : float
         Length of the runs that start from measured states, s.
     sensors : DriveFit or mapping, optional
@@ -432,7 +433,7 @@ def run_name(number: int) -> str:
 
 
 def save_run(found: Validation, number: int, folder: Path) -> Path:
-    """Write a recording and the runs beside it; see `Validation.write`."""
+    """Write a recording and its runs. See `Validation.write`."""
     record = found.records[number]
     signals, recording = record.signals, record.recording
     table = {name: getattr(signals, name) for name in NEEDED}

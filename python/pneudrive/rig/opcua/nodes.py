@@ -6,10 +6,10 @@ The handshake uses only variables, so that every PLC can implement it:
   ``answer.done`` to that id. Halt and stop are accepted at any time from any client, and end the running verb. Any
   other verb is a fault while one runs, or while another client commands.
 - Samples come in chunks through a ring of slots. The server writes a slot, its sequence number, then
-  ``samples.written``; the client reads the slot and increments ``samples.acknowledged``, before which the slot is not
-  written again. ``answer.done`` follows the last chunk.
+  ``samples.written``. The client reads the slot and increments ``samples.acknowledged``. Only then is the slot written
+  again. ``answer.done`` follows the last chunk.
 - Both sides increment their heartbeat, the client from its first command on. If the client's heartbeat stops, the
-  server brings the axis to rest, releases the pressure, increments ``heartbeat.stops``, and accepts no command until
+  server brings the axis to rest, releases the pressure, and increments ``heartbeat.stops``. It accepts no command until
   the heartbeat is back. A change of ``heartbeat.stops`` tells the client that its earlier commands are undone.
 """
 
@@ -145,7 +145,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Node:
-    """Node of the map; ``id`` is None for a ``constant`` (SI, pressures absolute)."""
+    """Node of the map. ``id`` is absent for a ``constant`` (SI, pressures absolute)."""
 
     name: str
     id: str | None

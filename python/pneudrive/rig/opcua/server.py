@@ -40,8 +40,8 @@ CLOSING_S = 2.0
 class RigServer:
     """Server of a rig in a separate thread; a context manager.
 
-    A client becomes the commander by a command while there is no commander, with a running heartbeat. It stays so until
-    its heartbeat stops, its session ends, or another client stops the axis. Any client may read, halt and stop.
+    A client becomes the commander by a command if there is no commander and its heartbeat runs. It stays so until its
+    heartbeat stops, its session ends, or another client stops the axis. Any client may read, halt and stop.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ class Experiment:
         Protocol and rig.
     campaign : Campaign
     envelope : Envelope
-        Of the rig.
+        Seed of the rig.
     """
 
     name: str
@@ -62,12 +62,12 @@ def run_experiments(
     seed : int
         Seed of the rigs.
     rigs : mapping, optional
-        Experiment -> rig instead of its own.
+        Experiment -> rig to use instead.
 
     Returns
     -------
     dict of Experiment
-        By name, in the order of `EXPERIMENTS`.
+        Results by name, in the order of `EXPERIMENTS`.
 
     Raises
     ------

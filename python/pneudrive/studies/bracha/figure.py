@@ -139,7 +139,7 @@ class PaperFigure:
         Raises
         ------
         KeyError
-            If there is none.
+            The figure does not exist.
         """
         for claim in self.claims:
             if claim.said.startswith(said):

@@ -29,7 +29,7 @@ def paper_figures(runs: Mapping[str, Experiment], seed: int = 0) -> dict[int, Pa
     Returns
     -------
     dict of PaperFigure
-        By the figure's number in the paper.
+        Tables by the figure's number in the paper.
     """
     figures = [
         figure_1(seed),

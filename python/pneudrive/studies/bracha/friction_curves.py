@@ -50,7 +50,7 @@ def figure_5(run: Experiment) -> PaperFigure:
     -------
     PaperFigure
         Columns of the stroke after the turn: time since the turn, position, friction as read and with the moving
-        average of five samples, mean friction of the rest of the stroke.
+        average of five samples, and mean friction of the rest.
     """
     file = next(run.campaign.cycles())
     recording = recording_of(file, run.campaign.identity, file.samples())[0]
@@ -100,8 +100,8 @@ def figure_6(run: Experiment) -> PaperFigure:
     Returns
     -------
     PaperFigure
-        Columns over speed: the sensor's force by the paper's protocol, the seal's friction with its 95 % band from
-        samples chosen by settling, the truth of each cycle, the force of the air.
+        Columns over speed: the sensor's force by the paper's protocol, the seal's friction with its 95 % band, the
+        truth of each cycle, and the force of the air.
     """
     (paper,) = _shares(characteristics(run.campaign, SourcePaper()))
     settled = characteristics(run.campaign)
@@ -170,8 +170,8 @@ def figure_8(run: Experiment) -> PaperFigure:
     Returns
     -------
     PaperFigure
-        Columns: speeds (m,), gauge pressures (k,); the sensor's force, of it air and seal, the seal's truth (k, m);
-        depth of the dip of the sensor's force (k,).
+        Columns: speeds (m,) and gauge pressures (k,). The sensor's force, its parts from air and seal, and the seal's
+        truth have shape (k, m). The depth of the dip of the sensor's force has shape (k,).
     """
     found = characteristics(run.campaign, SourcePaper(average_samples=1))
     shares = _shares(found)

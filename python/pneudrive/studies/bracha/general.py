@@ -39,7 +39,7 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
     chambers : ChamberComparison
         Printed equations against the energy balance.
     figures : mapping of PaperFigure
-        By number; 6 and 9 give the effects of speed and of a stop on friction.
+        Figures by number. 6 and 9 give the effects of speed and of a stop on friction.
 
     Returns
     -------

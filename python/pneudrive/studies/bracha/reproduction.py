@@ -44,7 +44,7 @@ class Reproduction:
     rig : SimulatedRig
         Rig of the recordings with known ground truth.
     figures : dict of PaperFigure
-        By number in the source paper.
+        Figures by number in the source paper.
     rigs : dict
         Rig -> its description, for the figures.
     found : Characterisation
@@ -99,9 +99,9 @@ def reproduce(into: str | Path, seed: int = 0, rigs: Mapping[str, str | Path] | 
     into : path-like
         Folder for the campaigns; finished cycles are not run again.
     seed : int
-        Of all that is random on the rigs.
+        Seed of all random values of the rigs.
     rigs : mapping, optional
-        Experiment (`pneudrive.studies.bracha.EXPERIMENTS`) -> rig file instead of its own.
+        Experiment (`pneudrive.studies.bracha.EXPERIMENTS`) -> rig file to use instead.
 
     Returns
     -------

@@ -31,8 +31,8 @@ def figure_9(run: Experiment) -> PaperFigure:
     Returns
     -------
     PaperFigure
-        Columns over the speeds of the restart (m,): mean increment of the peak over uninterrupted sliding with the
-        half-width of its 95 % interval; and one stop over time.
+        Columns over the speeds of the restart (m,): mean increment of the peak over uninterrupted sliding, with the
+        half-width of its 95 % interval. Also one stop over time.
 
     Raises
     ------
