@@ -1,4 +1,4 @@
-"""``run.pneu``: a run in units of one's own, its strokes, its energy. xarray's way of adding to a data set."""
+"""``run.pneu``: a run in selected units, its strokes, its energy. xarray calls this an accessor."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _JOULE = " [J]"
 
 @xr.register_dataset_accessor("pneu")
 class Pneu:
-    """What a run of `pneudrive.simulate` offers beside its columns, as ``run.pneu``.
+    """Methods of a run of `pneudrive.simulate`, as ``run.pneu``.
 
     Parameters
     ----------
@@ -45,7 +45,8 @@ class Pneu:
         Returns
         -------
         xarray.Dataset
-            A new one; ``units`` of each converted variable says its unit. Strokes, files and reports take runs in SI.
+            A new data set. ``units`` of each converted variable gives its unit. Strokes, files and reports take runs in
+            SI.
 
         Raises
         ------
@@ -95,7 +96,7 @@ class Pneu:
         Returns
         -------
         list of StrokeNumbers
-            Numbers as datasheets and reports show them, in the order of time; see `pneudrive.datasheet.strokes`. A run
+            Numbers as datasheets and reports show them, in the order of time. See `pneudrive.datasheet.strokes`. A run
             without ``attrs["command_steps"]`` shows a command only at its samples: `begin_within` is then their
             interval.
 
@@ -128,17 +129,17 @@ class Pneu:
         return [stroke_of(self._run, drive, *span) for span in zip(begins, ends, within, strict=True)]
 
     def energy(self) -> dict[str, UnitFloat]:
-        """Return the accounts of energy of the run: heat, work and enthalpy over its boundary, positive inward.
+        """Return the energy balance of the run: heat, work and enthalpy over its boundary, positive inward.
 
         Returns
         -------
         dict of str to UnitFloat
-            Account, such as ``"cylinder: friction heat"`` -> J, integrated with the motion.
+            Balance, such as ``"cylinder: friction heat"`` -> J, integrated with the motion.
 
         Raises
         ------
         CommandError
-            The run was made without its accounts.
+            The run was made without its balances.
 
         Examples
         --------

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def many_objects() -> Iterator[None]:
-    """Suspend the cyclic garbage collector, which takes a third of the time of making many objects."""
+    """Suspend the cyclic garbage collector, which takes a third of the time needed to make many objects."""
     enabled = gc.isenabled()
     gc.disable()
     try:

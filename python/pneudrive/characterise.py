@@ -1,7 +1,7 @@
 """Recordings into friction maps and other curves, with uncertainty.
 
-``characterise`` is ``pn.characterise``: the friction map as a Dataset, of recordings or of a campaign;
-``characterise_recordings`` gives everything behind the map of recordings.
+``characterise`` is ``pn.characterise``: the friction map of recordings or of a campaign, as a Dataset.
+``characterise_recordings`` also returns the intermediate results for recordings.
 """
 
 from __future__ import annotations

@@ -35,9 +35,9 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Signal
     Parameters
     ----------
     command : number, str, path, sequence of pairs or callable
-        A number holds for the whole run. ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s and command, or
-        pairs of time and command; a time is in s, or a quantity such as ``"20 ms"``. A function of the time in s is
-        evaluated at `times` and held from each to the next, as by a digital controller.
+        A number holds for the whole run. Other forms are ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s
+        and command, or pairs of time and command. A time is in s, or a quantity such as ``"20 ms"``. A function of the
+        time in s is evaluated at `times` and held from each to the next, as by a digital controller.
     times : sequence of float, optional
         Times in s, rising from 0, at which a function is evaluated.
     signal : Signal, optional
@@ -91,8 +91,8 @@ def plans(
     Parameters
     ----------
     given : mapping, str, sequence of str, or anything that `steps` reads; or None
-        Commands by component; texts with the component in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``; or the command of
-        the only component that takes one.
+        Commands by component, or texts with the component in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. A command alone
+        belongs to the only component that takes one.
     commandable : mapping
         Component that takes a command -> its electrical input, if one is described.
     times : sequence of float, optional

@@ -42,7 +42,7 @@ class MotionResult(NamedTuple):
     ----------
     columns : dict
         ``time_s``, ``carriage_position_m``, ``position_m``, ``sensor_force_n``, ``friction_force_n``,
-        ``pressure_a_pa``, ``supply_pressure_a_pa``, ..., and the inner states of friction.
+        ``pressure_a_pa``, ``supply_pressure_a_pa`` and so on. The inner states of friction follow.
     statistics : dict
         Counts of the integration: steps, attempts, events.
     state : list of float
@@ -67,7 +67,7 @@ class Dragged:
     piston, sensor, carriage : dict
         Parameters of these components, by the keys of their kinds, in SI.
     ambient_pa, temperature_k : float
-        Of the room, Pa and K; air and walls start at this temperature.
+        Pressure and temperature of the room, Pa and K. Air and walls start at this temperature.
     """
 
     def __init__(
@@ -142,7 +142,7 @@ class Dragged:
             A position at rest, the sensor unstressed, or the state at the end of an earlier motion.
         rtol : float
         released : bool
-            The carriage moves freely until the sensor shows no force; then its actual position becomes the command.
+            The carriage moves freely until the sensor shows no force. Then its actual position becomes the command.
         shut : bool
             Whether the supply is shut off.
         look : callable, optional
@@ -151,7 +151,7 @@ class Dragged:
         Raises
         ------
         ValueError, RuntimeError
-            The core rejects the rig, or the integration cannot go on.
+            The core rejects the rig, or the integration cannot continue.
         """
         from pneudrive import _core
 
@@ -188,7 +188,7 @@ class Dragged:
 def _at_rest(state: dict[str, float], released: bool) -> tuple[list[float], float]:
     """Return the state in which the next motion begins, and the commanded position there.
 
-    At the end of a command, remainders of rounding are removed; a released carriage has its actual position as command.
+    At the end of a command, remainders of rounding are removed. A released carriage has its actual position as command.
     """
     position, *rates = [name for name in state if name.startswith("carriage.")][:3]
     if released:

@@ -45,7 +45,7 @@ class PneudriveError(Exception):
     Parameters
     ----------
     what : str
-        What is wrong, with names and values.
+        Problem, with names and values.
     where : str, optional
         File and line, command-line option, row or time.
     value : object, optional
@@ -53,7 +53,7 @@ class PneudriveError(Exception):
     rule : str, optional
         The rule that it breaks.
     remedy : str, optional
-        What to do.
+        Advice for the user.
 
     Examples
     --------
@@ -145,7 +145,7 @@ class Problems:
 
     @contextmanager
     def caught(self) -> Iterator[None]:
-        """Keep an error that is raised in the block, and go on after the block."""
+        """Keep an error that is raised in the block, and continue after the block."""
         try:
             yield
         except PneudriveError as error:
@@ -188,11 +188,11 @@ class CommandError(PneudriveError):
 
 
 class SimulationError(PneudriveError):
-    """A simulation cannot go on; the message gives the time, the state and a remedy."""
+    """A simulation cannot continue. The message gives the time, the state and a remedy."""
 
 
 class OwnLawError(SimulationError):
-    """A law of control of one's own raises an error or gives no number; the run ends there."""
+    """A custom controller raises an error or returns NaN. The run ends there."""
 
 
 class FitError(PneudriveError):

@@ -28,11 +28,11 @@ _BUILT = Path(__file__).with_name("web") / "built"
 
 
 class Explorer:
-    """A drive with sliders: shows itself where a notebook is live, and as text where it is not.
+    """A drive with sliders. It shows itself in a live notebook, and as text elsewhere.
 
     Attributes
     ----------
-    changes : dict
+    Keys and values that the sliders have moved, in the form of `replace`.
         Keys and values that the sliders have moved, as `replace` takes them.
     """
 
@@ -55,16 +55,16 @@ class Explorer:
         return self._base.replace(self.changes) if self.changes else self._base
 
     def simulate(self) -> xr.Dataset:
-        """Return the run that is shown, as `pneudrive.simulate` makes it."""
+        """Return the displayed run, as `pneudrive.simulate` makes it."""
         return simulate(self.drive, self._command, self._duration, initial=self._initial)
 
     def begin(self) -> dict[str, Any]:
-        """Return what the widget begins with: name and sliders.
+        """Return the initial data of the widget: name and sliders.
 
         Raises
         ------
         CommandError
-            A slider is asked for what is no number of the description.
+            A slider is requested for something other than a number of the description.
         """
         from pneudrive.web.description import fields_of
 
@@ -113,7 +113,7 @@ class Explorer:
         return text_of(self._card())
 
     def _card(self) -> Card:
-        """Return what is shown where nothing moves: the end of the run, and how to make it move."""
+        """Return the display without a live notebook: the end of the run, and how to enable sliders."""
         found = self.simulate()
         ends = {name: one for name, one in found.data_vars.items() if name in ("position", "pressure_a", "pressure_b")}
         rows = [(str(name), f"{float(one[-1]):.6g} {one.attrs['units']}") for name, one in ends.items()]
@@ -141,7 +141,7 @@ class Explorer:
 
 
 def is_live() -> bool:
-    """Whether this installation has what a live notebook needs."""
+    """Return whether this installation supports a live notebook."""
     return all(find_spec(name) for name in NEEDED) and (_BUILT / "widget.js").is_file()
 
 
@@ -153,27 +153,27 @@ def explore(
     initial: Initial | Mapping[str, object] | str | None = None,
     sliders: str | Sequence[str] = (),
 ) -> Explorer:
-    """Show a drive in a notebook with sliders; its run follows them.
+    """Show a drive in a notebook with sliders. Its run follows them.
 
     Parameters
     ----------
     drive : Drive or Circuit
-        What is simulated.
+        Drive or circuit to simulate.
     command, duration, initial
-        As `pneudrive.simulate` takes them; the run is short enough to follow a slider: 2 s on the clock.
+        As for `pneudrive.simulate`. The run must be short enough to follow a slider: 2 s on the clock.
     sliders : str or sequence of str
         Number or numbers of the description, such as ``"friction.coulomb"``; by default friction, supply and mass.
 
     Returns
     -------
     Explorer
-        Its ``drive`` has the values of the sliders, ``simulate()`` gives the run that is shown. Without a browser, or
+        Its ``drive`` has the values of the sliders, and ``simulate()`` returns the displayed run. Without a browser, or
         without ``pip install "pneudrive[notebook]"``, it shows itself as text.
 
     Raises
     ------
     CommandError
-        A slider is asked for what is no number of the description.
+        A slider is requested for something other than a number of the description.
 
     Examples
     --------

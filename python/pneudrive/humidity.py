@@ -1,4 +1,4 @@
-"""Warnings where the water in the gas of a run may condense or freeze; they do not change the simulation."""
+"""Warnings for water in the gas of a run that may condense or freeze. They do not change the simulation."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def saturation_pressure(temperature_k: np.ndarray | float) -> np.ndarray:
 
 
 def dew_point(vapour_pressure_pa: float) -> float:
-    """Return the dew point, K, of a vapour pressure in Pa; below 0 degC the frost point.
+    """Return the dew point, K, of a vapour pressure in Pa. Below 0 degC, return the frost point.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def warnings(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> list[
     Parameters
     ----------
     drive : Drive or Circuit
-        The simulated object; a gas without a dew point gives no warnings. All gas counts as coming from the supply.
+        Simulated object. A gas without a dew point gives no warnings. All gas counts as gas from the supply.
     columns : mapping
         Columns of the trajectory.
     """
@@ -88,7 +88,7 @@ def warnings(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> list[
 
 
 def water_share(drive: Drive | Circuit) -> float | None:
-    """Return the molar share of water vapour in the gas; None if no dew point is given."""
+    """Return the molar fraction of water vapour in the gas. None without a dew point."""
     pressure, dew = drive.dew_point_pressure_pa, drive.gas.dew_point_k
     return None if pressure is None or dew is None else float(saturation_pressure(dew)) / pressure
 

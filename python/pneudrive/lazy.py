@@ -1,4 +1,4 @@
-"""Lazy names of a package: each is imported at its first use, so that a command loads only what it uses."""
+"""Lazy names of a package: each is imported at its first use, so that a command loads only the modules it needs."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def lines(
 ) -> xr.Dataset:
     """Simulate full strokes of a drive with tubes of several lengths and bores at both chambers.
 
-    Every tube is one of ``kind = "tube"`` (steady, an empirical formula); flow controls of the drive stay.
+    Every tube is one of ``kind = "tube"`` (steady, an empirical formula). Flow controls of the drive stay.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ def lines(
     -------
     xarray.Dataset
         Dimensions diameter and length (m). Variables vent_conductance, vent_speed, stroke_time_out, stroke_time_back,
-        mean_speed, end_speed; NaN where the piston does not arrive. ``attrs["without_tubes"]`` and
-        ``attrs["as_described"]`` hold the same values for the drive without tubes and with its own.
+        mean_speed, end_speed. NaN if the piston does not arrive. ``attrs["without_tubes"]`` and
+        ``attrs["as_described"]`` hold the same values for the drive without tubes and with the described ones.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def study(drive: Drive, lengths: Sequence[str | float], diameters: Sequence[str 
 
 
 def _metres(given: Sequence[str | float], what: str) -> list[float]:
-    """Return lengths in m, rising, each once."""
+    """Return different lengths in m, increasing."""
     if isinstance(given, str) or not given:
         raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
     out = []
@@ -155,7 +155,7 @@ def _row(drive: Drive) -> _Row:
 def _vent_conductance(drive: Drive) -> float:
     """Return the sonic conductance C of the exhaust path of chamber b with the valve open, from its steady flow.
 
-    The equations are those of the drive; the pressure between line and valve settles during the run. The pressure
+    The equations are those of the drive. The pressure between line and valve settles during the run. The pressure
     behind the valve is so low that the flow is choked.
     """
     from pneudrive.describe import Ambient
@@ -182,7 +182,10 @@ def _vent_conductance(drive: Drive) -> float:
 
 
 def _stroke(drive: Drive, speed: float, direction: int) -> tuple[float, float]:
-    """Return the time of a full stroke from rest, s, and the speed at its end, m/s; NaN where it does not arrive."""
+    """Return the time of a full stroke from rest, s, and the speed at its end, m/s.
+
+    NaN if the piston does not arrive.
+    """
     import warnings
 
     import numpy as np

@@ -7,7 +7,7 @@ from typing import Any
 
 
 def with_interval(e: Any, factor: float = 1.0, unit: str | None = None) -> str:  # noqa: ANN401
-    """Write a value with its 95 % interval; an unbounded upper end as "…".
+    """Write a value with its 95 % interval. An unbounded upper end is "…".
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Code of users: one rule for when it may run.
 
 Code runs only if the command or call of this run names it. A file that is read (a campaign folder, a description) may
-name the code that was used, but that alone never runs it: the user names the code again, or allows it by the SHA-256
+name the code that was used, but this never runs the code. The user must name the code again, or allow it by the SHA-256
 of its file.
 """
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def split(source: str) -> tuple[str, str] | None:
-    """Split ``own.py:make`` or ``package.module:Class`` into module and name; None if the text has another form."""
+    """Split ``own.py:make`` or ``package.module:Class`` into module and name. None if the text has another form."""
     module, _, name = source.rpartition(":")
     return (module, name) if module and name.isidentifier() else None
 
@@ -32,7 +32,7 @@ COMPILED = (".so", ".dylib", ".dll")
 
 
 def sha256(source: str) -> str:
-    """Return the SHA-256 of the file that holds the code; empty for a module name or an unreadable file."""
+    """Return the SHA-256 of the file that holds the code. Empty for a module name or an unreadable file."""
     module, _ = split(source) or ("", "")
     try:
         return hashlib.sha256(Path(module).read_bytes()).hexdigest() if module.endswith((".py", *COMPILED)) else ""
@@ -48,13 +48,12 @@ def load(source: str, kind: type[PneudriveError]) -> Callable[..., Any]:
     source : str
         ``own.py:make`` or ``package.module:Class``.
     kind : type
-        Of the errors.
+        Class of the errors.
 
     Raises
     ------
     PneudriveError
-        An error of `kind`: the file, module or name does not exist, or its code fails; the message gives file and
-        line.
+        An error of `kind`: the file, module or name does not exist, or its code fails. The message gives file and line.
     """
     module, name = split(source) or (source, "")
     is_file = module.endswith(".py")
@@ -78,13 +77,13 @@ def load_allowed(
     option : str
         Option by which a user names code: ``--rig``.
     kind : type
-        Of the errors.
+        Class of the errors.
 
     Raises
     ------
     PneudriveError
-        As for `load`; or the code is not allowed, has changed, or is not a file. Modules beside the file are not
-        imported: their hash was not given.
+        As for `load`, or the code is not allowed, has changed, or is not a file. Modules next to the file are not
+        imported, because their hash was not given.
     """
     module, name = split(source) or (source, "")
     there = check_allowed(source, allowed, found_in, option, kind)
@@ -93,7 +92,7 @@ def load_allowed(
 
 
 def check_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: type[PneudriveError]) -> str:
-    """Refuse code that a file has named, unless the user of this run has allowed it; return the hash of its file.
+    """Refuse code that a file has named, unless the user of this run has allowed it. Return the hash of its file.
 
     Parameters and errors are those of `load_allowed`.
     """
@@ -120,7 +119,7 @@ def check_allowed(source: str, allowed: str | None, found_in: str, option: str, 
 
 
 def guarded(source: str, kind: type[PneudriveError], work: Callable[[], Any]) -> Any:  # noqa: ANN401 - result of `work`
-    """Call a user's code; turn an exception into one message with file and line."""
+    """Call a user's code. Turn an exception into one message with file and line."""
     try:
         return work()
     except PneudriveError:
@@ -138,7 +137,7 @@ def _named(found: ModuleType, source: str, name: str, kind: type[PneudriveError]
 
 
 def _from_file(file: str, expected: str | None, kind: type[PneudriveError]) -> ModuleType:
-    """Run a file as a module, from its own bytes: a compiled copy beside it could come from other code."""
+    """Run a file as a module from its source. A compiled copy next to it could come from other code."""
     path = Path(file)
     if not path.is_file():
         raise kind(f"there is no file {path}")

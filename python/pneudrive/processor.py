@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-# Instruction sets of x86-64-v3, for which the core is built (docs/architecture/core.md); older processors lack some.
+# Instruction sets of x86-64-v3, for which the core is built (docs/architecture/core.md). Older processors lack some.
 NEEDED = ("avx2", "fma", "bmi1", "bmi2", "f16c", "movbe")
 
 
@@ -21,7 +21,7 @@ def require() -> None:
     Raises
     ------
     ImportError
-        The x86-64 processor is too old; other architectures are not checked.
+        The x86-64 processor is too old. Other architectures are not checked.
     """
     info = Path("/proc/cpuinfo")
     if os.name != "posix" or os.uname().machine != "x86_64" or not info.exists():

@@ -1,4 +1,4 @@
-"""Warnings where a run leaves the range that the model is stated for; they do not change the simulation."""
+"""Warnings for runs outside the stated range of the model. They do not change the simulation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ROUNDED = 1e-9
 
 
 class _GasVolume(NamedTuple):
-    """Gas of one volume over a run; columns are arrays, or `pneudrive._core.Column`."""
+    """Gas of one volume over a run. Columns are arrays, or `pneudrive._core.Column`."""
 
     name: str
     pressure_pa: Any
@@ -105,7 +105,7 @@ def _celsius(temperature_k: float) -> str:
 
 
 def _gas(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a warning where the second virial coefficient is more of the pressure than the law of the gas allows."""
+    """Yield a warning if the second virial coefficient contributes more to the pressure than the gas law allows."""
     gas = described.gas
     is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
     coefficients = VIRIAL.get("nitrogen" if is_air else str(gas.name))  # air is taken as nitrogen
@@ -142,7 +142,7 @@ def _second_share(coefficients: tuple[float, float, float], pressure_pa: float, 
 
 
 def _masses(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a warning for each piston whose mass is as good as zero beside the pressure on it."""
+    """Yield a warning for each piston whose mass is negligible compared with the pressure on it."""
     if is_circuit(described):
         loads = sum(getattr(one, "mass_kg", 0.0) for one in described.components.values())
         pistons = [
@@ -165,7 +165,7 @@ def _masses(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -
 
 
 def _area(component: Any) -> float:  # noqa: ANN401 - a component with a piston
-    """Return the area of a piston on chamber a's side, m2."""
+    """Return the area of a piston on the side of chamber a, m2."""
     area = getattr(component, "area_a_m2", None)
     return 0.25 * math.pi * component.bore_m**2 if area is None else float(area)
 

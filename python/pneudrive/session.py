@@ -34,7 +34,7 @@ class Variable(NamedTuple):
     Attributes
     ----------
     name : str
-        As `Session.set` and `Session.read` take it.
+        Name for `Session.set` and `Session.read`.
     unit : str
     kind : str
         ``"input"``, ``"output"`` or ``"state"``.
@@ -57,7 +57,7 @@ class Linear(Shown):
     Attributes
     ----------
     A, B, C, D : numpy.ndarray
-        Shapes (states, states), (states, inputs), (outputs, states), (outputs, inputs); exact derivatives, in SI.
+        Shapes (states, states), (states, inputs), (outputs, states), (outputs, inputs). Exact derivatives, in SI.
     states, inputs, outputs : tuple of str
         Names. A state has the name of its column: ``"position_m"``, ``"mass_a_kg"``; in a circuit with its component:
         ``"left.position_m"``, ``"hose.cell_3.internal_energy_j"``.
@@ -131,8 +131,8 @@ class Session:
         Parameters
         ----------
         name : str
-            Of an input in `variables`: ``"command"``, ``"load_force_n"``, ``"supply_pressure_pa"`` (absolute),
-            ``"opening_supply_a"``, ... An opening of the valve that is set alone holds until the next command.
+            Name of an input in `variables`: ``"command"``, ``"load_force_n"``, ``"supply_pressure_pa"`` (absolute),
+            ``"opening_supply_a"``, ... An opening of the valve that is set directly holds until the next command.
         value : float
             In the unit of the input.
 
@@ -140,7 +140,7 @@ class Session:
         ------
         CommandError
             The input does not exist, or the value is not a number or out of bounds.
-        SimulationError
+        The session cannot continue.
             The session cannot go on.
         """
         try:
@@ -149,19 +149,20 @@ class Session:
             self._refuse(error, [name], value)
 
     def schedule(self, name: str, entries: Iterable[tuple[float, float]]) -> None:
-        """Set an input at future times; the integration ends on each of them exactly.
+        """Set an input at future times. The integration ends exactly on each of them.
 
         Parameters
         ----------
         name : str
-            Of an input.
+            Name of an input.
         entries : iterable of (float, float)
-            Time in s, not before the present, and value. Of several entries at one time, the last one holds.
+            Pairs of a time in s, not before the present, and a value. If several entries have one time, the last one
+            holds.
 
         Raises
         ------
         CommandError, SimulationError
-            As for `set`; or a time has passed.
+            As for `set`, or a time has passed.
         """
         try:
             times, values = zip(*entries, strict=True)
@@ -182,25 +183,25 @@ class Session:
         progress: Callable[[float, float, str], None] | None = None,
         cancel: Flag | None = None,
     ) -> None:
-        """Integrate until a time, with the inputs as set and scheduled; then `read` the outputs.
+        """Integrate until a time, with the inputs as set and scheduled. Then `read` the outputs.
 
-        The integration ends on `until` exactly and keeps its step size, so that many short calls give the bits of one
-        long one. A call costs under 2 us beside the integration, which takes about 1 us of processor time for each
-        attempted step of a drive, more for circuits; `statistics` counts the attempts.
+        The integration ends exactly on `until` and keeps its step size, so that many short calls give the bits of one
+        long call. A call costs less than 2 us in addition to the integration. The integration takes about 1 us of
+        processor time for each attempted step of a drive, and more for circuits. `statistics` counts the attempts.
 
         Parameters
         ----------
         until : float
             A time of the session in s, not a duration, and not before the present one (`time`).
         progress, cancel : optional
-            See `pneudrive.watch.Watch`. A cancelled session has a time before `until` and can go on.
+            See `pneudrive.watch.Watch`. A cancelled session has a time before `until` and can continue.
 
         Raises
         ------
         CommandError
             The time is not a number or has passed.
         SimulationError
-            The solver cannot go on; the session ends here, and only `restore` revives it.
+            The solver cannot continue. The session ends here, and only `restore` revives it.
         Cancelled
             `cancel` was set.
         """
@@ -220,7 +221,8 @@ class Session:
         Parameters
         ----------
         name : str
-            Of an output or an input. ``"command"`` is NaN while openings of the valve are set that no command gives.
+            Name of an output or an input. ``"command"`` is NaN while the openings of the valve do not correspond to a
+            command.
 
         Raises
         ------
@@ -238,7 +240,7 @@ class Session:
         Raises
         ------
         SimulationError
-            The session cannot go on.
+            The session cannot continue.
         """
         try:
             return self._core.save()
@@ -246,7 +248,7 @@ class Session:
             self._refuse(error, [], None)
 
     def restore(self, saved: bytes) -> None:
-        """Return to the state at `save`; the session continues from there with the same bits.
+        """Return to the state at `save`. The session continues from there with the same bits.
 
         Parameters
         ----------
@@ -268,20 +270,20 @@ class Session:
     def linearise(self, inputs: Sequence[str] | None = None) -> Linear:
         """Return the exact derivatives of the drive's rates and outputs about the present state.
 
-        Friction keeps its present mode: a sticking contact does not move, bristles are springs.
+        Friction keeps its present mode: a sticking contact does not move, and bristles are springs.
 
         Parameters
         ----------
         inputs : sequence of str, optional
-            Inputs for B and D. By default, for a circuit, all but its commands; for a drive, the command, the force of
-            the load and the pressure of the supply. A always covers all states.
+            Inputs for B and D. The default for a circuit is all inputs except its commands. For a drive, it is the
+            command, the force of the load and the pressure of the supply. A always covers all states.
 
         Raises
         ------
         CommandError
-            The input does not exist, or the command is 0: a shut valve has a different slope to each side.
+            The input does not exist, or the command is 0, because a shut valve has a different slope to each side.
         SimulationError
-            The session cannot go on.
+            The session cannot continue.
         """
         known = [name for name, *_ in self._core.inputs]
         of_circuit = tuple(name for name in known if "." in name and not name.endswith(".command"))
@@ -298,7 +300,7 @@ class Session:
         )
 
     def _refuse(self, error: Exception, names: Sequence[object], value: object, *, readable: bool = False) -> NoReturn:
-        """Raise the core's error in words of a user; `readable` says whether names of outputs are valid too."""
+        """Raise the core's error in user terms. `readable` states whether names of outputs are valid too."""
         if "borrowed" in str(error):  # the core lends a session to one call at a time
             raise SimulationError("another thread advances the session", remedy="Let one thread hold it.") from None
         known = list(
@@ -320,7 +322,7 @@ class Session:
 
 
 def short_name(name: str, piston: str = "cylinder") -> str:
-    """Return a drive's name for a variable of its circuit; unchanged if a drive has no such variable.
+    """Return a drive's name for a variable of its circuit, unchanged if a drive does not have this variable.
 
     Examples
     --------

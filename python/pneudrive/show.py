@@ -1,7 +1,7 @@
 """Display of results and descriptions at the prompt: a short table, as plain text and in a notebook.
 
-A class derives from `Shown` and gives the content of its `Card`; one that has a picture shows it above, in a notebook.
-Long content is cut, and the card says how much is left out; texts are escaped in one place.
+A class derives from `Shown` and provides the content of its `Card`. In a notebook, a picture is shown above the card,
+if the class has one. Long content is cut, and the card shows how much is left out. Texts are escaped in one place.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class Shown:
     Attributes
     ----------
     picture_home : str
-        Module and function that draw an object as SVG text, ``"package.module:function"``; empty for no picture. By its
-        name, since whoever draws knows this module.
+        Module and function that draw an object as SVG text, ``"package.module:function"``. Empty for no picture. The
+        function is given by name, because its module imports this one.
     """
 
     picture_home: ClassVar[str] = ""
@@ -76,7 +76,9 @@ class Shown:
 
 
 def card_of(text: str) -> Card:
-    r"""Make a card of lines: the first is the title, lines with columns separated by two spaces are rows, others notes.
+    r"""Make a card of lines.
+
+    The first is the title, lines with columns separated by two spaces are rows, and others are notes.
 
     Examples
     --------
@@ -89,7 +91,7 @@ def card_of(text: str) -> Card:
 
 
 def brief(value: object) -> str:
-    """Write a value in a few words: a long one by its type and size.
+    """Write a value in a few words. A long one is replaced by its type and size.
 
     Examples
     --------
@@ -126,7 +128,7 @@ def text_of(card: Card) -> str:
 
 
 def aligned(rows: Iterable[Sequence[str]], right_from: int | None = None, indent: str = "  ") -> str:
-    """Return rows as lines, each column as wide as its widest entry, columns from `right_from` on aligned right.
+    """Return rows as lines, each column as wide as its widest entry, with right alignment from column `right_from` on.
 
     Examples
     --------
@@ -145,7 +147,7 @@ def aligned(rows: Iterable[Sequence[str]], right_from: int | None = None, indent
 
 
 def html_of(card: Card) -> str:
-    """Return a card as HTML; every text is escaped."""
+    """Return a card as HTML. Every text is escaped."""
     card = _short(card)
     cell = '<td style="text-align:left">{}</td>'
     rows = ["<tr>" + "".join(cell.format(escape(text)) for text in row) + "</tr>" for row in card.rows]

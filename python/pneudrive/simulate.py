@@ -82,8 +82,8 @@ class Run(Shown):
 def _dataset(variables: dict[str, xr.Variable], attrs: dict[str, Any]) -> xr.Dataset:
     """Make a data set of columns over time.
 
-    xarray's public constructor compares and aligns what is of one length and one index here, which takes longer than
-    half a simulation. Where its inner one is no more, or another one, the public one is taken.
+    xarray's public constructor compares and aligns variables that have one length and one index here. This takes longer
+    than half a simulation. If the inner constructor is missing or has changed, the public one is used.
     """
     import xarray as xr
     from xarray.indexes import PandasIndex
@@ -117,33 +117,32 @@ def simulate(
     Parameters
     ----------
     drive : Drive or Circuit
-        Object to simulate; commands and start state of a circuit have names, see `Circuit.simulate`.
+        Object to simulate. Commands and start state of a circuit have names, see `Circuit.simulate`.
     command : number, str, path, sequence of (time, command) or callable
-        Valve command in [-1, 1]: a number for the whole run, ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s,
-        command) or pairs with the time in s; each entry holds until the next, the first is at 0 s. A function of the
-        time in s is evaluated at every sample and held until the next one, as by a controller at `sample_rate`.
+        Valve command in [-1, 1]: a number for the whole run, ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s, command),
+        or pairs with the time in s. Each entry holds until the next, and the first is at 0 s. A function of the time in
+        s is evaluated at every sample and held until the next one, as by a controller at `sample_rate`.
     duration : str or float
         ``"2 s"``, or a number of seconds.
     initial : Initial, dict or str, optional
-        Start state, ``{"position": "50 mm", "pressure_a": "3 bar abs"}``; the default is mid stroke, at rest, ambient
-        pressure and temperature.
+        Start state, ``{"position": "50 mm", "pressure_a": "3 bar abs"}``. The default is mid-stroke, at rest, at
+        ambient pressure and temperature.
     sample_rate : str or float
         ``"1 kHz"``, or a number of samples per second.
     rtol : float
         Relative tolerance of the solver.
     ledger : bool
-        Integrate the accounts of mass, energy and entropy too; the states keep the same bits, and
-        ``attrs["ledger"]`` says how well the accounts close. Not for the chamber law ``as-printed``, which does
-        not conserve energy.
+        Also integrate the balances of mass, energy and entropy. The states keep the same bits, and ``attrs["ledger"]``
+        reports how well the balances close. Not for the chamber law ``as-printed``, which does not conserve energy.
     sensitivities : sequence of str
-        Numbers of the drive file, such as ``"friction.coulomb"``: for each variable the result then holds its exact
+        Numbers of the drive file, such as ``"friction.coulomb"``. For each variable, the result then has its exact
         derivatives by these numbers, ``sensitivity_position`` with dimensions parameter and time. They are derivatives
-        of the discrete solution, through impacts, sticking and slipping; the start is held. Not for a circuit, nor
-        for a command that is a function.
+        of the discrete solution, through impacts, sticking and slipping. The start is fixed. Not for a circuit, nor for
+        a command that is a function.
     budget : int, optional
-        Attempted steps after which the run is given up. The default is 220,000 for the run, 100,000 for each second of
-        motion and 100 for each entry of the command; more below rtol = 1e-6, down to half as many above 11 states.
-        Ordinary drives take 200 to 10,000 per second.
+        Limit on the attempted steps of the run. The default is 220,000 for the run, 100,000 for each second of motion
+        and 100 for each entry of the command. It is larger below rtol = 1e-6, and falls to one half above 11 states.
+        Ordinary drives take 200 to 10,000 attempts for each second.
     progress, cancel : optional
         See `pneudrive.watch.Watch`: a callback that gets the number of simulated seconds, and a flag that ends the
         run.
@@ -151,13 +150,14 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        Dimension time (round(duration * sample_rate) + 1 samples, the last one at the duration), variables position,
-        velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``; SI, absolute
-        pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings, citations, assumed,
-        command_steps of a drive (time in s and command of each change, up to 1000 of them), and impacts: each contact
-        with an end stop as a dict of time_s, end ("a" or "b"), speed_m_s (at first touch), energy_j (kinetic, of the
-        moving mass and load), depth_m and peak_force_n (the largest until it leaves), and met_cover: whether the stop
-        was pressed through. A contact slower than 1 mm/s that does not press the stop through is not listed.
+        Dimension time (round(duration * sample_rate) + 1 samples, the last one at the duration). The variables are
+        position, velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``, in SI
+        with absolute pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings,
+        citations and assumed. command_steps of a drive has time in s and command of each change, up to 1000 of them.
+        impacts has each contact with an end stop as a dict. Its entries are time_s, end ("a" or "b"), speed_m_s (at
+        first touch), energy_j (kinetic, of the moving mass and load), depth_m, peak_force_n (the largest until it
+        leaves), and met_cover (whether the stop was fully compressed). A contact slower than 1 mm/s that does not fully
+        compress the stop is not listed.
 
     Raises
     ------
@@ -166,8 +166,8 @@ def simulate(
     DescriptionError
         The start state does not fit the drive.
     SimulationError
-        The solver cannot go on, the piston reaches a cover, no gas is left in a chamber, or the budget is used up; the
-        message says when, in which state and what to try.
+        The solver cannot continue, the piston reaches a cover, no gas is left in a chamber, or the budget is used up.
+        The message gives the time, the state and a remedy.
     Cancelled
         `cancel` was set.
 
@@ -208,8 +208,8 @@ def run(
 ) -> Run:
     """Simulate and return unlabelled columns, without importing xarray.
 
-    Arguments and errors are those of `simulate`. Without `arrays`, columns keep the core's form, which can be
-    written to a file without NumPy; only a gas with a dew point needs it.
+    Arguments and errors are those of `simulate`. Without `arrays`, columns keep the core's form, which can be written
+    to a file without NumPy. Only a gas with a dew point needs NumPy.
     """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     seconds = positive(duration, "s", "duration")
@@ -272,7 +272,7 @@ def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[li
 
 
 def _in_short(result: SimulationResult) -> None:
-    """Rename columns of a drive's circuit to those of a drive; the drive's own columns come first."""
+    """Rename columns of a drive's circuit to those of a drive. The drive's columns come first."""
     columns = {short_name(name): values for name, values in result["columns"].items()}
     order = [name for name in MEANING if name in columns] + [name for name in columns if name not in MEANING]
     result["columns"] = {name: columns[name] for name in order}
@@ -281,7 +281,7 @@ def _in_short(result: SimulationResult) -> None:
 
 
 def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
-    """Return a warning if the account of energy does not close."""
+    """Return a warning if the energy balance does not close."""
     if ledger is None or abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):
         return []
     return [

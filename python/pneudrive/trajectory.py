@@ -100,7 +100,7 @@ def meaning(column: str) -> tuple[str, str, str]:
 
 
 def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
-    """Return the columns of a trajectory's file, time first; what is not over time alone has none.
+    """Return the columns of a trajectory's file, time first. Data that do not depend on time only are left out.
 
     Raises
     ------
@@ -147,7 +147,9 @@ def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Yield a temporary name beside `path`, and rename it to `path` at the end: a reader never sees half a file.
+    """Yield a temporary name next to `path`, and rename it to `path` at the end.
+
+    A reader never sees an incomplete file.
 
     Raises
     ------
@@ -184,7 +186,7 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     Warns
     -----
     PneudriveWarning
-        Parquet and CSV leave out what is not over time alone, such as derivatives.
+        Parquet and CSV leave out data that do not depend on time only, such as derivatives.
     """
     target = check_target(path)
     check_si(run)

@@ -1,8 +1,8 @@
 """Quantities with units, converted to SI once, at the boundary.
 
-A quantity is written as a number and a unit, ``"25 mm"``; a pressure also as absolute or gauge, ``"3 bar abs"`` or
-``"2 bar gauge"``. The table below converts common units, pint all others. pint is imported only then: its import and
-its first parse cost more than a whole simulation. A test proves the table equal to pint.
+A quantity is written as a number and a unit, ``"25 mm"``. A pressure is also marked as absolute or gauge, ``"3 bar
+abs"`` or ``"2 bar gauge"``. The table below converts common units, pint all others. pint is imported only then: its
+import and its first parse cost more than a whole simulation. A test proves the table equal to pint.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ _TABLE: dict[str, tuple[str, float, float]] = {
     "dm3/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
     "l/(s bar)": ("m^3/(s Pa)", 1e-8, 0.0),
     "m3/(s Pa)": ("m^3/(s Pa)", 1.0, 0.0),
-    # volume flow at the standard reference atmosphere: not a plain volume flow, so a dimension of its own
+    # volume flow at the standard reference atmosphere: not a plain volume flow, and therefore a separate dimension
     **{f"{u} ANR": ("m^3/s ANR", f, 0.0) for u, f in {"l/min": _L_MIN, "l/s": 1e-3, "dm3/min": _L_MIN}.items()},
     **{f"{u} ANR": ("m^3/s ANR", f, 0.0) for u, f in {"dm3/s": 1e-3, "m3/h": 1 / 3600.0, "m3/s": 1.0}.items()},
 }
@@ -598,7 +598,7 @@ def _converter_pint(unit: str, si_unit: str) -> tuple[float, float]:
             rule=f"{needed('m^3/s ANR')} (ISO 8778: 100 kPa, 20 degC)",
             remedy='Write "l/min ANR" for ISO 8778; multiply litres at 0 degC and 1.01325 bar by 1.0874 first.',
         )
-    # pint would compute 9**9**9**9, and is not loaded to say that a sentence is no unit
+    # pint would compute 9**9**9**9, and is not loaded only to reject a sentence as a unit
     if len(unit) > LONGEST_UNIT or re.search(r"\d\s*(\*\*|\^)|[,;:]", unit):
         raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit))
 
