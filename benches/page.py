@@ -196,7 +196,7 @@ def _rows(page: Any) -> list[tuple[str, str, str]]:
     page.check("text=band of 200 members")
     page.wait_for_selector("[data-band=position_m]")
     rows.append(("slider with a band of 200 members", _ms(page.evaluate(ONE_BY_ONE, [slider, 15])), "33 ms"))
-    page.click("nav >> text=Control")
+    page.click(".tree >> text=Controllers")
     page.select_option("label:has-text('Law') select", "pid")
     page.wait_for_selector("[id='slider-gain']")
     for law, gain, goal in (("pid", "gain", "50 ms"), ("nmpc", "bandwidth", "300 ms")):
@@ -207,7 +207,7 @@ def _rows(page: Any) -> list[tuple[str, str, str]]:
         rows.append((f"gain of {law} along R3, 9.6 s at 1 kHz", _ms(took), goal))
     sizes: list[int] = []
     page.on("websocket", lambda one: one.on("framereceived", lambda sent: sizes.append(len(sent))))
-    page.click("nav >> text=Studies")
+    page.click(".home")
     page.click("text=rig.parquet")
     page.wait_for_selector("[data-points]")
     took = page.evaluate(VIEWS, [["Closer", "Later", "Earlier"], 24])

@@ -6,7 +6,7 @@ import { defineConfig } from "vite";
 /** SHA-256 of everything that the page is built from: page and server compare it, and an old tab asks for a reload. */
 function build(): string {
   const hash = createHash("sha256");
-  const folders = [join(import.meta.dirname, "src"), import.meta.dirname];
+  const folders = ["src", "src/plots", "."].map((one) => join(import.meta.dirname, one));
   for (const folder of folders)
     for (const entry of readdirSync(folder, { withFileTypes: true }).sort((a, b) => (a.name < b.name ? -1 : 1)))
       if (entry.isFile() && /\.(tsx?|css|html|json)$/.test(entry.name)) hash.update(readFileSync(join(folder, entry.name)));

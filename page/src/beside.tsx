@@ -3,11 +3,11 @@ import { computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Circuit, type Drawing } from "./circuit";
 import type { Frame, Numbers } from "./frame";
-import { digits, instant } from "./looks";
+import { digits, instant } from "./plots/looks";
 import { opened, type Field } from "./opened";
 import { NumberField } from "./parts";
-import { curveOf, indexAt, type Curve } from "./plot";
-import { Strip } from "./strip";
+import { curveOf, indexAt, type Curve } from "./plots/plot";
+import { Strip } from "./plots/strip";
 import { studies } from "./studies";
 
 export interface BesideHead {

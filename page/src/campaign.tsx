@@ -3,13 +3,14 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { word } from "./command";
 import { follow, JobList, jobs } from "./jobs";
-import { digits } from "./looks";
+import { digits } from "./plots/looks";
 import { Copied, InFolder, Problems, ReportOf } from "./parts";
-import { Scatter } from "./plot";
+import { Scatter } from "./plots/scatter";
 import { link, route } from "./routes";
 import { ask, attempting, frame, read, Refused, typed, type Problem } from "./server";
-import { Behind, Strip } from "./strip";
+import { Behind, Strip } from "./plots/strip";
 import { list, studies } from "./studies";
+import { kindOf } from "./tree";
 
 interface Campaign {
   name: string;
@@ -79,7 +80,9 @@ export async function look(path: string, isGone: () => boolean): Promise<void> {
 }
 
 export function CampaignView() {
-  const { path } = route.value;
+  const { path: object } = route.value;
+  const path = kindOf(object) === "protocol" ? "" : object;
+  useEffect(() => void (object && !path && (protocol.value = object)), [object, path]);
   useEffect(() => {
     found.value = null;
     wrong.value = unread.value = [];
@@ -154,7 +157,7 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
           <Strip title={`Cycle in progress: ${running.cycle}, ${running.samples} samples`} x="position, mm" y="force, N" curves={[{ label: "force", x: running.position, y: running.force }]} />
         </div>
       )}
-      <JobList />
+      <JobList kinds={["campaign", "design", "characterise"]} />
       {now.groups.length > 0 && (
         <Scatter
           title="Friction so far, quick estimates"
@@ -230,7 +233,8 @@ function Start() {
     attempt(async () => {
       const job = await ask<{ number: number; out: string }>("/api/campaigns", { protocol: protocol.value, name: name.value, ...paced() });
       void follow();
-      const isHere = () => route.peek().view === "campaign" && !route.peek().path;
+      const here = route.peek();
+      const isHere = () => route.peek() === here;
       const isOver = () => jobs.value.some((one) => one.number === job.number && one.state !== "running");
       /* The folder exists as soon as its first file exists. */
       for (let look = 0; look < 100 && isHere(); look++) {
@@ -272,7 +276,7 @@ function Start() {
           <Copied command={plan.value.command} python={plan.value.python} />
         </section>
       )}
-      <JobList />
+      <JobList kinds={["campaign", "design", "characterise"]} />
       <InFolder files={campaigns} title="Campaigns" view="campaign" />
     </>
   );

@@ -1,5 +1,6 @@
 /** Drawing of a circuit: shapes from the server become SVG elements one by one, never parsed text. */
 import type { JSX } from "preact";
+import { useRef, useState } from "preact/hooks";
 
 export interface Shape {
   word: string;
@@ -116,11 +117,61 @@ function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: s
   );
 }
 
-export function Circuit(props: { drawing: Drawing; chosen?: string; onChoose?: (component: string) => void; moved?: Record<string, Moved> }) {
-  const [left, bottom, right, top] = props.drawing.paper;
+type Box = [left: number, top: number, width: number, height: number];
+
+const whole = ({ paper: [left, bottom, right, top] }: Drawing): Box => [left, -top, right - left, top - bottom];
+const CLOSER = 1.25; // by a step of zoom
+const WIDEST = 3; // times the drawing
+const PAN = 0.15; // of the view, by a key
+
+/** The circuit with zoom and pan: buttons, keys, dragging, and the wheel with Ctrl. */
+export function ZoomedCircuit(props: { drawing: Drawing; chosen: string; onChoose: (component: string) => void }) {
+  const [box, setBox] = useState<Box | null>(null);
+  const from = useRef<{ x: number; y: number; box: Box } | null>(null);
+  const now = box ?? whole(props.drawing);
+  const zoom = (by: number, [px, py] = [0.5, 0.5]) => {
+    const width = Math.min(now[2] / by, WIDEST * whole(props.drawing)[2]);
+    const share = width / now[2];
+    setBox([now[0] + px * now[2] * (1 - share), now[1] + py * now[3] * (1 - share), width, now[3] * share]);
+  };
+  const pan = (x: number, y: number, of = now) => setBox([of[0] + x * of[2], of[1] + y * of[3], of[2], of[3]]);
+  const keys: Record<string, () => void> = {
+    "+": () => zoom(CLOSER), "=": () => zoom(CLOSER), "-": () => zoom(1 / CLOSER), "0": () => setBox(null),
+    ArrowLeft: () => pan(-PAN, 0), ArrowRight: () => pan(PAN, 0), ArrowUp: () => pan(0, -PAN), ArrowDown: () => pan(0, PAN),
+  };
+  return (
+    <div
+      class="canvas"
+      onKeyDown={(event) => keys[event.key] && (event.preventDefault(), keys[event.key]!())}
+      onWheel={(event) => {
+        if (!event.ctrlKey) return;
+        event.preventDefault();
+        const at = event.currentTarget.getBoundingClientRect();
+        zoom(event.deltaY < 0 ? CLOSER : 1 / CLOSER, [(event.clientX - at.left) / at.width, (event.clientY - at.top) / at.height]);
+      }}
+      onPointerDown={(event) => (from.current = { x: event.clientX, y: event.clientY, box: now })}
+      onPointerUp={() => (from.current = null)}
+      onPointerLeave={() => (from.current = null)}
+      onPointerMove={(event) => {
+        const start = from.current;
+        const at = event.currentTarget.getBoundingClientRect();
+        if (start && event.buttons) pan((start.x - event.clientX) / at.width, (start.y - event.clientY) / at.height, start.box);
+      }}
+    >
+      <Circuit {...props} box={now} />
+      <p class="tools" role="group" aria-label="Zoom of the drawing">
+        <button type="button" aria-label="Closer" onClick={() => zoom(CLOSER)}>+</button>
+        <button type="button" aria-label="Wider" onClick={() => zoom(1 / CLOSER)}>−</button>
+        <button type="button" aria-label="Whole drawing" disabled={!box} onClick={() => setBox(null)}>Fit</button>
+      </p>
+    </div>
+  );
+}
+
+export function Circuit(props: { drawing: Drawing; box?: Box; chosen?: string; onChoose?: (component: string) => void; moved?: Record<string, Moved> }) {
   const names = [...new Set(props.drawing.shapes.map((one) => one.component))];
   return (
-    <svg class="circuit" viewBox={`${left} ${-top} ${right - left} ${top - bottom}`} role="group" aria-label="Circuit, symbols after ISO 1219">
+    <svg class="circuit" viewBox={(props.box ?? whole(props.drawing)).join(" ")} role="group" aria-label="Circuit, symbols after ISO 1219">
       {names.map((name) => {
         const [at, moved] = [props.drawing.pistons[name], props.moved?.[name]];
         const own = props.drawing.shapes.flatMap((one, number) => (one.component !== name ? [] : [at && moved ? movedShape(one, number, at, moved.share) : one]));

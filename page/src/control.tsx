@@ -3,15 +3,14 @@ import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame } from "./frame";
 import { follow, JobList } from "./jobs";
-import { digits } from "./looks";
+import { digits } from "./plots/looks";
 import { opened } from "./opened";
-import { Copied, InFolder, NumberField, Problems } from "./parts";
-import { curveOf, pixelsOfPlots, Plot } from "./plot";
-import { isToml, route } from "./routes";
+import { Copied, InFolder, NumberField, Problems, Unsaved } from "./parts";
+import { curveOf, pixelsOfPlots, Plot, zooming } from "./plots/plot";
+import { inCatalogue, isToml, link, route } from "./routes";
 import { ask, attempting, Live, read, type Problem } from "./server";
 import { studies } from "./studies";
 import { Gains, ScoreCard, Table } from "./score";
-import { Unsaved } from "./unsaved";
 
 interface Gain {
   key: string;
@@ -70,6 +69,7 @@ const answer = signal<Frame<Head> | null>(null);
 const tuned = signal<Gain[]>([]);
 const wrong = signal<Problem[]>([]);
 const isRunning = signal(false);
+const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
 
 /** Return the drives and circuits of the folder, then those of the catalogue. */
 function described(): string[] {
@@ -100,7 +100,7 @@ function request(): Record<string, unknown> | null {
 async function choose(path: string): Promise<void> {
   drive.value = path;
   gains.value = {};
-  choices.value = null;
+  choices.value = zoom.value = null;
   answer.value = null;
   await attempting(wrong)(async () => {
     const found = await read<Choices>("/api/control", { path });
@@ -113,15 +113,17 @@ async function choose(path: string): Promise<void> {
 
 export function ControlView() {
   const { path } = route.value;
-  return path ? <ScoreCard path={path} /> : <Start />;
+  return path && !isDrive(path) ? <ScoreCard path={path} /> : <Start path={path} />;
 }
 
-function Start() {
+const isDrive = (path: string): boolean => isToml(path) || inCatalogue(path);
+
+function Start({ path }: { path: string }) {
   const all = described();
   useEffect(() => {
-    const first = opened.value && all.includes(opened.value.path) ? opened.value.path : all[0];
-    if (first && !all.includes(drive.value)) void choose(first);
-  }, [all.join()]);
+    const first = path || (opened.value && all.includes(opened.value.path) ? opened.value.path : all[0]);
+    if (first && (path ? path !== drive.value : !all.includes(drive.value))) void choose(first);
+  }, [all.join(), path]);
   useEffect(() => {
     void follow();
     const live = new Live<Head>((frame) => {
@@ -152,7 +154,7 @@ function Start() {
     <div class="simulate">
       <section class="controls" aria-label="What is run">
         <h2>A drive under control, simulated</h2>
-        <Choice label="Drive" value={drive.value} put={(one) => void choose(one)} of={all} />
+        <Choice label="Drive" value={drive.value} put={(one) => (void choose(one), path && (location.hash = link("control", one)))} of={all} />
         <Unsaved path={drive.value} />
         <Choice label="Law" value={law.value} put={(one) => ((gains.value = {}), (tuned.value = []), (law.value = one))} of={[...(choices.value?.laws ?? []), ...filesOf("controller")]} />
         <ReferenceField />
@@ -257,8 +259,8 @@ function Shown() {
       {head.warnings.map((one) => <p class="note" key={one}>{one}.</p>)}
       {head.lost && <p class="banner">Lost: the error exceeded 20 mm.</p>}
       <section class="plots" aria-label="Curves" data-samples={head.samples}>
-        {head.panels.map((panel) => (
-          <Plot key={panel.title} title={panel.title} unit={panel.unit} size={panel.size} curves={panel.curves.map((one) => curveOf(arrays, time, one.column, one.label))} />
+        {head.panels.map((panel, k, every) => (
+          <Plot bare={k < every.length - 1} {...zooming(zoom)} key={panel.title} title={panel.title} unit={panel.unit} size={panel.size} curves={panel.curves.map((one) => curveOf(arrays, time, one.column, one.label))} />
         ))}
       </section>
       <div class="below">
@@ -354,7 +356,7 @@ function Compare() {
         <button type="button" onClick={() => void begin()}>Compare</button>
       </p>
       <Problems of={notBegun.value} />
-      <JobList />
+      <JobList kinds={["control"]} />
     </section>
   );
 }

@@ -1,5 +1,5 @@
-/** Differences between two drives, or between two fits of one kind. */
-import { digits } from "./looks";
+/** What differs between two drives, or two fits of one kind. */
+import { digits } from "./plots/looks";
 
 export interface Compared {
   values: { key: string; before: string; after: string; interval_before: string; interval_after: string; change: number | null }[];

@@ -1,16 +1,24 @@
 /** View of a description: circuit, fields and text side by side. The text is the truth. */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { Circuit } from "./circuit";
+import { Choose } from "./choose";
+import { ZoomedCircuit } from "./circuit";
 import type { Editor } from "./editor";
 import { change, drawing, onDisk, opened, problems, said, save, set, setNumber, takeFromDisk, valid, type Field } from "./opened";
 import { isIn, KINDS, Problems, SaveButton } from "./parts";
+import { route } from "./routes";
+import { pin, pinned } from "./simulate";
 
 const chosen = signal("");
 const name = signal("");
 const belongs = (field: Field): boolean => !chosen.value || field.component === chosen.value;
 
 export function DriveView() {
+  if (route.value.path) return <Described />;
+  return <Choose title="Drives" hint="A drive or a circuit is a TOML file. Open one to see its drawing, its values and its text." view="drive" kinds={["drive", "circuit"]} catalogue />;
+}
+
+function Described() {
   const place = useRef<HTMLDivElement>(null);
   const editor = useRef<Editor | null>(null);
   const now = opened.value;
@@ -28,19 +36,19 @@ export function DriveView() {
   }, [now?.path]);
   const own = now?.sha256 ? now.path.slice(now.path.lastIndexOf("/") + 1) : "unnamed.toml"; // as the server calls a new text
   useEffect(() => editor.current?.show(opened.value?.text ?? "", problems.value.filter((one) => isIn(one, own))), [now?.text, problems.value]);
-  if (!now) return problems.value.length ? <Problems of={problems.value} /> : <p>Choose a drive or a circuit under Studies.</p>;
+  if (!now) return problems.value.length ? <Problems of={problems.value} /> : null;
   const isNew = !now.sha256;
   return (
     <div class="drive">
       <section aria-label="Circuit">
         <h2>{valid.value?.name ?? now.path}</h2>
         {drawing.value && (
-          <Circuit drawing={drawing.value} chosen={chosen.value} onChoose={(one) => (chosen.value = chosen.value === one ? "" : one)} />
+          <ZoomedCircuit key={now.path} drawing={drawing.value} chosen={chosen.value} onChoose={(one) => (chosen.value = chosen.value === one ? "" : one)} />
         )}
         {valid.value?.notes?.map((note) => <p class="note" key={note}>{note}</p>)}
-        <Fields />
       </section>
       <section aria-label="Text">
+        <Fields />
         <h2>{isNew ? "Text of a new file" : now.path}</h2>
         <div ref={place} class="editor" />
         <p class="row">
@@ -81,11 +89,12 @@ function Units({ field }: { field: Field }) {
 function Fields() {
   const fields = (valid.value?.values ?? []).filter(belongs);
   return (
+    <>
+      <h2>
+        {chosen.value ? `Values of ${chosen.value}.` : "Values"}{" "}
+        {chosen.value ? <button type="button" class="link" onClick={() => (chosen.value = "")}>Show all</button> : <span class="note">Click a symbol to see its values alone.</span>}
+      </h2>
     <div class="scroll" tabIndex={0} role="region" aria-label="Values">
-      <p>
-        {chosen.value ? `Values of ${chosen.value}. ` : "All values. "}
-        {chosen.value && <button type="button" class="link" onClick={() => (chosen.value = "")}>Show all</button>}
-      </p>
       <table class="fields">
         <thead>
           <tr>
@@ -93,6 +102,7 @@ function Fields() {
             <th scope="col">Value</th>
             <th scope="col">Unit</th>
             <th scope="col">Where it comes from</th>
+            <th scope="col">Slider</th>
           </tr>
         </thead>
         <tbody>
@@ -111,10 +121,12 @@ function Fields() {
                 <span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}
                 {one.copies && <span class="note"> one value for {one.copies.join(", ")}</span>}
               </td>
+              <td>{one.low !== undefined && <input type="checkbox" aria-label={`Slider for ${one.key} in Simulate`} checked={pinned.value.includes(one.key)} onChange={() => pin(one.key)} />}</td>
             </tr>
           ))}
         </tbody>
       </table>
     </div>
+    </>
   );
 }

@@ -3,8 +3,8 @@ import { render as draw } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import "./explore.css";
 import { unpack, type Frame } from "./frame";
-import { digits, followInk, isDark } from "./looks";
-import { curveOf, Plot } from "./plot";
+import { digits, followInk, isDark } from "./plots/looks";
+import { curveOf, Plot } from "./plots/plot";
 
 interface Field {
   key: string;

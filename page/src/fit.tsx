@@ -1,17 +1,17 @@
 /** View of a fit: its values, their origin, and the next measurements. */
 import { signal } from "@preact/signals";
 import { follow, JobList } from "./jobs";
-import { digits } from "./looks";
+import { digits } from "./plots/looks";
 import { Copied, Problems } from "./parts";
-import { Scatter } from "./plot";
+import { Scatter } from "./plots/scatter";
 import { link } from "./routes";
 import { ask, attempting, read, typed, type Problem } from "./server";
-import { Strip } from "./strip";
+import { Strip } from "./plots/strip";
 
 export interface Fit {
   kind: string;
   title: string;
-  values: { name: string; value: number | null; unit: string; interval: (number | null)[] | null; spread: number | null; determined: boolean }[];
+  values: { name: string; value: number | null; size: number; unit: string; interval: (number | null)[] | null; spread: number | null; determined: boolean }[];
   statements: string[];
   notes: string[];
   recordings: string[];
@@ -216,9 +216,9 @@ export function FitTable({ found }: { found: Fit }) {
           {shown.map((one) => (
             <tr key={one.name}>
               <th scope="row">{one.name}</th>
-              <td data-value={one.name} data-si={one.value}>{digits(one.value, 5)}</td>
-              <td>{digits(one.spread, 2)}</td>
-              <td>{one.interval ? one.interval.map((end) => digits(end)).join(" … ") : "–"}</td>
+              <td data-value={one.name} data-si={one.value}>{digits(one.value! / one.size)}</td>
+              <td>{digits(one.spread && one.spread / one.size, 2)}</td>
+              <td>{one.interval ? one.interval.map((end) => digits(end && end / one.size)).join(" … ") : "–"}</td>
               <td>{one.unit}</td>
               <td>{one.determined ? "" : <span class="kind assumed">held or not determined</span>}</td>
             </tr>

@@ -1,12 +1,13 @@
 /** View of friction maps with the curves of their fit, and of fits of every kind. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { digits } from "./looks";
+import { digits } from "./plots/looks";
 import { follow, JobList } from "./jobs";
+import { Choose } from "./choose";
 import { Copied, folderOf, Problems, ReportOf, useCopied } from "./parts";
 import { Behind, FitTable, forget, type Fit } from "./fit";
-import { Heat } from "./heat";
-import { Scatter, type Group } from "./plot";
+import { Heat } from "./plots/heat";
+import { isWide, Scatter, type Group } from "./plots/scatter";
 import { isToml, link, route } from "./routes";
 import { ask, attempting, read, Refused, type Problem } from "./server";
 import { studies } from "./studies";
@@ -23,10 +24,11 @@ interface Point {
 interface FrictionMap {
   groups: {
     label: string;
+    assembly: string; // seal, mounting and drive
     points: Point[];
     curve?: { speed: number[]; friction: number[]; low: number[]; high: number[]; measured: [number, number] };
   }[];
-  heat: { edges: number[]; rows: { label: string; cells: ([friction: number, kind: "measured" | "fit" | "extrapolated"] | null)[] }[] };
+  heat: { edges: number[]; rows: { label: string; assembly: string; cells: ([friction: number, kind: "measured" | "fit" | "extrapolated"] | null)[] }[] };
   fit: string;
   fits: string[];
   recordings: Record<string, string>;
@@ -37,7 +39,7 @@ const map = signal<FrictionMap | null>(null);
 const fit = signal<Fit | null>(null);
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
-const isLog = signal(false);
+const isLog = signal<boolean | null>(null); // null: as wide as the speeds need it
 const MOST_ROWS = 300;
 const MM = 1000; // mm in a metre
 const BAR = 1e5; // Pa
@@ -98,7 +100,7 @@ function Refit({ path, found }: { path: string; found: FrictionMap }) {
         {copy}
       </p>
       {copied}
-      <JobList />
+      <JobList kinds={["fit", "design"]} />
     </section>
   );
 }
@@ -118,7 +120,7 @@ async function open(path: string): Promise<void> {
   forget();
   only.value = drawn.value = "";
   slice.value = difference.value = null;
-  map.value = fit.value = null;
+  map.value = fit.value = isLog.value = null;
   wrong.value = [];
   const isFit = isToml(path);
   try {
@@ -138,7 +140,7 @@ export function FrictionView() {
   useEffect(() => {
     if (path) void open(path);
   }, [path]);
-  if (!path) return <p>Choose a friction map or a fit under Studies, or characterise a recording.</p>;
+  if (!path) return <Choose title="Friction" hint="A friction map holds the measured points, a fit holds the law. Characterise a recording to get both: open it, accept a layout, then press Characterise." view="friction" kinds={["friction map", "fit"]} recordings />;
   return (
     <div class="friction">
       <h2>{path}</h2>
@@ -172,11 +174,27 @@ export function levels(speeds: number[]): number[] {
   return [...speeds].sort((a, b) => a - b).filter((one, k, all) => k === 0 || one > all[k - 1]! * (1 + NEAR));
 }
 
+/** The run of a recording among those of its group: each has a shape. */
+function runOf(recording: string, points: { recording: string }[]): string {
+  const all = [...new Set(points.map((one) => one.recording))];
+  return `run ${all.indexOf(recording) + 1}`;
+}
+
+const ALL = "all, in one plot";
+const seal = signal("");
+
+/** Seals of a map, or whatever else was mounted: the one that is shown is chosen, else the first with a fit of its own. */
+function chosenSeal(found: FrictionMap): { names: string[]; now: string } {
+  const names = [...new Set(found.groups.map((one) => one.assembly))];
+  const first = found.groups.find((one) => one.curve)?.assembly ?? names[0] ?? "";
+  return { names, now: [...names, ALL].includes(seal.value) ? seal.value : first };
+}
+
 /** Return the groups of a plot over an axis of size `size`, from points and curves whose abscissa is named `key`. */
-function drawnGroups<Key extends "speed" | "gauge">(key: Key, size: number, groups: { label: string; points: ({ friction: number; spread: number | null } & Record<Key, number>)[]; curve?: Curve & Record<Key, number[]> }[]): Group[] {
+function drawnGroups<Key extends "speed" | "gauge">(key: Key, size: number, groups: { label: string; points: (Pick<Point, "friction" | "spread" | "recording"> & Record<Key, number>)[]; curve?: Curve & Record<Key, number[]> }[]): Group[] {
   return groups.map(({ label, points, curve }) => ({
     label,
-    points: points.map((one) => ({ x: size * one[key], y: one.friction, spread: one.spread })),
+    points: points.map((one) => ({ x: size * one[key], y: one.friction, spread: one.spread, run: runOf(one.recording, points) })),
     ...(curve && {
       curve: { x: curve[key].map((one) => size * one), y: curve.friction as number[], low: curve.low as number[], high: curve.high as number[], measured: curve.measured.map((one) => size * (one ?? Number.NaN)) as [number, number] },
     }),
@@ -225,7 +243,7 @@ function Cuts({ path, found }: { path: string; found: FrictionMap }) {
       )}
       {apart && (
         <>
-          <Scatter title={`${apart.other} less ${path}`} x="speed, mm/s" y="difference of friction, N" log={isLog.value} groups={drawnGroups("speed", MM, apart.groups)} />
+          <Scatter title={`${apart.other} less ${path}`} x="speed, mm/s" y="difference of friction, N" log={isLog.value ?? isWide(drawnGroups("speed", MM, apart.groups))} groups={drawnGroups("speed", MM, apart.groups)} />
           <p class="note">
             Bars: U (k = 2) of both points together. Bands: 95 % of the difference of both fits, by Welch; errors that the sensors of both share are not in them, and may cancel. {apart.fit}
           </p>
@@ -237,24 +255,33 @@ function Cuts({ path, found }: { path: string; found: FrictionMap }) {
 }
 
 function Map({ path, found }: { path: string; found: FrictionMap }) {
-  const groups = drawnGroups("speed", MM, found.groups.filter((one) => !only.value || one.label === only.value));
-  const points = found.groups.flatMap((group) => group.points.map((one) => ({ ...one, group: group.label })));
-  const curves = found.groups.filter((one) => one.curve).length;
+  const { names, now } = chosenSeal(found);
+  const own = found.groups.filter((one) => now === ALL || one.assembly === now);
+  const groups = drawnGroups("speed", MM, own.filter((one) => !only.value || one.label === only.value));
+  const points = own.flatMap((group) => group.points.map((one) => ({ ...one, group: group.label })));
+  const curves = own.filter((one) => one.curve).length;
+  const log = isLog.value ?? isWide(groups);
   return (
     <>
+      {now === ALL && <p class="banner">Points of {names.length} seals or mountings together. Each curve is that of its own fit; no fit over all of them is drawn.</p>}
       <p class="row">
+        {names.length > 1 && (
+          <label>
+            Seal or mounting <select value={now} onChange={(event) => (seal.value = event.currentTarget.value)}>{[...names, ALL].map((one) => <option key={one}>{one}</option>)}</select>
+          </label>
+        )}
         <label>
-          <input type="checkbox" checked={isLog.value} onChange={(event) => (isLog.value = event.currentTarget.checked)} /> speed on a
+          <input type="checkbox" checked={log} onChange={(event) => (isLog.value = event.currentTarget.checked)} /> speed on a
           logarithmic scale
         </label>
         <span class="note">
           Bars: U (k = 2), statistical and systematic. Bands: 95 % of the fitted curve; dotted beyond the measured speeds. {found.fit}
         </span>
       </p>
-      <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={isLog.value} />
-      {curves > 0 && curves < found.groups.length && <p class="note">Curves are drawn for the first {curves} of {found.groups.length} pairs of pressures.</p>}
-      <Cuts path={path} found={found} />
-      <Heat of={found.heat} />
+      <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={log} />
+      {curves > 0 && curves < own.length && <p class="note">Curves are drawn for the first {curves} of {own.length} pairs of pressures.</p>}
+      <Cuts path={path} found={{ ...found, groups: own }} />
+      <Heat of={{ ...found.heat, rows: found.heat.rows.filter((one) => now === ALL || one.assembly === now) }} />
       <div class="scroll" tabIndex={0} role="region" aria-label="Points of the map">
         <table>
           <thead>

@@ -2,12 +2,11 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { follow, JobList } from "./jobs";
-import { digits } from "./looks";
-import { DriveChoice, InFolder, Problems, useCopied } from "./parts";
+import { digits } from "./plots/looks";
+import { DriveChoice, InFolder, Problems, Unsaved, useCopied } from "./parts";
 import { link, route } from "./routes";
 import { ask, attempting, read, type Problem } from "./server";
 import { studies } from "./studies";
-import { Unsaved } from "./unsaved";
 
 interface Variable {
   name: string;
@@ -59,9 +58,10 @@ export function HandoverView() {
       const one = await read<Fmu>("/api/fmu", { path: at });
       if (!gone) found.value = one;
     };
+    if (path && !at) drive.value = path;
     void (at ? attempt(show) : follow());
     return () => void (gone = true);
-  }, [at]);
+  }, [at, path]);
   if (!at) return <Start />;
   return (
     <div class="handover">
@@ -111,7 +111,7 @@ function Start() {
       </p>
       <Problems of={wrong.value} />
       {copied}
-      <JobList />
+      <JobList kinds={["export"]} />
       <InFolder files={files.filter((one) => one.kind === "fmu")} title="FMUs" view="handover" />
     </>
   );

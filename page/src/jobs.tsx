@@ -1,7 +1,7 @@
 /** Jobs of the server: their state, their output, and a cancel button. */
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { link, type View } from "./routes";
+import { link } from "./routes";
 import { ask, read, Refused } from "./server";
 import { list } from "./studies";
 
@@ -19,7 +19,7 @@ interface Job {
 export const jobs = signal<Job[]>([]);
 const LOOK_MS = 300;
 /** Result of a finished job by kind: view, path inside the folder, text of the link. */
-const RESULTS: Record<string, [View, string, string]> = {
+const RESULTS: Record<string, [string, string, string]> = {
   characterise: ["friction", "/map.parquet", "Show the friction map of"],
   control: ["control", "", "Show the score card of"],
   fit: ["friction", "", "Show the fit"],
@@ -73,12 +73,24 @@ export function Cancel({ job, children }: { job: Job; children: ComponentChildre
   );
 }
 
-/**
- * List of all jobs, or of one folder's jobs. With `output`, show only the output: the view shows progress and end
- * itself.
- */
-export function JobList({ of, output }: { of?: string; output?: boolean }) {
-  const shown = jobs.value.filter((one) => of === undefined || one.out === of);
+const isOpen = signal(false);
+
+/** All jobs, in the header: how many run, and each with its output. */
+export function Tray() {
+  const [running, failed] = ["running", "failed"].map((state) => jobs.value.filter((one) => one.state === state).length);
+  return (
+    <details class="tray" open={isOpen.value} onToggle={(event) => (isOpen.value = (event.currentTarget as HTMLDetailsElement).open)}>
+      <summary>
+        Jobs {running ? <b class="badge">{running} running</b> : failed ? <b class="badge missed">{failed} failed</b> : <b class="badge">{jobs.value.length}</b>}
+      </summary>
+      {isOpen.value && <div class="panel">{jobs.value.length ? <JobList /> : <p class="note">No job was started since the server began.</p>}</div>}
+    </details>
+  );
+}
+
+/** All jobs, those of some kinds, or those of one folder; `output` alone where the view has progress and an end of its own. */
+export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; output?: boolean }) {
+  const shown = jobs.value.filter((one) => (of === undefined || one.out === of) && (!kinds || kinds.includes(one.kind)));
   return (
     <>
       {shown

@@ -1,6 +1,6 @@
 /** Lineage of a file: its inputs by the hashes that the file carries, and the files made from it. */
 import { signal } from "@preact/signals";
-import { follow, JobList } from "./jobs";
+import { follow } from "./jobs";
 import { Problems, useCopied } from "./parts";
 import { link, route, VIEW_OF } from "./routes";
 import { ask, attempting, read, Refused, type Listed, type Problem } from "./server";
@@ -125,7 +125,7 @@ export function Chain({ files }: { files: Listed[] }) {
             <button type="button" onClick={() => (shown.value = null)}>Close</button>
           </p>
           {now.again && copied}
-          <JobList />
+          
         </>
       )}
     </section>

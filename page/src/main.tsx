@@ -1,38 +1,41 @@
-import { effect, signal, untracked } from "@preact/signals";
+import { computed, effect, signal, untracked } from "@preact/signals";
 import { Component, render, type ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { CampaignView } from "./campaign";
-import { ControlView } from "./control";
-import { DriveView } from "./drive";
-import { HandoverView } from "./handover";
-import { opened, open } from "./opened";
+import { Tray } from "./jobs";
+import { open } from "./opened";
 import { ConnectionLine } from "./parts";
-import { follow, link, route, type View } from "./routes";
+import { follow, link, route } from "./routes";
 import { connection, unlock } from "./server";
-import { FrictionView } from "./friction";
-import { RecordingView } from "./recording";
-import { SimulateView } from "./simulate";
-import { SizingView } from "./sizing";
-import { isOld, list, studies, StudiesView, takeDrops } from "./studies";
-import { ValidationView } from "./validation";
+import { isOld, list, studies, takeDrops } from "./studies";
+import { isShown, kindOf, nameOf, Tree } from "./tree";
+import { VIEWS } from "./views";
+import "./tokens.css";
 import "./style.css";
 
-const VIEWS: [View, string][] = [
-  ["studies", "Studies"],
-  ["drive", "Drive"],
-  ["simulate", "Simulate"],
-  ["recording", "Recordings"],
-  ["friction", "Friction"],
-  ["validation", "Validation"],
-  ["sizing", "Sizing"],
-  ["campaign", "Campaigns"],
-  ["control", "Control"],
-  ["handover", "Hand over"],
-];
-const OF_A_DESCRIPTION: View[] = ["drive", "simulate"];
+const OF_A_DESCRIPTION = ["drive", "simulate"];
+const KEY = "pneudrive-tabs";
+const MOST_TABS = 12;
 
-/** Last open file of each view. */
-const last = signal<Partial<Record<View, string>>>({});
+/** What is open, each with the view that it was last seen in; kept for this tab of the browser. */
+const tabs = signal<{ path: string; view: string }[]>(JSON.parse(sessionStorage.getItem(KEY) ?? "[]"));
+
+const shown = computed(() => VIEWS.find((one) => one.name === route.value.view) ?? VIEWS[0]!);
+
+/** Keep a tab for the object of the address. */
+function keepTab({ view, path }: { view: string; path: string }): void {
+  if (!path) return;
+  const now = tabs.peek();
+  tabs.value = now.some((one) => one.path === path) ? now.map((one) => (one.path === path ? { path, view } : one)) : [...now.slice(1 - MOST_TABS), { path, view }];
+  sessionStorage.setItem(KEY, JSON.stringify(tabs.value));
+}
+
+function closeTab(path: string): void {
+  const at = tabs.value.findIndex((one) => one.path === path);
+  tabs.value = tabs.value.filter((one) => one.path !== path);
+  sessionStorage.setItem(KEY, JSON.stringify(tabs.value));
+  const next = tabs.value[Math.min(at, tabs.value.length - 1)];
+  if (route.value.path === path) location.hash = next ? link(next.view, next.path) : link("studies");
+}
 
 /** The address belongs to the view. A link within the page would therefore open another view. */
 function toContent(event: Event): void {
@@ -58,53 +61,70 @@ class Guarded extends Component<{ at: string; children: ComponentChildren }, { f
   }
 }
 
-/** Move the focus to the new view if the link that led to it has disappeared. */
-function useFocus({ view, path }: { view: View; path: string }): void {
+/** Where a link of the tree, or one that is gone, leads to another view, the focus is in the new one. */
+function useFocus({ view, path }: { view: string; path: string }): void {
   const before = useRef("");
   useEffect(() => {
     const at = link(view, path);
-    if (before.current && before.current !== at && document.activeElement === document.body) document.getElementById("main")!.focus({ preventScroll: true });
+    const focused = document.activeElement;
+    if (before.current && before.current !== at && (focused === document.body || focused?.closest(".tree"))) document.getElementById("main")!.focus({ preventScroll: true });
     before.current = at;
   }, [view, path]);
+}
+
+/** What is open, and the verbs of the object that is selected. */
+function Tabs() {
+  const { view, path } = route.value;
+  const kind = kindOf(path);
+  const verbs = path ? VIEWS.filter((one) => one.name === view || one.takes.includes(kind)) : [];
+  return (
+    <>
+      {tabs.value.length > 0 && (
+        <nav aria-label="Open files">
+        <ul class="tabs">
+          {tabs.value.map((one) => (
+            <li key={one.path} class={one.path === path ? "here" : ""}>
+              <a href={link(one.view, one.path)} title={one.path} aria-current={one.path === path ? "page" : undefined}>{nameOf(one.path)}</a>
+              <button type="button" class="icon" aria-label={`Close ${one.path}`} onClick={() => closeTab(one.path)}>×</button>
+            </li>
+          ))}
+        </ul>
+        </nav>
+      )}
+      {verbs.length > 1 && (
+        <nav class="verbs" aria-label="Views">
+          {verbs.map((one) => <a key={one.name} href={link(one.name, path)} aria-current={view === one.name ? "page" : undefined}>{one.title}</a>)}
+        </nav>
+      )}
+    </>
+  );
 }
 
 function Page() {
   const { view, path } = route.value;
   useFocus(route.value);
-  const described = opened.value?.path ?? "";
+  const Shown = shown.value.show;
   return (
     <>
       <a class="skip" href="#main" onClick={toContent}>Skip to the content</a>
       <header>
-        <h1>pneudrive</h1>
-        <nav aria-label="Views">
-          {VIEWS.map(([name, title]) => (
-            <a key={name} href={link(name, OF_A_DESCRIPTION.includes(name) ? described : name === "studies" ? "" : last.value[name])} aria-current={view === name ? "page" : undefined}>
-              {title}
-            </a>
-          ))}
-        </nav>
-        <span class="folder">{studies.value ? `${studies.value.folder} · ${studies.value.version}` : ""}</span>
+        <button type="button" class="icon" aria-expanded={isShown.value} aria-label="Files of the folder" onClick={() => (isShown.value = !isShown.value)}>☰</button>
+        <h1><a href={link("studies")}>pneudrive</a></h1>
+        <span class="folder">{studies.value?.folder}</span>
+        <Tray />
       </header>
       <ConnectionLine />
       {isOld.value && <div class="banner" role="status">The server has another version of this page. Reload it.</div>}
-      <main id="main" tabIndex={-1}>
-        {connection.value !== "locked" && (
-          <Guarded at={link(view, path)}>
-            {view === "studies" && <StudiesView />}
-            {view === "drive" && <DriveView />}
-            {view === "simulate" && <SimulateView />}
-            {view === "recording" && <RecordingView />}
-            {view === "friction" && <FrictionView />}
-            {view === "validation" && <ValidationView />}
-            {view === "sizing" && <SizingView />}
-            {view === "campaign" && <CampaignView />}
-            {view === "control" && <ControlView />}
-            {view === "handover" && <HandoverView />}
-          </Guarded>
-        )}
-      </main>
-      <footer>This page shows and simulates. It is not a safety function.</footer>
+      <div class="workspace">
+        {connection.value !== "locked" && <Tree />}
+        <div class="middle">
+          <Tabs />
+          <main id="main" tabIndex={-1} data-view={view}>
+            {connection.value !== "locked" && <Guarded at={link(view, path)}><Shown /></Guarded>}
+          </main>
+          <footer>This page shows and simulates. It is not a safety function.{studies.value && ` pneudrive ${studies.value.version}`}</footer>
+        </div>
+      </div>
     </>
   );
 }
@@ -118,8 +138,8 @@ async function start(): Promise<void> {
     effect(() => {
       const { view, path } = route.value;
       if (path && OF_A_DESCRIPTION.includes(view)) untracked(() => void open(path));
-      document.title = [path, VIEWS.find(([name]) => name === view)![1], "pneudrive"].filter(Boolean).join(" · ");
-      if (path) last.value = { ...last.peek(), [view]: path };
+      document.title = [path, shown.value.title, "pneudrive"].filter(Boolean).join(" · ");
+      untracked(() => keepTab(route.value));
     });
   }
   render(<Page />, document.getElementById("page")!);

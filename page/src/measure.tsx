@@ -1,9 +1,9 @@
 /** Measuring tools of a recording: two cursors, another recording aligned on a stroke, and the faults. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { digits, instant } from "./looks";
+import { digits, instant } from "./plots/looks";
 import { Copied, NumberField, Problems } from "./parts";
-import type { Mark } from "./plot";
+import type { Mark } from "./plots/plot";
 import { ask, newest, read, Refused, type Problem } from "./server";
 import { studies } from "./studies";
 

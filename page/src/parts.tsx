@@ -1,7 +1,8 @@
 /** Small parts that several views use. */
 import type { Signal } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
-import { link, type View } from "./routes";
+import { isUnsaved } from "./opened";
+import { link } from "./routes";
 import { ask, type attempting, connection, read, Refused, type Listed, type Problem } from "./server";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
@@ -140,17 +141,25 @@ export function DriveChoice({ label, drives, chosen }: { label: string; drives: 
   );
 }
 
+/** A moment of the file system for people. */
+export const day = (seconds: number): string => new Date(1000 * seconds).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
+
+/** A word where a view reads the file of a description whose text in the page is another one. */
+export function Unsaved({ path }: { path: string }) {
+  return isUnsaved(path) ? <p class="note">Changes of {path} that are not saved do not count here.</p> : null;
+}
+
 /** Files of the folder that a view shows, below a title. */
-export function InFolder({ files, title, view }: { files: Listed[]; title: string; view: View }) {
+export function InFolder({ files, title, view }: { files: Listed[]; title: string; view: string }) {
   if (!files.length) return null;
   return (
     <>
       <h2>{title} in the folder</h2>
-      <ul class="files">
+      <ul class="files listed">
         {files.map((one) => (
           <li key={one.path}>
             <a href={link(view, one.path)}>{one.path}</a>
-            <span>{new Date(1000 * one.changed).toLocaleString()}</span>
+            <span class="note">{day(one.changed)}</span>
           </li>
         ))}
       </ul>

@@ -1,11 +1,12 @@
 /** View of recordings: any part at any length, shaded strokes, and a wizard for the layout. */
 import { batch, computed, effect, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect } from "preact/hooks";
+import { Choose } from "./choose";
 import type { Frame, Numbers } from "./frame";
 import { follow, JobList } from "./jobs";
-import { digits } from "./looks";
+import { digits } from "./plots/looks";
 import { Problems, useCopied } from "./parts";
-import { pixelsOfPlots, Plot, type Curve, type Shade } from "./plot";
+import { pixelsOfPlots, Plot, type Curve, type Shade } from "./plots/plot";
 import { route } from "./routes";
 import { ask, attempting, frame, Live, read, Refused, write, type Problem } from "./server";
 import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, realign, type Faults, type Stroke } from "./measure";
@@ -230,7 +231,7 @@ export function RecordingView() {
     if (path) void open(path);
     return () => void (generation += 1);
   }, [path]);
-  if (!path) return <p>Choose a recording under Studies.</p>;
+  if (!path) return <Choose title="Recordings" hint="A recording is a table of channels over time: CSV, Parquet, MAT, TDMS or MF4. Add your own, or look at two shipped ones." view="recording" kinds={["recording"]} recordings />;
   const found = about.value;
   return (
     <div class="recording">
@@ -348,9 +349,10 @@ function Plots({ found }: { found: Opened }) {
   const now = views.value;
   if (!now) return null;
   const [from, to] = span.value;
+  const drawn = found.channels!.filter((one) => now.channels.has(one.column) && shown.value.includes(one.column));
   return (
-    <div data-plots aria-busy={now.head.from !== from || now.head.to !== to}>
-      {found.channels!.filter((one) => now.channels.has(one.column) && shown.value.includes(one.column)).map((one) => {
+    <div class="plots" data-plots aria-busy={now.head.from !== from || now.head.to !== to}>
+      {drawn.map((one, k) => {
         const curves: Curve[] = [{ label: one.label, x: now.time, y: now.channels.get(one.column)! }];
         const there = now.channels.get(`beside/${one.column}`);
         if (there && beside.value) curves.push({ label: `${one.label} (${beside.value.path})`, x: now.channels.get("beside/time")!, y: there });
@@ -362,8 +364,9 @@ function Plots({ found }: { found: Opened }) {
             xUnit={found.time ? "s" : "samples"}
             size={1}
             curves={curves}
-            height={190}
+            bare={k < drawn.length - 1}
             range={[now.head.from, now.head.to]}
+            onReset={from > found.span![0] || to < found.span![1] ? () => look(found.span!) : undefined}
             shades={shades.value}
             marks={marks.value}
             cursors={cursors.value ?? undefined}
@@ -476,7 +479,7 @@ function Characterise({ path }: { path: string }) {
       </p>
       <Problems of={refused.value} />
       {copied}
-      <JobList />
+      <JobList kinds={["characterise"]} />
     </section>
   );
 }

@@ -3,9 +3,9 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
-import { digits, look } from "./looks";
+import { digits, look } from "./plots/looks";
 import { Copied, Problems, ReportOf } from "./parts";
-import { curveOf, Plot } from "./plot";
+import { curveOf, Plot, zooming } from "./plots/plot";
 import { link } from "./routes";
 import { ask, attempting, frame, read, Refused, type Problem } from "./server";
 
@@ -53,6 +53,7 @@ const card = signal<Card | null>(null);
 const tracks = signal<Frame<Tracks> | null>(null);
 const measure = signal("max_error_m");
 const along = signal("");
+const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
 const wrong = signal<Problem[]>([]);
 const notResumed = signal<Problem[]>([]); // it stays while the card is read again
 const grownAt = signal(0); // when runs were last seen to come in
@@ -108,7 +109,7 @@ export function ScoreCard({ path }: { path: string }) {
      drawn stay. */
   const ready = new Set(found?.each.filter((one) => one.reference === along.value).map((one) => one.law)).size;
   useEffect(() => {
-    tracks.value = null;
+    tracks.value = zoom.value = null;
   }, [path, along.value]);
   useEffect(() => {
     if (!ready || !along.value) return;
@@ -254,13 +255,14 @@ function Along({ found }: { found: Card }) {
             title="Tracks"
             unit="mm"
             size={1e-3}
-            height={260}
+            bare
+            {...zooming(zoom)}
             curves={[
               ...now.head.laws.map((law) => ({ ...curve(now, law, "position_m", law), look: found.laws.indexOf(law) })),
               ...(now.head.laws[0] ? [{ ...curve(now, now.head.laws[0], "reference_m", "reference"), look: found.laws.length }] : []),
             ]}
           />
-          <Plot title="Errors" unit={now.head.error.unit} size={now.head.error.size} height={260} curves={now.head.laws.map((law) => ({ ...curve(now, law, "error_m", law), look: found.laws.indexOf(law) }))} />
+          <Plot title="Errors" unit={now.head.error.unit} size={now.head.error.size} {...zooming(zoom)} curves={now.head.laws.map((law) => ({ ...curve(now, law, "error_m", law), look: found.laws.indexOf(law) }))} />
         </div>
       )}
       {now && <p class="note">First run of each controller. Error: reference minus true position.</p>}

@@ -1,14 +1,16 @@
 /** Sliders on a running simulation. */
 import { bandOf, besides, BesideChoices, Differences, Energy, forget, Loops, MovingCircuit, otherCurves, pointAt, timeCursor, type BesideHead } from "./beside";
 import { computed, effect, signal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useMemo } from "preact/hooks";
+import { Choose } from "./choose";
 import type { Frame, Numbers } from "./frame";
 import { Circuit } from "./circuit";
 import { withFile } from "./command";
-import { digits } from "./looks";
+import { digits } from "./plots/looks";
 import { drawing, opened, problems as textProblems, said, set, valid, type Field } from "./opened";
 import { Copied, KINDS, NumberField, Problems } from "./parts";
-import { curveOf, Plot, type Curve } from "./plot";
+import { curveOf, Plot, zooming, type Curve } from "./plots/plot";
+import { route } from "./routes";
 import { ask, Live, Refused, type Problem } from "./server";
 import { studies } from "./studies";
 
@@ -28,6 +30,7 @@ interface Head extends BesideHead {
   warnings?: string[];
   impacts?: { time_s: number; end: string; cylinder?: string; speed_m_s: number; energy_j: number }[];
   more_impacts?: number;
+  events?: { time_s: number; what: string }[];
   assumed?: number;
   samples?: number;
   ends?: Record<string, number>;
@@ -43,7 +46,9 @@ interface Trace {
 const command = signal("0 s: 1, 1 s: -1");
 const duration = signal("2 s");
 const initial = signal("");
-const shown = signal<string[]>([]);
+/** Values that have a slider. */
+export const pinned = signal<string[]>([]);
+export const pin = (key: string): void => void (pinned.value = pinned.value.includes(key) ? pinned.value.filter((one) => one !== key) : [...pinned.value, key]);
 const moved = signal<Record<string, number>>({}); // by `placeOf` a value
 const ranges = signal<Record<string, [number, number]>>({});
 const frozen = signal<Trace[]>([]);
@@ -82,7 +87,7 @@ function request(pixels = 1000): Record<string, unknown> | null {
     duration: duration.value,
     initial: initial.value,
     pixels,
-    ...besides(fields.value, shown.value, numbers.value),
+    ...besides(fields.value, pinned.value, numbers.value),
   };
 }
 
@@ -93,9 +98,10 @@ effect(() => {
   const path = opened.value?.path;
   if (!now || !path || begun === path) return;
   begun = path;
+  zoom.value = null;
   answer.value = null;
   wrong.value = [];
-  shown.value = now.sliders ?? [];
+  pinned.value = now.sliders ?? [];
   moved.value = {};
   ranges.value = {};
   frozen.value = [];
@@ -134,6 +140,11 @@ function freeze(): void {
 
 /** Frame of the view. It does not depend on answers, so that an answer redraws only curves and numbers. */
 export function SimulateView() {
+  if (route.value.path) return <Simulated />;
+  return <Choose title="Simulate" hint="Open a drive or a circuit to run it. Each slider changes the run while you drag it." view="simulate" kinds={["drive", "circuit"]} catalogue />;
+}
+
+function Simulated() {
   useEffect(() => {
     const live = new Live<Head>((frame) => {
       if (frame.head.path !== opened.value?.path) return;
@@ -154,7 +165,7 @@ export function SimulateView() {
     };
   }, []);
   if (textProblems.value.length && !valid.value) return <Problems of={textProblems.value} />;
-  if (!valid.value) return <p>Choose a drive or a circuit under Studies.</p>;
+  if (!valid.value) return null;
   return (
     <div class="simulate">
       <section class="controls" aria-label="What is simulated">
@@ -225,7 +236,7 @@ function Plots() {
   const head = answer.value?.head;
   return (
     <section class="plots" aria-label="Curves" data-samples={head?.samples}>
-      {head?.panels?.map((panel) => <PanelPlot key={panel.title} panel={panel} />)}
+      {head?.panels?.map((panel, k, all) => <PanelPlot key={panel.title} panel={panel} isLast={k === all.length - 1} />)}
     </section>
   );
 }
@@ -252,7 +263,10 @@ function Drawn() {
   return isMoving.value ? <MovingCircuit now={answer.value!} drawing={drawing.value} /> : <Circuit drawing={drawing.value} />;
 }
 
-function PanelPlot({ panel }: { panel: Panel }) {
+/** The part of the time that is shown; null: all of it. */
+const zoom = signal<[number, number] | null>(null);
+
+function PanelPlot({ panel, isLast }: { panel: Panel; isLast: boolean }) {
   const now = answer.value!;
   const time = now.arrays.get("time_s")!;
   const curves: Curve[] = panel.curves.map((one) => curveOf(now.arrays, time, one.column, one.label));
@@ -263,7 +277,8 @@ function PanelPlot({ panel }: { panel: Panel }) {
     const band = bandOf(now, one.column);
     return band ? [{ ...band, look: index }] : [];
   });
-  return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} bands={bands} cursors={timeCursor.value} onHover={pointAt} />;
+  const events = useMemo(() => now.head.events?.map((one) => ({ at: one.time_s, what: one.what })), [now]);
+  return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} bands={bands} events={events} bare={!isLast} {...zooming(zoom)} cursors={timeCursor.value} onHover={pointAt} />;
 }
 
 /** Last value of each curve as a number, for screen readers and tests. */
@@ -280,7 +295,7 @@ function Ends() {
               <tr key={one.column}>
                 <th scope="row">{one.label}</th>
                 <td data-end={one.column} data-si={head.ends![one.column]}>
-                  {digits((head.ends![one.column] ?? Number.NaN) / panel.size, 6)} {panel.unit}
+                  {digits((head.ends![one.column] ?? Number.NaN) / panel.size)} {panel.unit}
                 </td>
               </tr>
             )),
@@ -294,7 +309,7 @@ function Ends() {
 function Sliders() {
   return (
     <>
-      {shown.value.map((key) => {
+      {pinned.value.map((key) => {
         const field = fields.value.get(key);
         return field?.number === undefined ? null : <Slider key={key} field={field} />;
       })}
@@ -303,7 +318,7 @@ function Sliders() {
 }
 
 function AddSlider() {
-  const free = [...fields.value.values()].filter((one) => one.number !== undefined && !shown.value.includes(one.key));
+  const free = [...fields.value.values()].filter((one) => one.number !== undefined && !pinned.value.includes(one.key));
   return (
     <p>
       <label>
@@ -311,7 +326,7 @@ function AddSlider() {
         <select
           value=""
           onChange={(event) => {
-            if (event.currentTarget.value) shown.value = [...shown.value, event.currentTarget.value];
+            if (event.currentTarget.value) pinned.value = [...pinned.value, event.currentTarget.value];
             event.currentTarget.value = "";
           }}
         >
@@ -372,7 +387,7 @@ function Slider({ field }: { field: Field }) {
           class="link"
           onClick={() => {
             put(field.number!);
-            shown.value = shown.value.filter((one) => one !== field.key);
+            pinned.value = pinned.value.filter((one) => one !== field.key);
           }}
           aria-label={`Remove the slider of ${field.key}`}
         >

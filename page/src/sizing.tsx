@@ -3,13 +3,13 @@ import { computed, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { Cancel, follow, JobList, jobs } from "./jobs";
-import { digits } from "./looks";
+import { digits } from "./plots/looks";
 import { wasSaved } from "./opened";
 import { InFolder, NumberField, Problems, ReportOf, SaveButton, useCopied } from "./parts";
 import { isToml, link, route } from "./routes";
 import { ask, attempting, read, Refused, write, type Problem } from "./server";
 import { list, studies } from "./studies";
-import { ticks } from "./strip";
+import { ticks } from "./plots/strip";
 
 interface Limit {
   name: string;

@@ -1,17 +1,19 @@
-/** Start page: content of the folder by kind, and the drives of the catalogue. */
+/** The start: ways to begin, what is in the folder by kind, and where results come from. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { Starts } from "./choose";
 import { Differences, type Compared } from "./differences";
 import { Chain, lookForStale, stale, trace } from "./lineage";
-import { Copied, Problems } from "./parts";
+import { isUnsaved } from "./opened";
+import { Copied, day, Problems } from "./parts";
 import { ask, connection, drop, read, Refused, type Listed, type Problem, type Studies } from "./server";
-import { link, VIEW_OF } from "./routes";
+import { inCatalogue, link, VIEW_OF } from "./routes";
+import { GROUPS, PathName } from "./tree";
 
 declare const __BUILD__: string;
 
 export const studies = signal<Studies | null>(null);
 export const isOld = signal(false);
-const filter = signal("");
 
 let listing: Promise<void> | null = null;
 
@@ -33,8 +35,8 @@ async function readFolder(): Promise<void> {
   }
 }
 
-const taking = signal("");
-const refused = signal<Problem[]>([]);
+export const taking = signal("");
+export const refused = signal<Problem[]>([]);
 
 let copying = Promise.resolve();
 
@@ -74,78 +76,25 @@ export function takeDrops(): void {
   });
 }
 
-const TITLES: Record<string, string> = {
-  drive: "Drives",
-  circuit: "Circuits",
-  recording: "Recordings",
-  campaign: "Campaigns",
-  comparison: "Comparisons of laws",
-  "friction map": "Friction maps",
-  fit: "Fits",
-  validation: "Validations",
-  fmu: "Drives for other tools",
-  task: "Tasks of drives",
-  sizing: "Sizings",
-  layout: "Layouts",
-  protocol: "Protocols",
-  rig: "Rigs",
-  setup: "Setups",
-  controller: "Controllers",
-  formula: "Laws of friction and other parts as formulas",
-  other: "Other TOML files",
-  unreadable: "Files that cannot be read",
-};
-const MOST = 200; // rows of a kind on the page; the filter finds the others
+const MOST = 200; // rows of a group on the page; the search of the tree finds the others
 
-function size(bytes: number): string {
-  return bytes < 1e4 ? `${bytes} B` : bytes < 1e7 ? `${Math.round(bytes / 1e3)} kB` : `${Math.round(bytes / 1e6)} MB`;
-}
+const size = (bytes: number): string => (bytes < 1e4 ? `${bytes} B` : bytes < 1e7 ? `${Math.round(bytes / 1e3)} kB` : `${Math.round(bytes / 1e6)} MB`);
 
 export function StudiesView() {
   useEffect(() => void (listing ?? list()), [connection.value === "open"]); // what the page reads as it begins is read once
   const found = studies.value;
   if (!found) return refused.value.length ? <Problems of={refused.value} /> : <p>Reading the folder.</p>;
-  const word = filter.value.toLowerCase();
-  const files = found.files.filter((one) => one.path.toLowerCase().includes(word));
-  const drives = found.catalogue.filter((one) => `${one.path} ${one.title}`.toLowerCase().includes(word));
   return (
     <>
-      <p class="row">
-        <label>
-          Show only <input type="search" value={filter.value} onInput={(event) => (filter.value = event.currentTarget.value)} />
-        </label>
-        <button type="button" onClick={() => void list()}>Read the folder again</button>
-        <span>
-          {found.files.length} files in {found.folder}
-          {found.left_out > 0 && `; ${found.left_out} names are no UTF-8 and left out`}
-          {found.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}
-        </span>
-      </p>
-      <p class="row">
-        <label>
-          Copy files into the folder (or drop them anywhere on the page){" "}
-          <input type="file" multiple onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
-        </label>
-        <span role="status">{taking.value}</span>
-      </p>
+      <h2>{found.folder}</h2>
       <Problems of={refused.value} />
+      <Starts isEmpty={!found.files.length} />
       <Compare />
       <Chain files={found.files} />
       {stale.value.unchecked > 0 && <p class="note">{stale.value.unchecked} older results were not checked against their inputs.</p>}
-      {Object.entries(TITLES).map(([kind, title]) => (
-        <Kind key={kind} title={title} files={files.filter((one) => one.kind === kind)} />
+      {GROUPS.map(({ title, view, kinds }) => (
+        <Files key={title} title={title} view={view} files={found.files.filter((one) => kinds.includes(one.kind))} />
       ))}
-      <section>
-        <h2>Catalogue: drives to begin with</h2>
-        <ul class="files">
-          {drives.map((one) => (
-            <li key={one.path}>
-              <a href={link("simulate", one.path)}>{one.path.replace("catalogue:", "")}</a>
-              <span>{one.title}</span>
-            </li>
-          ))}
-        </ul>
-      </section>
     </>
   );
 }
@@ -153,6 +102,7 @@ export function StudiesView() {
 /** Kinds that can be compared in pairs, and kinds that carry or supply hashes of inputs. */
 const ALIKE = ["drive", "fit"];
 const TRACED = ["drive", "circuit", "recording", "friction map", "fit", "validation", "comparison", "campaign", "rig"];
+const FOLDERS = ["campaign", "comparison", "sizing"]; // objects that are a folder
 const pair = signal<string[]>([]);
 const compared = signal<Compared | null>(null);
 const apart = signal<Problem[]>([]);
@@ -164,12 +114,12 @@ const tick = (path: string): void => {
   compare();
 };
 
-/** Compare the two selected files in their current state. */
+/** Compare the two that are ticked as they are now. */
 function compare(): void {
   const [before, after] = pair.value;
   apart.value = [];
   if (!before || !after) return;
-  const isSame = () => pair.value[0] === before && pair.value[1] === after; // other files may be selected meanwhile
+  const isSame = () => pair.value[0] === before && pair.value[1] === after; // others may be ticked meanwhile
   void ask<Compared>("/api/compare", { before, after }).then(
     (found) => void (isSame() && (compared.value = found)),
     (error: unknown) => {
@@ -182,7 +132,7 @@ function compare(): void {
 function Compare() {
   if (!pair.value.length) return null;
   return (
-    <section aria-label="Compare two">
+    <section class="panel" aria-label="Compare two">
       <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another drive or fit: tick it` : pair.value.join(" and ")}</h2>
       <Problems of={apart.value} />
       {compared.value && <Differences {...compared.value} />}
@@ -191,17 +141,44 @@ function Compare() {
   );
 }
 
-function Kind({ title, files }: { title: string; files: Listed[] }) {
+const renaming = signal({ path: "", to: "" });
+
+/** Give a file another name; one that is there is never written over. */
+async function rename(): Promise<void> {
+  const { path, to } = renaming.value;
+  refused.value = [];
+  try {
+    await ask("/api/rename", { path, to });
+    renaming.value = { path: "", to: "" };
+    await list();
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    refused.value = error.problems;
+  }
+}
+
+function Rename({ path }: { path: string }) {
+  const now = renaming.value;
+  if (now.path !== path) return <button type="button" class="link" aria-label={`Rename ${path}`} disabled={isUnsaved(path)} onClick={() => (renaming.value = { path, to: path })}>rename</button>;
+  return (
+    <form class="row" onSubmit={(event) => (event.preventDefault(), void rename())}>
+      <input aria-label={`New name of ${path}`} value={now.to} onInput={(event) => (renaming.value = { path, to: event.currentTarget.value })} />
+      <button type="submit">Rename</button>
+    </form>
+  );
+}
+
+function Files({ title, view, files }: { title: string; view: string; files: Listed[] }) {
   if (!files.length) return null;
   return (
-    <section>
-      <h2>{title}</h2>
-      <ul class="files">
+    <section class="group">
+      <h3>{view ? <a href={link(view)}>{title}</a> : title}</h3>
+      <ul class="files listed">
         {files.slice(0, MOST).map((one) => (
           <li key={one.path}>
-            {VIEW_OF[one.kind] ? <a href={link(VIEW_OF[one.kind]!, one.path)}>{one.path}</a> : <span>{one.path}</span>}
-            <span>
-              {size(one.size)}, {new Date(1000 * one.changed).toLocaleString()}
+            {VIEW_OF[one.kind] ? <a href={link(VIEW_OF[one.kind]!, one.path)}><PathName path={one.path} /></a> : <span><PathName path={one.path} /></span>}
+            <span class="note">
+              {one.kind}, {day(one.changed)}
               {stale.value.stale[one.path] && <b class="missed" data-stale={one.path}> out of date: made from another {stale.value.stale[one.path]!.join(", ")}</b>}
             </span>
             <span class="row">
@@ -210,12 +187,13 @@ function Kind({ title, files }: { title: string; files: Listed[] }) {
                   <input type="checkbox" aria-label={`Compare ${one.path}`} checked={pair.value.includes(one.path)} onChange={() => tick(one.path)} /> compare
                 </label>
               )}
-              {TRACED.includes(one.kind) && <button type="button" class="link" aria-label={`Chain of ${one.path}`} onClick={() => void trace(one.path)}>chain</button>}
+              {TRACED.includes(one.kind) && <button type="button" class="link" aria-label={`Chain of ${one.path}`} onClick={() => void trace(one.path)}>made from</button>}
+              {!FOLDERS.includes(one.kind) && !inCatalogue(one.path) && <Rename path={one.path} />}
             </span>
           </li>
         ))}
       </ul>
-      {files.length > MOST && <p>{files.length - MOST} more; narrow the list above.</p>}
+      {files.length > MOST && <p class="note">{files.length - MOST} more: search for them in the tree.</p>}
     </section>
   );
 }

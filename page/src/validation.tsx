@@ -7,14 +7,14 @@ import { useEffect } from "preact/hooks";
 import { Differences, type Compared } from "./differences";
 import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
-import { digits, instant } from "./looks";
+import { digits, instant } from "./plots/looks";
 import { open as openDrive, valid, type Field } from "./opened";
-import { DriveChoice, folderOf, InFolder, KINDS, NumberField, Problems, ReportOf, useCopied } from "./parts";
-import { curveOf, Plot } from "./plot";
+import { DriveChoice, folderOf, InFolder, KINDS, NumberField, Problems, ReportOf, Unsaved, useCopied } from "./parts";
+import { curveOf, Plot } from "./plots/plot";
 import { link, route } from "./routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "./server";
 import { list, studies } from "./studies";
-import { Unsaved } from "./unsaved";
+import { kindOf } from "./tree";
 
 interface Metrics {
   rms: number;
@@ -96,7 +96,8 @@ const drive = signal("");
 const chosen = signal<string[]>([]);
 const name = signal("validation");
 
-const path = computed(() => (route.value.view === "validation" ? route.value.path : ""));
+const INPUTS = ["drive", "circuit", "fit", "recording"];
+const path = computed(() => (route.value.view === "validation" && !INPUTS.includes(kindOf(route.value.path)) ? route.value.path : ""));
 /** Values that can have a slider: those of the file, and those that a cause names but the file lacks. */
 const fields = computed(() => [...(found.value?.suspects ?? []), ...(valid.value?.values ?? [])].filter((one) => one.number !== undefined));
 const field = computed(() => fields.value.find((one) => one.key === key.value));
@@ -171,6 +172,11 @@ export function ValidationView() {
 }
 
 function Start() {
+  const object = route.value.path;
+  useEffect(() => {
+    if (kindOf(object) === "recording") chosen.value = [object];
+    else if (object) drive.value = object;
+  }, [object, kindOf(object)]);
   const files = studies.value?.files ?? [];
   const drives = [...files.filter((one) => one.kind === "drive" || one.kind === "fit").map((one) => one.path), ...(studies.value?.catalogue ?? []).map((one) => one.path)];
   const recordings = files.filter((one) => one.kind === "recording");
@@ -210,7 +216,7 @@ function Start() {
       </p>
       <Problems of={wrong.value} />
       {copied}
-      <JobList />
+      <JobList kinds={["validate"]} />
       <InFolder files={results} title="Validations" view="validation" />
     </>
   );
@@ -309,11 +315,12 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
             const curve = (words: string, run: string) => curveOf(shown.arrays, x, `${column}.${run}`, words);
             const runs = [curve("measured", "measured"), curve("free run", "free"), ...(isChanged ? [curve("changed", "changed")] : [])];
             const off = [curve(`from states, ${digits(now.window_s)} s`, "restarted.residual"), curve("free run", "free.residual"), ...(isChanged ? [curve("changed", "changed.residual")] : [])];
-            const plot = { unit, size, onZoom: zoom, range: span.value };
+            const isWhole = span.value[0] <= one.span[0] && span.value[1] >= one.span[1];
+            const plot = { unit, size, onZoom: zoom, range: span.value, onReset: isWhole ? undefined : () => (span.value = one.span) };
             return (
               <div key={column}>
-                <Plot {...plot} title={label} curves={runs} />
-                <Plot {...plot} title={`residual of ${label}`} curves={off} height={130} />
+                <Plot {...plot} title={label} curves={runs} bare />
+                <Plot {...plot} title={`residual of ${label}`} curves={off} height={110} bare={column !== now.channels[now.channels.length - 1]!.column} />
               </div>
             );
           })}
@@ -460,7 +467,7 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
       )}
       <p class="row">{copy}</p>
       {copied}
-      <JobList />
+      <JobList kinds={["identify", "apply"]} />
       {difference.value && <Differences {...difference.value} />}
     </>
   );

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { unpack } from "../src/frame";
-import { digits } from "../src/looks";
+import { digits } from "../src/plots/looks";
 
 /** A frame as `pneudrive.web.messages.pack` makes it. */
 function frame(): ArrayBuffer {

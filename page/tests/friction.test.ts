@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { levels } from "../src/friction";
-import { reached } from "../src/plot";
+import { reached } from "../src/plots/scatter";
 
 describe("speeds of a map", () => {
   it("are one level where they hardly differ", () => {

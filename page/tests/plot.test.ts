@@ -1,7 +1,8 @@
 import { describe, expect, it, vi } from "vitest";
 import type uPlot from "uplot";
-import { instant } from "../src/looks";
-import { curveOf, isInDash, lines, valueAt } from "../src/plot";
+import { instant } from "../src/plots/looks";
+import { isInDash, lines } from "../src/plots/paint";
+import { curveOf, valueAt } from "../src/plots/plot";
 
 describe("a dense curve", () => {
   it("is pale in the gaps of its dash", () => {

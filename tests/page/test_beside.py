@@ -158,7 +158,7 @@ def test_what_a_long_run_shows_at_a_time_is_of_that_time(server: Server, open_ta
         told, shown = (float(one) for one in line.locator("th,td").all_inner_texts())
         assert shown == pytest.approx(1e3 * position[int(np.abs(time - told).argmin())], rel=1e-5, abs=1e-5)
     page.hover("figure.plot[data-plot=Position] .u-over", position={"x": 150, "y": 60})
-    told, shown = page.locator("figure.plot[data-plot=Position] .u-legend .u-value").all_inner_texts()[:2]
+    told, shown = page.locator("figure.plot[data-plot=Position] figcaption .value").all_inner_texts()[:2]
     row = int(np.abs(time - float(told)).argmin())
     assert float(shown) == pytest.approx(1e3 * position[row], rel=1e-3, abs=1e-4)
     tab.check()
@@ -175,7 +175,7 @@ def test_the_spectrum_of_a_view(server: Server, open_tab: Open) -> None:
     page.check("text=spectrum of the view")
     plot = "figure[data-plot='Spectrum of force']"
     page.wait_for_selector(f"{plot} canvas")
-    assert page.inner_text(f"{plot} figcaption") == "Spectrum of force, N/√Hz"
+    assert page.inner_text(f"{plot} .title") == "Spectrum of force, N/√Hz"
     page.click("text=Closer")
     page.wait_for_timeout(600)
     assert violations(tab) == []

@@ -22,7 +22,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     page = tab.page
 
     def go(name: str) -> None:
-        page.click("nav >> text=Studies")
+        page.click(".home")
         page.click(f"ul.files >> text={name}")
         page.wait_for_selector("[data-end=position_m]")
         settled(tab)
@@ -32,7 +32,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     go("axis.toml")
     saved = at_end(tab, "position_m")
     # Two values in quick succession, each by an answer that takes its time: both are in the text.
-    page.click("nav >> text=Drive")
+    page.click(".verbs >> text=Drive")
     page.wait_for_selector(".fields")
     page.route("**/api/edit", lambda route: (page.wait_for_timeout(150), route.continue_()))
     page.fill("input[aria-label='friction.coulomb']", "20 N")
@@ -49,7 +49,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     page.keyboard.press("Tab")
     page.wait_for_selector("text=No problems.")
     # The curves are those of the text; a command, which reads the file, would give others and is refused.
-    page.click("nav >> text=Simulate")
+    page.click(".verbs >> text=Simulate")
     page.wait_for_selector("[data-end=position_m]")
     settled(tab)
     unsaved = at_end(tab, "position_m")
@@ -62,7 +62,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     (server.folder / "axis.toml").write_text(DRIVE.replace("28 N", "44 N"))
     go("axis.toml")
     assert at_end(tab, "position_m") == unsaved
-    page.click("nav >> text=Drive")
+    page.click(".verbs >> text=Drive")
     page.click("text=Drop these changes and show the file")
     page.wait_for_selector(".cm-content >> text=44 N")
     # A text that is as it was read follows the disk.
@@ -72,7 +72,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     # The curves of one drive never stand under the name of another.
     page.fill("label:has-text('Duration') input", "2,5 s")
     page.wait_for_selector(".problem")
-    page.click("nav >> text=Studies")
+    page.click(".home")
     page.click("ul.files >> text=other.toml")
     page.wait_for_selector(".problem")
     assert page.locator("[data-end=position_m]").count() == 0
@@ -182,7 +182,7 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     assert page.locator(".problem").count() == 0
     # Two files that are compared are those of the folder as it was read last.
     (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "20 N"))
-    page.click("nav >> text=Studies")
+    page.click(".home")
     for name in ("axis.toml", "other.toml"):
         page.check(f"input[aria-label='Compare {name}']")
     page.wait_for_selector("[data-differs='friction.coulomb'] >> text=20 N")

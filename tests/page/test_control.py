@@ -13,7 +13,7 @@ from page.test_journeys import Open, drag, settled, violations
 def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     tab = open_tab(server.address)
     page = tab.page
-    page.click("nav >> text=Control")
+    page.click(".tree >> text=Controllers")
     page.wait_for_selector("[data-score=max_error_m]")
     page.select_option("label:has-text('Law') select", "pid")
     page.fill("label:has-text('Reference') input", "250 mm; 0.1 s: 300 mm in 0.3 s")

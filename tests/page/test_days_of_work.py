@@ -73,6 +73,7 @@ def test_a_page_that_is_loaded_again_has_its_jobs(server: Server, open_tab: Open
     for view in ("control", "campaign"):
         go(page, view)
         page.reload()
+        page.click(".tray summary:has-text('1 running')")
         page.wait_for_selector("button:text-is('Cancel results/laws')")
     tab.check()
 
@@ -140,7 +141,7 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
     page.wait_for_timeout(200)
     assert page.locator("[role=status] >> text=Saved mine.toml.").count() == 1
     page.click("text=A new task, and all sizings")
-    page.focus("a:text-is('results/push')")
+    page.focus("a[title='results/push']")
     page.keyboard.press("Enter")
     page.wait_for_selector("button:text-is('Resume')")
     assert page.evaluate("() => document.activeElement.id") == "main"  # the link is gone, and nothing is lost

@@ -98,7 +98,7 @@ def test_drive_by_text_and_by_form(server: Server, open_tab: Open) -> None:
     tab = open_tab(server.address)
     page = tab.page
     page.click("text=axis.toml")
-    page.click("nav >> text=Drive")
+    page.click(".verbs >> text=Drive")
     page.wait_for_selector(".cm-content")
     page.wait_for_selector(".fields")
     page.fill("input[aria-label='friction.coulomb']", "31 N")
@@ -290,7 +290,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
 def test_campaign_paused_killed_and_resumed(own_server: Server, open_tab: Open) -> None:
     tab = open_tab(own_server.address)
     page = tab.page
-    page.click("nav >> text=Campaigns")
+    page.click(".tree >> text=Campaigns")
     page.select_option("label:has-text('Protocol') select", "stops-pressure")
     page.click("text=Plan and check")
     page.wait_for_selector("[data-plan]")
@@ -408,7 +408,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 #: Each view as it is entered, and with a result: address, and what is there once it is drawn.
 VIEWS = {
-    "studies/": "a:text-is('results/push')",
+    "studies/": "a[title='results/push']",
     "drive/axis.toml": "g[data-key=cylinder]",
     "simulate/axis.toml": "[data-end=position_m]",
     "recording/": "main",
@@ -434,7 +434,7 @@ def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open
     shutil.copytree(results, server.folder, dirs_exist_ok=True)
     tab = open_tab(server.address, look)
     page = tab.page
-    page.wait_for_selector("a:text-is('results/push')")
+    page.wait_for_selector("a[title='results/push']")
     for address, drawn in VIEWS.items():
         view, _, path = address.partition("/")
         page.evaluate(f"() => (location.hash = '#/{view}/{quote(path, safe='')}')")
@@ -541,7 +541,7 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
     (server.folder / "axis.toml").write_text(DRIVE + IDENTIFIED)
     tab = open_tab(server.address)
     page = tab.page
-    page.click("nav >> text=Hand over")
+    page.click(".tree >> text=Exports")
     page.select_option("label:has-text('Drive or circuit') select", "axis.toml")
     page.fill("label:has-text('Start state') input", "position = 50 mm")
     page.fill("label:has-text('Into results/') input", "another")
@@ -570,7 +570,7 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
     assert abs(names["run"]["position"][-1] - own.position[-1].item()) < 0.02e-6
     assert violations(tab) == []
     tab.picture("hand-over")
-    page.click("nav >> text=Studies")
-    page.click("a:text-is('results/axis.fmu')")
+    page.click(".home")
+    page.click("a[title='results/axis.fmu']")
     page.wait_for_selector("[data-variable=command]")
     tab.check()

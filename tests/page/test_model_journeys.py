@@ -71,7 +71,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     truth = friday(server)
     tab = open_tab(server.address)
     page = tab.page
-    page.click("nav >> text=Validation")
+    page.click(".tree >> text=Validations")
     page.select_option("label:has-text('Drive or fit') select", "axis.toml")
     page.check("label:has-text('friday.parquet') input")
     page.fill("label:has-text('Into results/') input", "friday")
@@ -129,7 +129,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     page.locator("section[aria-label='Differences']").scroll_into_view_if_needed()
     tab.picture("validation-identified")
 
-    page.click("nav >> text=Studies")
+    page.click(".home")
     page.click("button[aria-label='Chain of results/friday/validation.toml']")
     page.wait_for_selector("[data-input='axis.toml'] [data-input='monday-fit.toml'] [data-input='monday.parquet']")
     text = (server.folder / "friday.parquet").read_bytes()
@@ -151,7 +151,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
 def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     tab = open_tab(server.address)
     page = tab.page
-    page.click("nav >> text=Sizing")
+    page.click(".tree >> text=Sizings")
     page.wait_for_selector(".cm-content")
     page.wait_for_selector("text=No problems.")
     assert violations(tab) == []
@@ -165,9 +165,9 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     tab.picture("sizing-problem")
 
     (server.folder / "lift.toml").write_text(LIFT)
-    page.click("nav >> text=Studies")
+    page.click(".home")
     page.click("text=Read the folder again")
-    page.click("a:text-is('lift.toml')")
+    page.click("a[title='lift.toml']")
     page.wait_for_selector("td:text-is('0.8 J')")
     page.fill("label:has-text('Into results/') input", "lift")
     page.fill("label:has-text('Draws of each') input", "8")
@@ -237,7 +237,7 @@ def test_a_search_is_cancelled_and_goes_on(server: Server, open_tab: Open) -> No
     (server.folder / "lift.toml").write_text((ROOT / "examples" / "sizing" / "lift.toml").read_text())
     tab = open_tab(server.address)
     page = tab.page
-    page.click("a:text-is('lift.toml')")
+    page.click("a[title='lift.toml']")
     page.wait_for_selector("text=No problems.")
     page.fill("label:has-text('Into results/') input", "lift")
     page.fill("label:has-text('Draws of each') input", "8")
@@ -273,7 +273,7 @@ def test_a_task_that_nothing_does_is_answered_in_words_light_and_dark(server: Se
     for look in ("light", "dark"):
         tab = open_tab(server.address, look)
         page = tab.page
-        page.click("a:text-is('results/none')")
+        page.click("a[title='results/none']")
         page.wait_for_selector("[data-miss]")
         assert found.miss.gives in page.inner_text("[data-miss]")
         assert violations(tab) == []
@@ -295,7 +295,7 @@ def test_a_validation_in_the_dark(server: Server, open_tab: Open) -> None:
     pn.validate(drive, run).write(folder)
     tab = open_tab(server.address, "dark")
     page = tab.page
-    page.click("a:text-is('results/same/validation.toml')")
+    page.click("a[title='results/same/validation.toml']")
     page.wait_for_selector("[data-verdict=position][data-met=yes]")
     settled(tab)
     page.wait_for_selector("text=Synthetic")

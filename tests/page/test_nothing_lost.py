@@ -99,13 +99,13 @@ def test_frozen_curves_have_names_and_lines_of_their_own(server: Server, open_ta
         page.click("text=Freeze the curves")
     page.click("text=Freeze the curves")
     pressures = page.locator("figure[data-plot^=Pressure]")
-    names = pressures.locator(".u-series .u-label").all_inner_texts()[1:]
+    names = pressures.locator(".legend .name").all_inner_texts()
     assert len(set(names)) == len(names) == 10
     assert "pressure a (as described; 0 s: 0.2)" in names
     assert "pressure a (as described; 0 s: 0.4; 2)" in names
-    marks = pressures.locator(".u-series .u-marker").evaluate_all("all => all.map((one) => one.style.background)")[1:]
+    marks = pressures.locator(".swatch").evaluate_all("all => all.map((one) => one.style.background)")
     assert len(set(marks[:8])) == 8  # as many as there are looks
-    assert page.locator("figure[data-plot=Position] .u-marker").nth(1).bounding_box()["width"] > 30
+    assert page.locator("figure[data-plot=Position] .swatch").first.bounding_box()["width"] > 30
     tab.check()
 
 
@@ -363,10 +363,10 @@ def test_curves_follow_the_scheme_of_the_system(server: Server, open_tab: Open) 
     page = tab.page
     go(page, "simulate", "axis.toml")
     page.wait_for_selector("[data-end=position_m]")
-    mark = page.locator("figure[data-plot=Position] .u-marker").nth(1)
-    assert "17, 17, 17" in mark.evaluate("(one) => one.style.background")
+    mark = page.locator("figure[data-plot=Position] .swatch").first
+    assert "42, 80, 232" in mark.evaluate("(one) => one.style.background")
     page.emulate_media(color_scheme="dark")
-    page.wait_for_function("() => document.querySelectorAll('.u-marker')[1].style.background.includes('242, 242, 242')")
+    page.wait_for_function("() => document.querySelector('.swatch').style.background.includes('97, 135, 255')")
     tab.check()
 
 

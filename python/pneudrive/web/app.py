@@ -28,7 +28,7 @@ from pneudrive.start import is_circuit
 from pneudrive.units import in_unit
 from pneudrive.web import description
 from pneudrive.web.beside import ExtrasRequest
-from pneudrive.web.drop import take
+from pneudrive.web.drop import add_example, rename, take
 from pneudrive.web.guard import DROP, REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
 from pneudrive.web.live import live
@@ -118,6 +118,8 @@ def make_app(
         Route("/api/stale", _answered(views.stale)),
         Route("/api/file", _answered(views.read)),
         Route("/api/file", _answered(views.write), methods=["PUT"]),
+        Route("/api/rename", _answered(views.rename), methods=["POST"]),
+        Route("/api/example", _answered(views.example), methods=["POST"]),
         Route("/api/check", _answered(views.check), methods=["POST"]),
         Route("/api/edit", _answered(views.edit), methods=["POST"]),
         Route("/api/drawing", _answered(views.drawing), methods=["POST"]),
@@ -248,6 +250,16 @@ class _Views:
 
             Layout.loads(asked["text"], "layout.toml")
         return {"sha256": self.workspace.write(path, asked["text"], known)}
+
+    def rename(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
+        """Give a file another name."""
+        asked = _table(body, "path", "to")
+        rename(self.workspace, asked["path"], asked["to"])
+        return {}
+
+    def example(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
+        """Copy example recordings into the folder."""
+        return {"path": add_example(self.workspace)}
 
     def check(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Check a text."""

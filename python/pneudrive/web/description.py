@@ -38,6 +38,9 @@ _FROM_ZERO = {"deg": (-90.0, 90.0), "N": (-200.0, 200.0), "kg": (0.0, 20.0)}
 #: Sliders that a new page begins with, those that the description has.
 FIRST_SLIDERS = ("friction.coulomb", "supply.pressure", "load.mass", "cylinder.moving_mass", "moving_mass")
 MOST_SLIDERS = 4
+#: Tables in the order in which people look for values; others follow, and what seldom changes comes last.
+FIRST = ("cylinder", "load", "friction", "valve", "supply")
+ORDER = {name: place for place, name in enumerate(FIRST)} | {"ambient": 98, "gas": 99}
 
 
 def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
@@ -70,6 +73,7 @@ def fields_of(described: Drive | Circuit) -> dict[str, Any]:
     owner = _owners(described)
     every = values_of(described)
     absent = _absent(described, every)
+    every = sorted(every, key=lambda one: ORDER.get(one.key.partition(".")[0], len(FIRST)))
     values = [field_of(one) | {"component": owner(one.key)} for one in every if one.key not in absent]
     slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
     return {

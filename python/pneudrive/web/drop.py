@@ -1,4 +1,4 @@
-"""Files that are dropped onto the page: written completely or not at all, never over an existing file."""
+"""Files that come into the workspace or get another name: written completely or not at all, never over a file."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import asyncio
 import contextlib
 import secrets
 import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
+from pneudrive.files.lock import alone_in
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
-    from pathlib import Path
 
     from pneudrive.web.workspace import Workspace
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 RESERVE = 1 << 30
 #: Bytes between two looks at the free disk.
 LOOK_BYTES = 1 << 26
+#: Recordings with their layout, in every installation, and the folder that gets them.
+SHIPPED, EXAMPLE = Path(__file__).parents[1] / "data" / "demo", "example"
 
 
 async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncIterator[bytes]) -> int:
@@ -65,6 +68,45 @@ async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncI
         with contextlib.suppress(OSError):
             part.unlink()
     return size
+
+
+def rename(workspace: Workspace, name: str, to: str) -> None:
+    """Give a file another name in a folder that is there.
+
+    Raises
+    ------
+    CommandError
+        There is no such file or folder, the ending changes, or the new name is taken.
+    """
+    place, target = workspace.path(name), workspace.path(to)
+    if place.suffix.lower() != target.suffix.lower():
+        raise CommandError(f"{to} has another ending", rule=place.suffix)
+    if not place.is_file():
+        raise CommandError(f"there is no file {name}")
+    if not target.parent.is_dir():
+        raise CommandError(f"there is no folder {target.parent.name}", remedy="Make it first.")
+    with alone_in(workspace.root):
+        _place(place, target)
+        place.unlink(missing_ok=True)
+
+
+def add_example(workspace: Workspace) -> str:
+    """Copy the shipped recordings with their layout into a folder of their own; return the name of the first one."""
+    folder = workspace.folder(EXAMPLE)
+    files = [SHIPPED / "layout.toml", *sorted((SHIPPED / "friction").glob("*.xz"))]
+    try:
+        folder.mkdir(exist_ok=True)
+        for file in files:
+            part = folder / f".pneudrive-{secrets.token_hex(8)}.part"
+            try:
+                shutil.copyfile(file, part)
+                with contextlib.suppress(CommandError):  # it is there already
+                    _place(part, folder / file.name)
+            finally:
+                part.unlink(missing_ok=True)
+    except OSError as error:
+        raise CommandError(f"{EXAMPLE} cannot be written: {error.strerror}") from None
+    return f"{EXAMPLE}/{files[1].name}"
 
 
 def _check_room(folder: Path, name: str, size: int) -> None:

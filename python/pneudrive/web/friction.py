@@ -290,7 +290,7 @@ def _heat(groups: list[dict[str, Any]], fits: Mapping[str, FrictionFit]) -> dict
             else:
                 between = own.min() <= middle <= own.max()
                 cells.append([float(known[place]), "fit" if between else "extrapolated"])
-        rows.append({"label": group["label"], "cells": cells})
+        rows.append({"label": group["label"], "assembly": group["assembly"], "cells": cells})
     return {"edges": edges.tolist(), "rows": rows}
 
 
@@ -345,11 +345,13 @@ def shown_fit(path: Path) -> dict[str, Any]:
         The file is not a fit.
     """
     fit: AnyFit = read_fit(path)
+    sizes = {name: shown_in(fit.units.get(name, "")) for name in fit.values}
     values = [
         {
             "name": name,
             "value": _number(value),
-            "unit": fit.units.get(name, ""),
+            "size": sizes[name][0],
+            "unit": sizes[name][1],
             "interval": [_number(one) for one in fit.intervals[name]] if name in fit.intervals else None,
             "spread": fit.expanded_uncertainty(name) if name in fit.free and name in fit.intervals else None,
             "determined": name in fit.determined,

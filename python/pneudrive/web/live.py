@@ -7,6 +7,7 @@ import json
 import threading
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from starlette.websockets import WebSocketDisconnect
 
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
@@ -19,7 +20,7 @@ from pneudrive.web.run_request import RunLimit, RunRequest
 from pneudrive.web.tiles import drawn_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping, Sequence
 
     from starlette.websockets import WebSocket
 
@@ -36,6 +37,9 @@ PANELS = (
 ANSWERED = threading.Event()  # a run, to a page
 MOST_CURVES = 8  # in a panel: as many as there are looks
 MOST_IMPACTS = 3
+MOST_EVENTS = 40  # marked above the curves
+AT_REST_M_S = 1e-3  # slower than this a piston rests
+LONG_REST = 20  # samples without motion that are marked as a rest
 
 
 class Mailbox:
@@ -166,12 +170,26 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]
     impacts = about["impacts"]
     told = {"warnings": about["warnings"], "impacts": impacts[:MOST_IMPACTS], "assumed": len(about["assumed"])}
     told["more_impacts"] = len(impacts) - len(told["impacts"])
+    told["events"] = events_of(run, impacts)
     told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
     ends = {name: float(values[-1]) for name, values in columns.items()}
     return pack(
         {**head, **told, "panels": panels, "ends": ends, "hash": about["description_hash"]},
         {**drawn_columns(columns, pixels), **beside},
     )
+
+
+def events_of(run: Run, impacts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the moments that the page marks above the curves: impacts, reversals and stops."""
+    time, out = run.columns["time_s"], [(one["time_s"], f"impact, end {one['end']}") for one in impacts]
+    for name in (one for one in run.columns if _quantity(one) == ("velocity", "m/s")):
+        speed = run.columns[name]
+        sign = np.sign(np.where(np.abs(speed) > AT_REST_M_S, speed, 0.0))
+        moving = np.flatnonzero(sign)
+        turns = moving[1:][np.diff(sign[moving]) != 0]
+        gaps = np.flatnonzero(np.diff(moving) > LONG_REST)
+        out += [(float(time[at]), "reversal") for at in turns] + [(float(time[moving[at] + 1]), "rest") for at in gaps]
+    return [{"time_s": at, "what": what} for at, what in sorted(set(out))[:MOST_EVENTS]]
 
 
 def _quantity(column: str) -> tuple[str, str]:

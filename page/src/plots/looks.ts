@@ -8,15 +8,16 @@ export interface Look {
   dash: number[];
 }
 
+/** Eight colours that colour-blind readers tell apart, at least 3 to 1 against the paper: `page/tests/looks.test.ts` measures both. */
 export const LOOKS: Look[] = [
-  { light: "#111111", dark: "#f2f2f2", dash: [] },
-  { light: "#1f5f99", dark: "#7fb8ec", dash: [8, 4] },
-  { light: "#b45f06", dark: "#f0a33f", dash: [8, 3, 2, 3] },
-  { light: "#3f6f3e", dark: "#8fc98d", dash: [2, 3] },
-  { light: "#6b6b6b", dark: "#a8a8a8", dash: [10, 2] },
-  { light: "#111111", dark: "#f2f2f2", dash: [2, 2] },
-  { light: "#1f5f99", dark: "#7fb8ec", dash: [6, 2, 2, 2, 2, 2] },
-  { light: "#b45f06", dark: "#f0a33f", dash: [14, 4] },
+  { light: "#2a50e8", dark: "#6187ff", dash: [] },
+  { light: "#c0820d", dark: "#f57534", dash: [8, 4] },
+  { light: "#1e9e66", dark: "#50f093", dash: [8, 3, 2, 3] },
+  { light: "#7d2410", dark: "#f2f33b", dash: [2, 3] },
+  { light: "#8a4fc0", dark: "#cdb5ff", dash: [10, 2] },
+  { light: "#14181d", dark: "#e2ffff", dash: [2, 2] },
+  { light: "#858cab", dark: "#7e8098", dash: [6, 2, 2, 2, 2, 2] },
+  { light: "#46125c", dark: "#a76450", dash: [14, 4] },
 ];
 
 const DARK = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-color-scheme: dark)");
@@ -66,8 +67,11 @@ export function instant(time: number | undefined, step: number): string {
   return digits(time, Math.min(Math.max(count, 4), 15));
 }
 
-/** Return a number for people: four digits, no trailing zeros. */
-export function digits(value: number | null | undefined, count = 4): string {
+const TINY = 1e-4; // smaller numbers have an exponent
+
+/** A number for people: three digits, no trailing zeros. */
+export function digits(value: number | null | undefined, count = 3): string {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
-  return String(Number(value.toPrecision(count)));
+  const short = Number(value.toPrecision(count));
+  return Math.abs(short) < TINY && short !== 0 ? short.toExponential() : String(short);
 }

@@ -1,0 +1,267 @@
+/** What is drawn on a plot: curves, bands, shades and marks. */
+import "../language"; // before uPlot, which reads it
+import uPlot from "uplot";
+import { isDark, look } from "./looks";
+import type { Band, Event, Mark, PlotProps, Shade } from "./plot";
+
+/** Colours of axes and grid, and of what is marked. */
+export const ink = (): string => (isDark() ? "#a9b2bd" : "#535c68");
+export const grid = (): string => (isDark() ? "#2a3038" : "#e6e9ee");
+
+/**
+ * Return whether a curve reverses more often than every fourth pixel. Such a curve is drawn as `columns`: a stroke
+ * is smoother but slow.
+ */
+function isDense(u: uPlot, series: number): boolean {
+  const [from, to] = [u.valToIdx(u.scales["x"]!.min!), u.valToIdx(u.scales["x"]!.max!)];
+  if (to - from < u.bbox.width) return false;
+  const y = u.data[series] as ArrayLike<number | null | undefined>;
+  let [turns, before, last] = [0, 0, y[from]];
+  for (let i = from + 1; i <= to; i++) {
+    const now = y[i];
+    if (now === undefined || now === null) continue; // a time of another curve, or a gap
+    const step = now - (last ?? now);
+    if (step * before < 0) turns += 1;
+    if (step) before = step;
+    last = now;
+  }
+  return turns > u.bbox.width / 4;
+}
+
+/** Return whether a pixel column is on a stroke of a dash, not in a gap. */
+export function isInDash(column: number, dash: number[]): boolean {
+  let at = column % dash.reduce((sum, one) => sum + one, 0);
+  return !dash.length || dash.findIndex((one) => (at -= one) < 0) % 2 === 0;
+}
+
+/**
+ * Paths of uPlot, only for logarithmic axes. Paths kept after each drawing would cost some ms of garbage collection
+ * while a slider moves.
+ */
+export const path: uPlot.Series.PathBuilder = (u, series, from, to) => (u.scales["x"]!.distr === 3 ? uPlot.paths.linear!()(u, series, from, to) : null);
+
+/** Return the values of a curve and its scale in pixels of linear axes. */
+function placed(u: uPlot, series: number) {
+  const { min: first, max: last } = u.scales["x"]!;
+  const { min: least, max: most } = u.scales["y"]!;
+  const [perX, perY] = [u.bbox.width / (last! - first!), u.bbox.height / (most! - least!)];
+  return { x: u.data[0], y: u.data[series] as ArrayLike<number | null | undefined>, ...u.bbox, first: first!, most: most!, perX, perY };
+}
+
+export function curve(u: uPlot, series: number): void {
+  if (u.scales["x"]!.distr === 3) return;
+  if (isDense(u, series)) columns(u, series);
+  else lines(u, series);
+}
+
+const DOT = 1.5; // radius of a value between two gaps, pixels
+
+/** Draw straight lines between values. A column of pixels keeps only its first, lowest, highest and last value. */
+export function lines(u: uPlot, series: number): void {
+  const { x, y, left, top, width, height, first, most, perX, perY } = placed(u, series);
+  const { ctx } = u;
+  const own = u.series[series]!;
+  const within = u.series[0]!.idxs;
+  if (!within || perX !== perX || perY !== perY) return;
+  let [from, to] = within;
+  do from -= 1;
+  while (from > 0 && y[from] === undefined); // to the value before the view, so that its line comes in
+  do to += 1;
+  while (to < x.length - 1 && y[to] === undefined);
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(left, top, width, height);
+  ctx.clip();
+  ctx.beginPath();
+  let [column, low, high, begun, endX, endY, isOne] = [Number.NaN, 0, 0, 0, 0, 0, true];
+  const leave = () => {
+    if (low < Math.min(begun, endY)) ctx.lineTo(endX, low);
+    if (high > Math.max(begun, endY)) ctx.lineTo(endX, high);
+    if (!isOne) ctx.lineTo(endX, endY);
+    [column, isOne] = [Number.NaN, true];
+  };
+  let [isDown, isAlone] = [false, false];
+  /** End a line before a gap: a value alone in its column of pixels, between two gaps, becomes a dot, as it has no line. */
+  const end = () => {
+    leave();
+    if (isDown && isAlone && low === high) ctx.arc(endX, endY, DOT * devicePixelRatio, 0, 2 * Math.PI);
+    isDown = false;
+  };
+  for (let i = Math.max(from, 0); i <= Math.min(to, x.length - 1); i++) {
+    const value = y[i];
+    if (value === undefined || (value === null && own.spanGaps)) continue;
+    if (value === null) {
+      end();
+      continue;
+    }
+    const [atX, atY] = [left + (x[i]! - first) * perX, top + (most - value) * perY];
+    if (Math.floor(atX) === column) {
+      isOne = false;
+      if (atY < low) low = atY;
+      if (atY > high) high = atY;
+    } else {
+      leave();
+      isAlone = !isDown;
+      if (isDown) ctx.lineTo(atX, atY);
+      else ctx.moveTo(atX, atY);
+      isDown = true;
+      column = Math.floor(atX);
+      low = high = begun = atY;
+    }
+    [endX, endY] = [atX, atY];
+  }
+  end();
+  ctx.strokeStyle = (own.stroke as () => string)();
+  ctx.lineWidth = own.width! * devicePixelRatio;
+  ctx.lineJoin = "round";
+  ctx.setLineDash((own.dash ?? []).map((one) => one * devicePixelRatio));
+  ctx.stroke();
+  ctx.restore();
+}
+
+/**
+ * Draw a curve of many values as one bar in each column of pixels, from the lowest to the highest point of its line.
+ * This looks like a stroke and takes 1/50 of its time. NaN is a gap.
+ */
+function columns(u: uPlot, series: number): void {
+  const { x, y, left, top, width, height, first, most, perX, perY } = placed(u, series);
+  const half = (u.series[series]!.width! * devicePixelRatio) / 2;
+  const low = new Float64Array(width).fill(Infinity);
+  const high = new Float64Array(width).fill(-Infinity);
+  const put = (column: number, at: number) => {
+    if (column < 0 || column >= width) return;
+    if (at < low[column]!) low[column] = at;
+    if (at > high[column]!) high[column] = at;
+  };
+  let [column, at] = [Number.NaN, Number.NaN];
+  for (let i = 0; i < x.length; i++) {
+    if (y[i] === undefined) continue; // a time of another curve
+    const [next, to] = [Math.floor((x[i]! - first) * perX), (most - (y[i] ?? Number.NaN)) * perY];
+    if (to === to) put(next, to);
+    // The line from the value before: half a step belongs to the column it leaves, half to the one it enters.
+    if (to === to && at === at && next !== column) {
+      const step = (to - at) / (next - column);
+      for (let k = Math.max(column, -1); k < Math.min(next, width); k++) {
+        const middle = at + step * (k + 0.5 - column);
+        put(k, middle);
+        put(k + 1, middle);
+      }
+    }
+    [column, at] = [next, to];
+  }
+  u.ctx.save();
+  u.ctx.fillStyle = (u.series[series]!.stroke as () => string)();
+  const dash = (u.series[series]!.dash ?? []).map((one) => one * devicePixelRatio);
+  for (let k = 0; k < width; k++) {
+    const [from, to] = [Math.max(low[k]! - half, 0), Math.min(high[k]! + half, height)];
+    u.ctx.globalAlpha = isInDash(k, dash) ? 1 : 0.4; // a gap of the dash is pale: no value is left out
+    if (to > from) u.ctx.fillRect(left + k, top + from, 1, to - from);
+  }
+  u.ctx.restore();
+}
+
+/** Shade the time spans below the curves. If they are many and too thin to see, draw no shading. */
+export function shade(u: uPlot, parts: Shade[]): void {
+  const { left, top, width, height } = u.bbox;
+  const [low, high] = [u.scales["x"]!.min!, u.scales["x"]!.max!];
+  const seen = parts.filter((one) => one.to >= low && one.from <= high);
+  if (seen.length > width / 4) return;
+  u.ctx.save();
+  for (const one of seen) {
+    const from = Math.max(u.valToPos(one.from, "x", true), left);
+    const to = Math.min(u.valToPos(one.to, "x", true), left + width);
+    u.ctx.fillStyle = isDark() ? (one.strong ? "#39424d" : "#262c34") : one.strong ? "#d8e0ea" : "#eef2f6";
+    u.ctx.fillRect(from, top, to - from, height);
+  }
+  u.ctx.restore();
+}
+
+/** Mark places by a bar at the foot of the plot, at least three pixels wide. */
+export function mark(u: uPlot, places: Mark[]): void {
+  const { left, top, width, height } = u.bbox;
+  const [low, high] = [u.scales["x"]!.min!, u.scales["x"]!.max!];
+  const [tall, thin] = [7 * devicePixelRatio, 3 * devicePixelRatio];
+  u.ctx.save();
+  u.ctx.fillStyle = isDark() ? "#ffc27a" : "#a34a00";
+  for (const one of places) {
+    if (one.to < low || one.from > high) continue;
+    const from = Math.max(u.valToPos(one.from, "x", true), left);
+    const to = Math.min(u.valToPos(one.to, "x", true), left + width);
+    u.ctx.fillRect(Math.min(from, left + width - thin), top + height - tall, Math.max(to - from, thin), tall);
+  }
+  u.ctx.restore();
+}
+
+/** Draw vertical lines with their numbers. */
+export function upright(u: uPlot, times: number[]): void {
+  const { left, top, width, height } = u.bbox;
+  u.ctx.save();
+  u.ctx.strokeStyle = u.ctx.fillStyle = isDark() ? "#ff9d9d" : "#9b1c1c";
+  u.ctx.lineWidth = devicePixelRatio;
+  u.ctx.font = `${12 * devicePixelRatio}px system-ui`;
+  times.forEach((time, index) => {
+    const at = u.valToPos(time, "x", true);
+    if (at < left || at > left + width) return;
+    u.ctx.setLineDash(index ? [5 * devicePixelRatio, 4 * devicePixelRatio] : []);
+    u.ctx.beginPath();
+    u.ctx.moveTo(at, top);
+    u.ctx.lineTo(at, top + height);
+    u.ctx.stroke();
+    if (times.length > 1) u.ctx.fillText(String(index + 1), at + 4 * devicePixelRatio, top + 12 * devicePixelRatio);
+  });
+  u.ctx.restore();
+}
+
+/** Return the limits of the values and bands. */
+export function within({ bands, size }: PlotProps, low: number, high: number): [number, number] {
+  let [least, most] = [low, high];
+  for (const one of bands ?? [])
+    for (let i = 0; i < one.x.length; i++) {
+      least = Math.min(least, one.low[i]! / size);
+      most = Math.max(most, one.high[i]! / size);
+    }
+  return [least, most];
+}
+
+/** Mark events by a triangle at the top and a pale line below it. */
+export function flag(u: uPlot, events: Event[]): void {
+  const { left, top, width, height } = u.bbox;
+  const size = 5 * devicePixelRatio;
+  u.ctx.save();
+  u.ctx.fillStyle = u.ctx.strokeStyle = isDark() ? "#ffc27a" : "#a34a00";
+  u.ctx.lineWidth = devicePixelRatio;
+  for (const one of events) {
+    const at = u.valToPos(one.at, "x", true);
+    if (at < left || at > left + width) continue;
+    u.ctx.globalAlpha = 1;
+    u.ctx.beginPath();
+    u.ctx.moveTo(at - size, top);
+    u.ctx.lineTo(at + size, top);
+    u.ctx.lineTo(at, top + 1.6 * size);
+    u.ctx.fill();
+    u.ctx.globalAlpha = 0.45;
+    u.ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
+    u.ctx.beginPath();
+    u.ctx.moveTo(at, top);
+    u.ctx.lineTo(at, top + height);
+    u.ctx.stroke();
+  }
+  u.ctx.restore();
+}
+
+export function fill(u: uPlot, bands: Band[], size: number): void {
+  u.ctx.save();
+  u.ctx.beginPath();
+  u.ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
+  u.ctx.clip();
+  for (const one of bands) {
+    u.ctx.beginPath();
+    const at = (i: number, values: ArrayLike<number>) => u.ctx.lineTo(u.valToPos(one.x[i]!, "x", true), u.valToPos(values[i]! / size, "y", true));
+    for (let i = 0; i < one.x.length; i++) at(i, one.high);
+    for (let i = one.x.length - 1; i >= 0; i--) at(i, one.low);
+    u.ctx.fillStyle = `${look(one.look).color}33`;
+    u.ctx.fill();
+  }
+  u.ctx.restore();
+}
+

@@ -1,0 +1,129 @@
+/** Save a plot as a picture, as a drawing or as numbers. */
+import type uPlot from "uplot";
+import { digits, isDark, look } from "./looks";
+import { grid, ink } from "./paint";
+
+/** What is saved beside the canvas of a plot. */
+export interface Saved {
+  title: string;
+  x: string;
+  y: string;
+  legend: { label: string; look: number }[];
+  u: uPlot;
+  points?: { x: number; y: number; spread: number | null; look: number }[];
+}
+
+const LINE = 22; // height of the title and of each line of the legend, pixels
+
+function download(name: string, blob: Blob): void {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+const fileOf = ({ title }: Saved, ending: string): string => `${title.toLowerCase().replace(/[^\w]+/g, "-").replace(/^-|-$/g, "")}.${ending}`;
+const paper = (): string => (isDark() ? "#14171b" : "#ffffff");
+
+export function savePng(of: Saved): void {
+  const { canvas: drawn } = of.u.ctx;
+  const [canvas, ratio] = [document.createElement("canvas"), devicePixelRatio];
+  const above = LINE * (of.legend.length > 1 ? 2 : 1) * ratio;
+  [canvas.width, canvas.height] = [drawn.width, drawn.height + above];
+  const at = canvas.getContext("2d")!;
+  at.fillStyle = paper();
+  at.fillRect(0, 0, canvas.width, canvas.height);
+  at.drawImage(drawn, 0, above);
+  at.fillStyle = at.strokeStyle = ink();
+  at.font = `600 ${13 * ratio}px system-ui`;
+  at.fillText(`${of.title}, ${of.y}`, 8 * ratio, 15 * ratio);
+  at.font = `${12 * ratio}px system-ui`;
+  let x = 8 * ratio;
+  for (const one of of.legend.length > 1 ? of.legend : []) {
+    const { color, dash } = look(one.look);
+    at.strokeStyle = color;
+    at.lineWidth = 2 * ratio;
+    at.setLineDash(dash.map((each) => each * ratio));
+    at.beginPath();
+    at.moveTo(x, LINE * ratio + 11 * ratio);
+    at.lineTo(x + 28 * ratio, LINE * ratio + 11 * ratio);
+    at.stroke();
+    at.fillText(one.label, x + 34 * ratio, LINE * ratio + 15 * ratio);
+    x += at.measureText(one.label).width + 54 * ratio;
+  }
+  canvas.toBlob((blob) => blob && download(fileOf(of, "png"), blob));
+}
+
+type Attributes = Record<string, string | number>;
+
+function element(name: string, attributes: Attributes, text = ""): SVGElement {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, typeof value === "number" ? String(Number(value.toFixed(2))) : value);
+  if (text) made.textContent = text;
+  return made;
+}
+
+/** The values of an axis that are labelled, with their labels. */
+const ticksOf = (u: uPlot, axis: number): [number, string][] => {
+  const { _splits: at, _values: words } = u.axes[axis] as unknown as { _splits: (number | null)[]; _values: (string | null)[] };
+  return (at ?? []).flatMap((one, k) => (one === null || !words?.[k] ? [] : [[one, words[k]!] as [number, string]]));
+};
+
+/** The curves in view as a drawing; its texts are set as texts. */
+export function saveSvg(of: Saved): void {
+  const { u } = of;
+  const [left, top, wide, high] = [u.over.offsetLeft, u.over.offsetTop + LINE, u.over.clientWidth, u.over.clientHeight];
+  const svg = element("svg", { xmlns: "http://www.w3.org/2000/svg", viewBox: `0 0 ${u.width} ${u.height + 2 * LINE}`, "font-family": "system-ui, sans-serif", "font-size": 12, fill: ink() });
+  const put = (name: string, attributes: Attributes, text = "") => svg.append(element(name, attributes, text));
+  put("rect", { width: "100%", height: "100%", fill: paper() });
+  put("text", { x: 8, y: 15, "font-weight": 600 }, `${of.title}, ${of.y}`);
+  const [px, py] = [(value: number) => left + u.valToPos(value, "x"), (value: number) => top + u.valToPos(value, "y")];
+  for (const [value, words] of ticksOf(u, 0)) {
+    put("line", { x1: px(value), x2: px(value), y1: top, y2: top + high, stroke: grid() });
+    put("text", { x: px(value), y: top + high + 16, "text-anchor": "middle" }, words);
+  }
+  for (const [value, words] of ticksOf(u, 1)) {
+    put("line", { x1: left, x2: left + wide, y1: py(value), y2: py(value), stroke: grid() });
+    put("text", { x: left - 6, y: py(value) + 4, "text-anchor": "end" }, words);
+  }
+  put("text", { x: left + wide / 2, y: top + high + 32, "text-anchor": "middle" }, of.x);
+  const clip = element("clipPath", { id: "in" });
+  clip.append(element("rect", { x: left, y: top, width: wide, height: high }));
+  const inside = element("g", { "clip-path": "url(#in)", fill: "none", "stroke-width": 1.4 });
+  svg.append(clip, inside);
+  u.series.slice(1).forEach((series, index) => {
+    const stroke = typeof series.stroke === "function" ? (series.stroke as (of: uPlot, at: number) => string)(u, index + 1) : series.stroke;
+    if (!stroke || stroke === "transparent" || series.points?.show === true) return;
+    let [path, isDown] = ["", false];
+    const values = u.data[index + 1] as ArrayLike<number | null | undefined>;
+    for (let i = 0; i < values.length; i++) {
+      const value = values[i];
+      if (value === undefined || (value === null && series.spanGaps)) continue;
+      if (value !== null) path += `${isDown ? "L" : "M"}${px(u.data[0][i]!).toFixed(1)} ${py(value).toFixed(1)}`;
+      isDown = value !== null;
+    }
+    inside.append(element("path", { d: path, stroke: String(stroke), "stroke-dasharray": (series.dash ?? []).join(" ") }));
+  });
+  for (const { x, y, spread, look: shade } of of.points ?? []) {
+    const { color } = look(shade);
+    if (spread !== null) inside.append(element("line", { x1: px(x), x2: px(x), y1: py(y - spread), y2: py(y + spread), stroke: color }));
+    inside.append(element("circle", { cx: px(x), cy: py(y), r: 3.5, fill: color }));
+  }
+  of.legend.forEach((one, k) => {
+    const [x, y] = [left + (k * wide) / of.legend.length, top + high + 44];
+    put("line", { x1: x, x2: x + 28, y1: y - 4, y2: y - 4, stroke: look(one.look).color, "stroke-width": 2, "stroke-dasharray": look(one.look).dash.join(" ") });
+    put("text", { x: x + 34, y }, one.label);
+  });
+  download(fileOf(of, "svg"), new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
+}
+
+const cell = (text: string): string => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+
+/** The numbers that are drawn, one column for each curve. */
+export function saveCsv(of: Saved): void {
+  const rows = of.points
+    ? [["curve", of.x, of.y, "U (k = 2)"], ...of.points.map((one) => [of.legend.find((each) => each.look === one.look)?.label ?? "", String(one.x), String(one.y), one.spread === null ? "" : digits(one.spread, 6)])]
+    : [[of.x, ...of.legend.map((one) => `${one.label}, ${of.y}`)], ...Array.from(of.u.data[0], (x, i) => [String(x), ...of.u.data.slice(1).map((column) => String(column[i] ?? ""))])];
+  download(fileOf(of, "csv"), new Blob([rows.map((row) => row.map(cell).join(",")).join("\n") + "\n"], { type: "text/csv" }));
+}
