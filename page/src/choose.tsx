@@ -1,4 +1,4 @@
-/** What a view opens when nothing is chosen, an example first; and the three ways to begin. */
+/** Lists of the files that a view opens, and the three ways to begin. */
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { day, Problems } from "./parts";
@@ -53,7 +53,7 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
       <div class="cards">
         <article class="panel">
           <h3>Simulate a drive</h3>
-          {isEmpty && <p>Open an example drive and move its sliders. The curves follow at once. Save it as a file to keep your changes.</p>}
+          {isEmpty && <p>Move the sliders of a drive. The curves follow at once. Save it as a file to keep your changes.</p>}
           <p class="row"><a class="button primary" href={link("simulate", EXAMPLE)}>Open an example drive</a></p>
         </article>
         <article class="panel">

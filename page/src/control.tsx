@@ -5,7 +5,7 @@ import type { Frame } from "./frame";
 import { follow, JobList } from "./jobs";
 import { digits } from "./plots/looks";
 import { opened } from "./opened";
-import { Copied, InFolder, NumberField, Problems, Unsaved } from "./parts";
+import { Copied, InFolder, NumberField, Problems, SliderRow, Unsaved } from "./parts";
 import { curveOf, pixelsOfPlots, Plot, zooming } from "./plots/plot";
 import { inCatalogue, isToml, link, route } from "./routes";
 import { ask, attempting, Live, read, type Problem } from "./server";
@@ -212,8 +212,6 @@ function ReferenceField() {
   );
 }
 
-const STEPS = 400;
-
 function GainSliders() {
   if (isToml(law.value)) return <p class="note">The gains come from the file.</p>;
   return (
@@ -221,25 +219,9 @@ function GainSliders() {
       {tuned.value.map((gain) => {
         const value = gains.value[gain.key] ?? gain.number;
         const isChanged = gain.key in gains.value;
-        const name = `slider-${gain.key}`;
         const put = (next: number) => (gains.value = { ...gains.value, [gain.key]: next });
-        return (
-          <div class="slider" key={gain.key}>
-            <label for={name}>{gain.key}: {gain.meaning}</label>
-            <input
-              id={name}
-              type="range"
-              min={0}
-              max={STEPS}
-              value={Math.round((STEPS * (value - gain.low)) / (gain.high - gain.low))}
-              aria-valuetext={`${digits(value)} ${gain.unit}`}
-              onInput={(event) => put(Number((gain.low + ((gain.high - gain.low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
-            />
-            <NumberField label={`${gain.key}, ${gain.unit || "number"}`} value={isChanged ? value : digits(value)} put={put} />
-            <span class="unit">{gain.unit}</span>
-            <span class={`kind ${isChanged ? "changed" : ""}`} title={gain.rule}>{isChanged ? "changed" : "follows"}</span>
-          </div>
-        );
+        const ends: [number, number] = [gain.low, gain.high];
+        return <SliderRow key={gain.key} id={`slider-${gain.key}`} label={`${gain.key}: ${gain.meaning}`} name={gain.key} title={gain.rule} value={value} shown={isChanged ? value : digits(value)} ends={ends} unit={gain.unit} kind={isChanged ? "changed" : ""} state={isChanged ? "changed" : "follows"} put={put} />;
       })}
       {Object.keys(gains.value).length > 0 && (
         <p><button type="button" class="link" onClick={() => (gains.value = {})}>Reset all gains to the values that follow from the drive</button></p>

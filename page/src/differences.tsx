@@ -1,4 +1,4 @@
-/** What differs between two drives, or two fits of one kind. */
+/** Differences between two drives, or between two fits of one kind. */
 import { digits } from "./plots/looks";
 
 export interface Compared {

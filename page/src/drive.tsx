@@ -47,8 +47,11 @@ function Described() {
         )}
         {valid.value?.notes?.map((note) => <p class="note" key={note}>{note}</p>)}
       </section>
-      <section aria-label="Text">
+      <div>
+      <section aria-label="Values of the drive">
         <Fields />
+      </section>
+      <section aria-label="Text">
         <h2>{isNew ? "Text of a new file" : now.path}</h2>
         <div ref={place} class="editor" />
         <p class="row">
@@ -73,6 +76,7 @@ function Described() {
         <Problems of={problems.value} own={own} onLine={(line) => editor.current?.go(line)} />
         {!problems.value.length && <p class="note">No problems.</p>}
       </section>
+      </div>
     </div>
   );
 }
@@ -101,14 +105,16 @@ function Fields() {
             <th scope="col">Key</th>
             <th scope="col">Value</th>
             <th scope="col">Unit</th>
-            <th scope="col">Where it comes from</th>
             <th scope="col">Slider</th>
           </tr>
         </thead>
         <tbody>
           {fields.map((one) => (
             <tr key={one.key}>
-              <th scope="row">{one.key}</th>
+              <th scope="row">
+                {one.key}
+                <span class={`kind ${one.kind}`}>{[KINDS[one.kind], one.origin.replace(/^assumed: /, ""), one.copies && `one value for ${one.copies.join(", ")}`].filter(Boolean).join(", ")}</span>
+              </th>
               <td>
                 <input
                   aria-label={one.key}
@@ -117,10 +123,6 @@ function Fields() {
                 />
               </td>
               <td>{one.units && one.units.length > 1 && <Units field={one} />}</td>
-              <td>
-                <span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}
-                {one.copies && <span class="note"> one value for {one.copies.join(", ")}</span>}
-              </td>
               <td>{one.low !== undefined && <input type="checkbox" aria-label={`Slider for ${one.key} in Simulate`} checked={pinned.value.includes(one.key)} onChange={() => pin(one.key)} />}</td>
             </tr>
           ))}

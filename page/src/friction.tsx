@@ -145,6 +145,7 @@ export function FrictionView() {
     <div class="friction">
       <h2>{path}</h2>
       <Problems of={wrong.value} />
+      {!map.value && !fit.value && !wrong.value.length && <p role="status">Reading {path}.</p>}
       <ReportOf folder={folderOf(path)} />
       {map.value && <Refit path={path} found={map.value} />}
       {map.value && <Map path={path} found={map.value} />}
@@ -183,7 +184,7 @@ function runOf(recording: string, points: { recording: string }[]): string {
 const ALL = "all, in one plot";
 const seal = signal("");
 
-/** Seals of a map, or whatever else was mounted: the one that is shown is chosen, else the first with a fit of its own. */
+/** Return the seals or mountings of a map, and the shown one: the chosen one, else the first that has a fit. */
 function chosenSeal(found: FrictionMap): { names: string[]; now: string } {
   const names = [...new Set(found.groups.map((one) => one.assembly))];
   const first = found.groups.find((one) => one.curve)?.assembly ?? names[0] ?? "";

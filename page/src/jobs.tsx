@@ -75,7 +75,7 @@ export function Cancel({ job, children }: { job: Job; children: ComponentChildre
 
 const isOpen = signal(false);
 
-/** All jobs, in the header: how many run, and each with its output. */
+/** Tray of the header: number of running jobs, and each job with its output. */
 export function Tray() {
   const [running, failed] = ["running", "failed"].map((state) => jobs.value.filter((one) => one.state === state).length);
   return (
@@ -88,7 +88,7 @@ export function Tray() {
   );
 }
 
-/** All jobs, those of some kinds, or those of one folder; `output` alone where the view has progress and an end of its own. */
+/** List all jobs, jobs of some kinds, or jobs of one folder. With `output`, the view itself shows progress and cancels. */
 export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; output?: boolean }) {
   const shown = jobs.value.filter((one) => (of === undefined || one.out === of) && (!kinds || kinds.includes(one.kind)));
   return (

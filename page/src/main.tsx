@@ -16,7 +16,7 @@ const OF_A_DESCRIPTION = ["drive", "simulate"];
 const KEY = "pneudrive-tabs";
 const MOST_TABS = 12;
 
-/** What is open, each with the view that it was last seen in; kept for this tab of the browser. */
+/** Open objects, each with its last view. The browser keeps them for this tab. */
 const tabs = signal<{ path: string; view: string }[]>(JSON.parse(sessionStorage.getItem(KEY) ?? "[]"));
 
 const shown = computed(() => VIEWS.find((one) => one.name === route.value.view) ?? VIEWS[0]!);
@@ -61,7 +61,7 @@ class Guarded extends Component<{ at: string; children: ComponentChildren }, { f
   }
 }
 
-/** Where a link of the tree, or one that is gone, leads to another view, the focus is in the new one. */
+/** Move the focus to the new view after a link of the tree, or if the link itself has disappeared. */
 function useFocus({ view, path }: { view: string; path: string }): void {
   const before = useRef("");
   useEffect(() => {
@@ -72,7 +72,7 @@ function useFocus({ view, path }: { view: string; path: string }): void {
   }, [view, path]);
 }
 
-/** What is open, and the verbs of the object that is selected. */
+/** Tabs of the open objects, and the verbs of the selected object. */
 function Tabs() {
   const { view, path } = route.value;
   const kind = kindOf(path);

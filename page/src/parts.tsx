@@ -1,7 +1,9 @@
 /** Small parts that several views use. */
 import type { Signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "./opened";
+import { digits } from "./plots/looks";
 import { link } from "./routes";
 import { ask, type attempting, connection, read, Refused, type Listed, type Problem } from "./server";
 
@@ -117,6 +119,46 @@ export function NumberField({ label, value, put, low = -Infinity, high = Infinit
       <input class="number" inputMode="decimal" aria-label={label} value={value} onChange={(event) => change(event.currentTarget.value)} />
       {wrong && <span class="missed" role="alert">{wrong}</span>}
     </>
+  );
+}
+
+const STEPS = 400;
+
+interface SliderProps {
+  id: string;
+  label: string;
+  title?: string;
+  value: number;
+  shown?: number | string; // in the field; absent: the value
+  ends: [number, number];
+  unit?: string;
+  name: string; // of the field, without its unit
+  kind: string;
+  state: string; // the word of the kind
+  put: (value: number) => void;
+  children?: ComponentChildren;
+}
+
+/** A value with its slider, its field and its unit. */
+export function SliderRow({ id, label, title, value, shown = value, ends: [low, high], unit = "", name, kind, state, put, children }: SliderProps) {
+  return (
+    <div class="slider">
+      <label for={id}>{label}</label>
+      <input
+        id={id}
+        type="range"
+        min={0}
+        max={STEPS}
+        step={1}
+        value={Math.round((STEPS * (value - low)) / (high - low))}
+        aria-valuetext={`${digits(value)} ${unit}`}
+        onInput={(event) => put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
+      />
+      <NumberField label={`${name}, ${unit || "number"}`} value={shown} put={put} />
+      <span class="unit">{unit}</span>
+      <span class={`kind ${kind}`} title={title}>{state}</span>
+      {children}
+    </div>
   );
 }
 

@@ -5,9 +5,10 @@ import { Choose } from "./choose";
 import type { Frame, Numbers } from "./frame";
 import { follow, JobList } from "./jobs";
 import { digits } from "./plots/looks";
-import { Problems, useCopied } from "./parts";
+import { folderOf, Problems, useCopied } from "./parts";
 import { pixelsOfPlots, Plot, type Curve, type Shade } from "./plots/plot";
-import { route } from "./routes";
+import { link, route } from "./routes";
+import { studies } from "./studies";
 import { ask, attempting, frame, Live, read, Refused, write, type Problem } from "./server";
 import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, realign, type Faults, type Stroke } from "./measure";
 
@@ -236,7 +237,8 @@ export function RecordingView() {
   return (
     <div class="recording">
       <h2>{path}</h2>
-      <Problems of={[...unread.value, ...wrong.value, ...unmoved.value]} />
+      <Problems of={[...unread.value, ...wrong.value, ...(isForeign(found) ? [] : unmoved.value)]} />
+      {isForeign(found) && <Foreign found={found!} />}
       {!found?.channels && !unread.value.length && (
         <p role="status">
           The file is read for the first time. <progress aria-label="Read so far" value={found?.share ?? 0} max={1} />
@@ -252,9 +254,27 @@ export function RecordingView() {
           <Spectrum found={found} path={path} />
         </>
       )}
-      {(found?.channels || unread.value.length > 0) && <Wizard path={path} />}
-      {found?.layout === "rig" && <Characterise path={path} />}
+      {(found?.channels || unread.value.length > 0) && !isForeign(found) && <Wizard path={path} />}
+      {found?.layout === "rig" && !isForeign(found) && <Characterise path={path} />}
     </div>
+  );
+}
+
+const FOREIGN = "the layout does not fit this file: ";
+
+/** Whether the layout of the folder belongs to other files. */
+const isForeign = (found: Opened | null): boolean => Boolean(found?.notes?.some((one) => one.startsWith(FOREIGN)));
+
+/** Explain why the layout of the folder does not fit, and link to the layout. */
+function Foreign({ found }: { found: Opened }) {
+  const [why, ...hints] = found.notes!.find((one) => one.startsWith(FOREIGN))!.slice(FOREIGN.length).split("; ");
+  const layout = (studies.value?.files ?? []).find((one) => one.kind === "layout" && route.value.path.startsWith(folderOf(one.path)));
+  return (
+    <section class="problem" aria-label="Layout">
+      <p>The layout in this folder belongs to other files: {why}.</p>
+      <p>{hints.at(-1)}</p>
+      {layout && <p><a href={link("drive", layout.path)}>Edit {layout.path}</a></p>}
+    </section>
   );
 }
 
@@ -278,7 +298,7 @@ function Controls({ found }: { found: Opened }) {
           {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
         </span>
       </p>
-      {[...found.notes!, ...(without.value ? [without.value] : [])].map((note) => <p class="note" key={note}>{note}</p>)}
+      {[...(isForeign(found) ? [] : found.notes!), ...(without.value ? [without.value] : [])].map((note) => <p class="note" key={note}>{note}</p>)}
       <fieldset class="row">
         <legend>Channels</legend>
         {found.channels!.map((one) => (
@@ -419,12 +439,7 @@ function Wizard({ path }: { path: string }) {
           </p>
           <table>
             <thead>
-              <tr>
-                <th scope="col">Channel</th>
-                <th scope="col">Column</th>
-                <th scope="col">Unit</th>
-                <th scope="col">Why</th>
-              </tr>
+              <tr>{["Channel", "Column", "Unit", "Why"].map((head) => <th scope="col" key={head}>{head}</th>)}</tr>
             </thead>
             <tbody>
               {now.guesses.map((one) => (
@@ -439,12 +454,7 @@ function Wizard({ path }: { path: string }) {
           </table>
           <label>
             Text of the layout; lines marked guess are to be checked
-            <textarea
-              class="text"
-              rows={16}
-              value={now.text}
-              onInput={(event) => put({ ...now, text: event.currentTarget.value })}
-            />
+            <textarea class="text" rows={16} value={now.text} onInput={(event) => put({ ...now, text: event.currentTarget.value })} />
           </label>
           <p>
             <button type="button" onClick={() => void accept()}>Accept: write {place}</button>

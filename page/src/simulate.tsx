@@ -8,7 +8,7 @@ import { Circuit } from "./circuit";
 import { withFile } from "./command";
 import { digits } from "./plots/looks";
 import { drawing, opened, problems as textProblems, said, set, valid, type Field } from "./opened";
-import { Copied, KINDS, NumberField, Problems } from "./parts";
+import { Copied, KINDS, Problems, SliderRow } from "./parts";
 import { curveOf, Plot, zooming, type Curve } from "./plots/plot";
 import { route } from "./routes";
 import { ask, Live, Refused, type Problem } from "./server";
@@ -342,33 +342,15 @@ function AddSlider() {
   );
 }
 
-const STEPS = 400;
-
 function Slider({ field }: { field: Field }) {
   const [low, high] = ranges.value[field.key] ?? [field.low!, field.high!];
   const value = numbers.value[field.key] ?? field.number!;
   const isChanged = value !== field.number;
   const put = (next: number) => (moved.value = { ...moved.value, [placeOf(field)]: next });
-  const name = `slider-${field.key}`;
   const unit = field.unit ?? "";
+  const kind = isChanged ? "changed" : field.kind;
   return (
-    <div class="slider">
-      <label for={name}>{field.key}</label>
-      <input
-        id={name}
-        type="range"
-        min={0}
-        max={STEPS}
-        step={1}
-        value={Math.round((STEPS * (value - low)) / (high - low))}
-        aria-valuetext={`${digits(value)} ${unit}`}
-        onInput={(event) => put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
-      />
-      <NumberField label={`${field.key}, ${unit || "number"}`} value={value} put={put} />
-      <span class="unit">{unit}</span>
-      <span class={`kind ${isChanged ? "changed" : field.kind}`} title={field.origin}>
-        {isChanged ? "changed" : KINDS[field.kind]}
-      </span>
+    <SliderRow id={`slider-${field.key}`} label={field.key} name={field.key} title={field.origin} value={value} ends={[low, high]} unit={unit} kind={kind} state={isChanged ? "changed" : KINDS[field.kind]!} put={put}>
       <span class="row">
         {isChanged && (
           <>
@@ -394,7 +376,7 @@ function Slider({ field }: { field: Field }) {
           remove
         </button>
       </span>
-    </div>
+    </SliderRow>
   );
 }
 

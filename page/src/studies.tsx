@@ -1,4 +1,4 @@
-/** The start: ways to begin, what is in the folder by kind, and where results come from. */
+/** Start page: ways to begin, files by kind, origin of results. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Starts } from "./choose";
@@ -114,7 +114,7 @@ const tick = (path: string): void => {
   compare();
 };
 
-/** Compare the two that are ticked as they are now. */
+/** Compare the two selected files in their current state. */
 function compare(): void {
   const [before, after] = pair.value;
   apart.value = [];
@@ -187,7 +187,7 @@ function Files({ title, view, files }: { title: string; view: string; files: Lis
                   <input type="checkbox" aria-label={`Compare ${one.path}`} checked={pair.value.includes(one.path)} onChange={() => tick(one.path)} /> compare
                 </label>
               )}
-              {TRACED.includes(one.kind) && <button type="button" class="link" aria-label={`Chain of ${one.path}`} onClick={() => void trace(one.path)}>made from</button>}
+              {TRACED.includes(one.kind) && <button type="button" class="link" aria-label={`Made from: ${one.path}`} onClick={() => void trace(one.path)}>made from</button>}
               {!FOLDERS.includes(one.kind) && !inCatalogue(one.path) && <Rename path={one.path} />}
             </span>
           </li>

@@ -9,7 +9,7 @@ import type { Frame } from "./frame";
 import { follow, JobList, jobs } from "./jobs";
 import { digits, instant } from "./plots/looks";
 import { open as openDrive, valid, type Field } from "./opened";
-import { DriveChoice, folderOf, InFolder, KINDS, NumberField, Problems, ReportOf, Unsaved, useCopied } from "./parts";
+import { DriveChoice, folderOf, InFolder, KINDS, Problems, ReportOf, SliderRow, Unsaved, useCopied } from "./parts";
 import { curveOf, Plot } from "./plots/plot";
 import { link, route } from "./routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "./server";
@@ -380,8 +380,6 @@ function Stops({ one }: { one: Recorded }) {
   );
 }
 
-const STEPS = 400;
-
 /** Slider that moves one value of the drive towards the recording, followed by the fit that identifies it. */
 function Suspect({ now }: { now: Validation }) {
   const one = field.value;
@@ -403,22 +401,7 @@ function Suspect({ now }: { now: Validation }) {
         </label>
       </p>
       {one && (
-        <div class="slider">
-          <label for="suspect">{one.key}</label>
-          <input
-            id="suspect"
-            type="range"
-            min={0}
-            max={STEPS}
-            step={1}
-            value={Math.round((STEPS * (value - low)) / (high - low))}
-            aria-valuetext={`${digits(value)} ${one.unit ?? ""}`}
-            onInput={(event) => put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
-          />
-          <NumberField label={`${one.key}, ${one.unit || "number"}`} value={value} put={put} />
-          <span class="unit">{one.unit}</span>
-          <span class={`kind ${value === one.number ? one.kind : "changed"}`}>{value === one.number ? KINDS[one.kind] : "changed"}</span>
-        </div>
+        <SliderRow id="suspect" label={one.key} name={one.key} value={value} ends={[low, high]} unit={one.unit} kind={value === one.number ? one.kind : "changed"} state={value === one.number ? KINDS[one.kind]! : "changed"} put={put} />
       )}
       {key.value && <Refit now={now} folder={folder} />}
     </section>

@@ -2,6 +2,7 @@
 import type { ComponentType } from "preact";
 import { CampaignView } from "./campaign";
 import { ControlView } from "./control";
+import { DatasheetView } from "./datasheet";
 import { DriveView } from "./drive";
 import { FrictionView } from "./friction";
 import { HandoverView } from "./handover";
@@ -30,5 +31,6 @@ export const VIEWS: View[] = [
   { name: "validation", title: "Validate", show: ValidationView, takes: [...DRIVES, "recording", "validation"] },
   { name: "sizing", title: "Sizing", show: SizingView, takes: ["task", "sizing"] },
   { name: "campaign", title: "Campaign", show: CampaignView, takes: ["campaign", "protocol"] },
+  { name: "datasheet", title: "Data sheet", show: DatasheetView, takes: DRIVES },
   { name: "handover", title: "Export", show: HandoverView, takes: [...DRIVES, "fmu"] },
 ];

@@ -131,12 +131,12 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
     page.wait_for_selector("button:text-is('Save')[aria-disabled=true]")
     late[0].continue_()
     page.unroute("**/api/task")
-    for name, answer in (("", "axis.toml is there already"), ("none", ""), ("mine.toml", "Saved mine.toml.")):
+    for name, answer in (("", "axis.toml already exists"), ("none", ""), ("mine.toml", "Saved mine.toml.")):
         if name:
             page.fill("label:has-text('File') input", name)
         page.click("button:text-is('Save')")
         page.wait_for_selector(".problem >> text=of no kind" if not answer else f"[role=status] >> text={answer}")
-        assert (page.locator("[role=status] >> text=there already").count() == 1) == (not name)
+        assert (page.locator("[role=status] >> text=already exists").count() == 1) == (not name)
     page.wait_for_selector("h2:text-is('mine.toml')")
     page.wait_for_timeout(200)
     assert page.locator("[role=status] >> text=Saved mine.toml.").count() == 1
@@ -148,7 +148,7 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
     assert page.locator("label:has-text('Draws of each')").count() == 0  # they are those that it began with
     (server.folder / "PUSH.TOML").write_text(TASK.replace("2 kg", "3 kg"))
     page.reload()
-    page.wait_for_selector("text=results/push/sizing.json has its values")
+    page.wait_for_selector("text=results/push/sizing.json has the values")
     assert json.loads((folder / "sizing.json").read_text())["task"]["mass"]
     go(page, "validation", "results/none/validation.toml")
     page.click("text=A new validation, and all of them")

@@ -393,7 +393,7 @@ def test_everything_by_keyboard(server: Server, open_tab: Open) -> None:
     settled(tab)
     assert at_end(tab, "pressure_b_pa") > before
     assert "bar" in page.get_attribute("[id='slider-supply.pressure']", "aria-valuetext")
-    page.locator("summary >> nth=0").focus()
+    page.locator("figure.plot summary >> nth=0").focus()
     page.keyboard.press("Enter")
     assert page.locator("figure.plot table[class='']").count() + page.locator("figure.plot td").count() > 0
     tab.check()
@@ -440,7 +440,7 @@ def test_no_view_has_a_violation_of_accessibility(server: Server, open_tab: Open
         page.evaluate(f"() => (location.hash = '#/{view}/{quote(path, safe='')}')")
         page.wait_for_selector(drawn, state="attached")
         if view == "studies":
-            page.click("button[aria-label='Chain of results/check/validation.toml']")
+            page.click("button[aria-label='Made from: results/check/validation.toml']")
             page.wait_for_selector("[data-input='friday.parquet']")
             for name in ("axis.toml", "after.toml"):
                 page.check(f"input[aria-label='Compare {name}']")

@@ -130,13 +130,13 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     tab.picture("validation-identified")
 
     page.click(".home")
-    page.click("button[aria-label='Chain of results/friday/validation.toml']")
+    page.click("button[aria-label='Made from: results/friday/validation.toml']")
     page.wait_for_selector("[data-input='axis.toml'] [data-input='monday-fit.toml'] [data-input='monday.parquet']")
     text = (server.folder / "friday.parquet").read_bytes()
     shutil.copy(server.folder / "monday.parquet", server.folder / "friday.parquet")
     page.click("text=Read the folder again")
     page.wait_for_selector("[data-stale='results/friday/validation.toml']")
-    page.click("button[aria-label='Chain of results/friday/validation.toml']")
+    page.click("button[aria-label='Made from: results/friday/validation.toml']")
     page.wait_for_selector("[data-input='friday.parquet'][data-state=changed]")
     (server.folder / "friday.parquet").write_bytes(text)
     for name in ("axis.toml", "axis-identified.toml"):

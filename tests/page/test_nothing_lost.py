@@ -80,7 +80,7 @@ def test_values_that_give_no_run_are_not_the_ones_of_the_curves(server: Server, 
     page.focus("#slider-friction\\.coulomb")
     page.keyboard.press("End")  # above breakaway
     page.wait_for_selector(".shown .problem >> text=must not be below")
-    page.wait_for_selector(".shown .banner >> text=those of the last run")
+    page.wait_for_selector(".shown .banner >> text=belong to the last run")
     page.keyboard.press("Home")
     page.wait_for_selector(".shown .problem", state="detached")
     assert page.locator(".shown .banner").count() == 0
@@ -161,7 +161,7 @@ def test_the_text_of_a_task_and_of_a_layout_is_kept(server: Server, open_tab: Op
     (server.folder / "push.toml").write_text(f"{TASK}# theirs")
     go(page, "sizing", "push.toml")
     page.wait_for_selector(f"{EDITOR} >> text=# mine")
-    page.wait_for_selector("text=Another text stands in push.toml")
+    page.wait_for_selector("text=push.toml has changed on disk since you opened it")
     page.click("button:text-is('Save')")
     page.wait_for_selector("text=push.toml changed on disk: nothing was written")
     page.click("text=Drop these changes")
@@ -218,7 +218,7 @@ def test_a_tab_for_which_the_server_has_no_room_says_so(own_server: Server, open
     for _ in range(9):
         tabs.append(open_tab(f"{tabs[0].origin}/#/simulate/axis.toml"))
         tabs[-1].page.wait_for_selector("h2 >> text=my axis")
-    tabs[-1].page.wait_for_selector("[data-connection=full] >> text=close one of the others")
+    tabs[-1].page.wait_for_selector("[data-connection=full] >> text=Close another tab")
     tabs[1].page.close()
     tabs[-1].page.wait_for_selector("[data-end=position_m]")
     tabs[-1].page.wait_for_selector("[data-connection=open]", state="attached")

@@ -146,8 +146,9 @@ def test_kinds_are_told_by_content(tmp_path: Path) -> None:
 
 
 def test_the_page_lists_files_of_every_kind() -> None:
-    text = (Path(__file__).parents[2] / "page" / "src" / "studies.tsx").read_text()
-    titles = re.findall(r'^  "?([\w ]+)"?: "', text.split("const TITLES")[1].split("};")[0], re.MULTILINE)
+    text = (Path(__file__).parents[2] / "page" / "src" / "tree.tsx").read_text()
+    groups = re.findall(r"kinds: \[([^\]]*)\] \}", text.split("const GROUPS")[1])
+    titles = [kind for group in groups for kind in re.findall(r'"([\w ]+)"', group)]
     folders = [kind for kind, _ in _folder_marks()]
     told = ["fmu", "recording", "friction map", "task", "other", "unreadable", *folders]
     assert set(titles) == {*told, *(kind for kind, _ in _KINDS)}

@@ -1,10 +1,10 @@
-/** What is drawn on a plot: curves, bands, shades and marks. */
+/** Drawing of curves, bands, shades and marks on a plot. */
 import "../language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import { isDark, look } from "./looks";
 import type { Band, Event, Mark, PlotProps, Shade } from "./plot";
 
-/** Colours of axes and grid, and of what is marked. */
+/** Colours of axes and grid. */
 export const ink = (): string => (isDark() ? "#a9b2bd" : "#535c68");
 export const grid = (): string => (isDark() ? "#2a3038" : "#e6e9ee");
 

@@ -158,6 +158,7 @@ function swatch(index: number): string {
 
 const AXIS = 34; // height of the axis of time with its label
 const HEIGHT = 200; // of the area of the curves
+const EDGE = 8; // above and below it
 
 /** Axes of a plot, in the colours of the paper. */
 export const axes = (x: Partial<uPlot.Axis>, y: Partial<uPlot.Axis> = {}): uPlot.Axis[] => {
@@ -176,7 +177,7 @@ export function Plot(props: PlotProps) {
   if (held.current.size !== props.size || !alike(held.current.curves, props.curves))
     held.current = { curves: props.curves, size: props.size, data: aligned(props.curves, props.size) };
   const { data } = held.current;
-  const height = (props.height ?? HEIGHT) + (props.bare ? 8 : AXIS);
+  const height = (props.height ?? HEIGHT) + (props.bare ? EDGE : AXIS) + EDGE;
   const over = props.log ? "frequency" : "time";
   const xUnit = props.xUnit ?? "s";
 
@@ -187,7 +188,7 @@ export function Plot(props: PlotProps) {
       {
         width: at.clientWidth || 400,
         height,
-        padding: [8, 12, 0, 0],
+        padding: [EDGE, 12, props.bare ? EDGE : 0, 0],
         cursor: { ...(!props.log && { sync: { key: "time" } }), drag: { x: true, y: false, setScale: !props.onZoom } },
         scales: {
           x: { time: false, ...(props.log ? { distr: 3 } : { range: (_: uPlot, low: number, high: number) => latest.current.range ?? [low, high] }) },
@@ -267,7 +268,7 @@ export function Legend({ labels, isOne = false }: { labels: [string, number][]; 
   );
 }
 
-/** What one can do with a plot: save it, and read its values. */
+/** Menu of a plot: save it, or read its values. */
 export function More({ title, saved, children }: { title: string; saved: () => Saved; children?: ComponentChildren }) {
   const [open, setOpen] = useState(false);
   return (

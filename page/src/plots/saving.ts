@@ -3,7 +3,7 @@ import type uPlot from "uplot";
 import { digits, isDark, look } from "./looks";
 import { grid, ink } from "./paint";
 
-/** What is saved beside the canvas of a plot. */
+/** Content of a saved plot. */
 export interface Saved {
   title: string;
   x: string;

@@ -67,6 +67,7 @@ JOBS = {
     "apply": "validation",
     "size": "sizing",
     "export": "handover",
+    "datasheet": "datasheet",
 }
 #: Modules that are imported at their first use.
 BEHIND = tuple(

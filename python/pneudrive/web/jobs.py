@@ -69,7 +69,7 @@ class AskedJob:
 
 
 def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that finds the friction of recordings.
+    """Return the job that finds the friction of recordings or of a campaign.
 
     Raises
     ------
@@ -78,6 +78,11 @@ def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob
     """
     names: Any = given.get("recordings")
     out = f"{RESULTS}/{folder_name(given.get('name'))}"
+    if isinstance(campaign := given.get("campaign"), str):
+        if not workspace.folder(campaign).is_dir():
+            raise CommandError(f"there is no campaign {campaign}")
+        python = f"import pneudrive as pn\n\nfound = pn.characteristics({campaign!r})\n"
+        return AskedJob(("characterise", safe(campaign), "--out", out), out, python=python)
     is_list = isinstance(names, list) and 0 < len(names) <= MOST_RECORDINGS
     if not is_list or not all(isinstance(one, str) for one in names):
         raise CommandError("no recording is named", remedy="Choose at least one.")

@@ -1,0 +1,230 @@
+"""The workspace: ways to begin, objects with their verbs, tabs and addresses, plots that are saved, no view cut off."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import quote
+
+import pytest
+import xarray as xr
+
+import pneudrive as pn
+from page.conftest import Server
+from page.test_journeys import VIEWS, Open, settled, violations
+from page.test_nothing_lost import go
+from pneudrive.characterise import write_map
+from web.maps import WIDE, friction_map, stribeck
+
+LONG = 120_000  # ms; a search on a busy machine
+VIEW_NAMES = tuple(dict.fromkeys(address.partition("/")[0] for address in VIEWS))[1:]
+WIDTHS = (400, 768, 1280, 1920)
+
+
+@pytest.fixture
+def empty(tmp_path: Path) -> Iterator[Server]:
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    made = Server.start(folder)
+    yield made
+    made.end()
+
+
+def test_three_ways_to_begin_in_an_empty_folder(empty: Server, open_tab: Open) -> None:
+    tab = open_tab(empty.address)
+    page = tab.page
+    page.wait_for_selector("text=This folder is empty")
+    assert page.locator(".starts article").count() == 3
+    assert violations(tab) == []
+    tab.picture("begin")
+    page.click("a:text-is('Open an example drive')")
+    page.wait_for_selector("figure[data-plot=Position] canvas")
+    page.click(".home")
+    page.click("text=Use example recordings")
+    page.wait_for_selector("figure[data-plot^=force] canvas")
+    page.wait_for_selector("text=darker: towards +x")
+    page.click(".home")
+    page.click("text=Start with a task")
+    page.click("button:text-is('Size')")
+    page.wait_for_selector(".candidates [data-point]", state="attached", timeout=LONG)
+    page.click("text=Cancel the search")
+    page.wait_for_selector("p[data-state=stopped]", timeout=LONG)
+    tab.check()
+
+
+def test_a_drive_is_taken_along_from_view_to_view(server: Server, open_tab: Open) -> None:
+    (server.folder / "drives").mkdir()
+    (server.folder / "drives" / "other.toml").write_text((server.folder / "axis.toml").read_text())
+    tab = open_tab(server.address)
+    page = tab.page
+    page.wait_for_selector(".tree .files a")
+    page.fill("input[aria-label='Search files']", "other")
+    assert page.locator(".tree .files a").count() == 1
+    page.fill("input[aria-label='Search files']", "axis")
+    page.click(".tree >> text=axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    page.click(".verbs >> text=Control")
+    page.wait_for_selector("text=nmpc for my axis, every")
+    assert page.url.endswith("#/control/axis.toml")
+    page.click(".verbs >> text=Validate")
+    page.wait_for_selector("label:has-text('Drive or fit') select")
+    assert page.input_value("label:has-text('Drive or fit') select") == "axis.toml"
+    page.click(".verbs >> text=Export")
+    assert page.input_value("label:has-text('Drive or circuit') select") == "axis.toml"
+    for _ in range(2):
+        page.go_back()
+    page.wait_for_selector("text=nmpc for my axis, every")
+    page.go_forward()
+    page.wait_for_selector("text=Does my model hold?")
+    go(page, "drive", "drives/other.toml")
+    assert page.locator(".tabs li").count() == 2
+    page.click("button[aria-label='Close drives/other.toml']")
+    page.wait_for_selector("text=Does my model hold?")  # the other tab, where it was left
+    page.reload()
+    assert page.locator(".tabs li").count() == 1
+    page.click(".home")
+    page.click("button[aria-label='Rename drives/other.toml']")
+    for name, said in (("drives/other.txt", "has another ending"), ("axis.toml", "is there already")):
+        page.fill("input[aria-label='New name of drives/other.toml']", name)
+        page.keyboard.press("Enter")
+        page.wait_for_selector(f".problem >> text={said}")
+    page.fill("input[aria-label='New name of drives/other.toml']", "drives/mine.toml")
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".tree [title='drives/mine.toml']")
+    assert not (server.folder / "drives" / "other.toml").exists()
+    assert len(tab.complaints) == 2  # the browser's lines on what was refused
+    assert tab.foreign == []
+
+
+def test_a_data_sheet_is_written_and_opened(server: Server, open_tab: Open) -> None:
+    tab = open_tab(f"{server.address}")
+    page = tab.page
+    go(page, "datasheet", "axis.toml")
+    page.click("text=Write the data sheet")
+    with page.context.expect_page(timeout=LONG) as opened:
+        page.click("text=Open the report", timeout=LONG)
+    opened.value.wait_for_selector("text=my axis")
+    opened.value.close()
+    assert violations(tab) == []
+    tab.check()
+
+
+def test_two_seals_are_apart_and_each_point_has_a_marker(server: Server, open_tab: Open) -> None:
+    maps = []
+    for seal, more in (("O-ring", 0.0), ("Kidney", 9.0)):
+        one = friction_map(lambda v, g, more=more: stribeck(v, g) + more, WIDE, (0.0, 2e5), 0.2)
+        maps.append(one.assign(seal=("row", [seal] * one.sizes["row"])))
+    both = xr.concat(maps, dim="row", combine_attrs="override")
+    write_map(both, server.folder / "map.parquet")
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "friction", "map.parquet")
+    plot = "figure[data-plot='Friction over speed']"
+    page.wait_for_selector(f"{plot} canvas")
+    each = int(page.get_attribute(plot, "data-points"))
+    assert each == maps[0].sizes["row"]
+    assert page.is_checked("label:has-text('logarithmic') input")
+    page.select_option("label:has-text('Seal or mounting') select", "all, in one plot")
+    page.wait_for_selector(".banner >> text=2 seals or mountings together")
+    assert int(page.get_attribute(plot, "data-points")) == both.sizes["row"]
+    tab.picture("seals")
+    tab.check()
+
+
+def test_plots_are_zoomed_together_and_saved(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    settled(tab)
+    box = page.locator("figure[data-plot=Velocity] .u-over").bounding_box()
+    assert box["height"] >= 200
+    assert box["width"] > 700
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 50)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 60, steps=5)
+    page.mouse.up()
+    assert page.locator("text=Reset zoom").count() == 4  # of each plot: all show that part
+    page.locator("text=Reset zoom").first.click()
+    assert page.locator("text=Reset zoom").count() == 0
+    assert page.inner_text("figure[data-plot=Position] figcaption .value >> nth=1") == ""
+    page.hover("figure[data-plot=Position] .u-over")
+    assert float(page.inner_text("figure[data-plot=Position] figcaption .value >> nth=1"))
+    page.click("figure[data-plot=Position] summary")
+    saved = {}
+    for kind in ("CSV", "SVG", "PNG"):
+        with page.expect_download() as download:
+            page.click(f"figure[data-plot=Position] button:text-is('{kind}')")
+        assert download.value.suggested_filename == f"position.{kind.lower()}"
+        saved[kind] = Path(download.value.path()).read_bytes()
+    rows = list(csv.reader(saved["CSV"].decode().splitlines()))
+    assert rows[0] == ["time, s", "position, mm"]
+    run = pn.simulate(pn.Drive.load(server.folder / "axis.toml"), "0 s: 1, 1 s: -1", "2 s")
+    assert float(rows[-1][1]) == pytest.approx(1e3 * float(run.position[-1]))
+    drawn = ET.fromstring(saved["SVG"])
+    assert max(len(one.get("d", "")) for one in drawn.iter("{http://www.w3.org/2000/svg}path")) > 5000
+    assert saved["PNG"].startswith(b"\x89PNG")
+    tab.check()
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from page.results import make_results
+
+    folder = tmp_path_factory.mktemp("made")
+    make_results(folder)
+    return folder
+
+
+#: What is wider than the window, or a word that is broken in a table or a button.
+CUT = """() => {
+  const out = document.documentElement.scrollWidth > innerWidth ? ["the page"] : [];
+  for (const one of document.querySelectorAll("main th, main button, main label, .verbs a")) {
+    const words = one.textContent.trim();
+    if (one.childElementCount || !/^[\\w.-]{1,24}$/.test(words) || !one.checkVisibility()) continue;
+    const range = document.createRange();
+    range.selectNodeContents(one);
+    if (new Set([...range.getClientRects()].map((rect) => Math.round(rect.top))).size > 2) out.push(words);
+  }
+  return out;
+}"""
+
+
+def test_nothing_is_cut_off_in_any_view(server: Server, open_tab: Open, made: Path) -> None:
+    shutil.copytree(made, server.folder, dirs_exist_ok=True)
+    tab = open_tab(server.address)
+    page = tab.page
+    page.wait_for_selector("text=axis.toml")
+    for address, drawn in VIEWS.items():
+        view, _, path = address.partition("/")
+        page.set_viewport_size({"width": WIDTHS[-1], "height": 900})
+        page.evaluate(f"() => (location.hash = '#/{view}/{quote(path, safe='')}')")
+        page.wait_for_selector(drawn, state="attached")
+        for width in WIDTHS:
+            page.set_viewport_size({"width": width, "height": 900})
+            page.wait_for_timeout(50)
+            assert page.evaluate(CUT) == [], (address, width)
+    tab.check()
+
+
+def test_no_view_is_empty(server: Server, open_tab: Open) -> None:
+    tab = open_tab(server.address)
+    page = tab.page
+    for view in (
+        "drive",
+        "simulate",
+        "recording",
+        "friction",
+        "validation",
+        "sizing",
+        "campaign",
+        "control",
+        "handover",
+    ):
+        go(page, view)
+        page.wait_for_selector("main h2")
+        assert page.locator("main a[href], main button, main select").count() > 0, view
+    tab.check()
