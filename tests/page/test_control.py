@@ -57,7 +57,7 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     assert violations(tab) == []
     tab.picture("control-so-far")
     page.click("text=Cancel results/laws")
-    page.wait_for_selector("[data-state=cancelled]")
+    page.wait_for_selector("[data-state=cancelled]", timeout=60_000)
     page.wait_for_selector("button:text-is('Resume')")
     assert "Not finished" in page.inner_text("main")
     page.close()

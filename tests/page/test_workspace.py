@@ -70,10 +70,9 @@ def test_a_drive_is_taken_along_from_view_to_view(server: Server, open_tab: Open
     page.wait_for_selector("text=nmpc for my axis, every")
     assert page.url.endswith("#/control/axis.toml")
     page.click(".verbs >> text=Validate")
-    page.wait_for_selector("label:has-text('Drive or fit') select")
-    assert page.input_value("label:has-text('Drive or fit') select") == "axis.toml"
+    page.wait_for_selector("label:has-text('Drive or fit') option:checked:text-is('axis.toml')", state="attached")
     page.click(".verbs >> text=Export")
-    assert page.input_value("label:has-text('Drive or circuit') select") == "axis.toml"
+    page.wait_for_selector("label:has-text('Drive or circuit') option:checked:text-is('axis.toml')", state="attached")
     for _ in range(2):
         page.go_back()
     page.wait_for_selector("text=nmpc for my axis, every")
