@@ -57,7 +57,7 @@ const isSaved = (one: Opened | null): boolean => !one || one.text === one.saved;
 /** Return whether the page has unsaved text of a description. Runs that read the file do not see this text. */
 export const isUnsaved = (path: string): boolean => (opened.value?.path === path ? !isSaved(opened.value) : drafts.has(path));
 
-addEventListener("beforeunload", (event) => {
+globalThis.addEventListener?.("beforeunload", (event) => {
   if (!isSaved(opened.value) || drafts.size) event.preventDefault();
 });
 

@@ -40,9 +40,10 @@ describe("frames", () => {
 
 describe("numbers", () => {
   it("are short and never wrong by more than their last digit", () => {
-    expect(digits(0.123456)).toBe("0.1235");
-    expect(digits(-1234567)).toBe("-1235000");
+    expect(digits(0.123456)).toBe("0.123");
+    expect(digits(-1234567)).toBe("-1230000");
     expect(digits(30)).toBe("30");
+    expect(digits(-9.21e-6)).toBe("-9.21e-6");
     expect(digits(null)).toBe("–");
   });
 });
