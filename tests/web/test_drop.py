@@ -83,3 +83,30 @@ def test_what_does_not_arrive_whole_or_does_not_fit_leaves_nothing(
     assert "too little room" in put(served, "y.csv", b"1" * 11, 400)["problems"][0]["what"]
     assert put(served, "z.csv", b"1" * 10)["size"] == 10
     assert left_over(served) == []
+
+
+@pytest.mark.parametrize("to", ["../x.toml", "other.toml", "axis.csv", "none/x.toml", ".x.toml", "/x.toml"])
+def test_no_name_leads_out_of_the_folder_or_over_a_file(served: Served, to: str) -> None:
+    (served.folder / "other.toml").write_text("name = 'theirs'\n")
+    before = {path: path.read_bytes() for path in served.folder.parent.rglob("*.toml")}
+    answer = served.client.post("/api/rename", json={"path": "axis.toml", "to": to}, headers=served.headers)
+    assert answer.status_code == 400
+    assert {path: path.read_bytes() for path in served.folder.parent.rglob("*.toml")} == before
+
+
+def test_a_file_gets_another_name_whole(served: Served) -> None:
+    text = (served.folder / "axis.toml").read_bytes()
+    asked = {"path": "axis.toml", "to": "mine.toml"}
+    assert served.client.post("/api/rename", json=asked, headers=served.headers).status_code == 200
+    assert (served.folder / "mine.toml").read_bytes() == text
+    assert not (served.folder / "axis.toml").exists()
+
+
+def test_example_recordings_are_copied_once_and_never_over_a_file(served: Served) -> None:
+    (served.folder / "example").mkdir()
+    (served.folder / "example" / "layout.toml").write_text("# mine")
+    for _ in range(2):
+        found = served.client.post("/api/example", json={}, headers=served.headers).json()
+    assert (served.folder / found["path"]).is_file()
+    assert (served.folder / "example" / "layout.toml").read_text() == "# mine"
+    assert len(list((served.folder / "example").iterdir())) == 3
