@@ -162,7 +162,7 @@ export function ZoomedCircuit(props: { drawing: Drawing; chosen: string; onChoos
       <p class="tools" role="group" aria-label="Zoom of the drawing">
         <button type="button" aria-label="Closer" onClick={() => zoom(CLOSER)}>+</button>
         <button type="button" aria-label="Wider" onClick={() => zoom(1 / CLOSER)}>−</button>
-        <button type="button" aria-label="Whole drawing" disabled={!box} onClick={() => setBox(null)}>Fit</button>
+        <button type="button" aria-label="Fit the drawing" disabled={!box} onClick={() => setBox(null)}>Fit</button>
       </p>
     </div>
   );
