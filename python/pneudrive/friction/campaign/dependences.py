@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.campaign.effects.effect import Asymmetry
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.reduction.condition import Condition
 
@@ -81,7 +81,7 @@ def dependences_of(
 
 
 def _is_of(condition: Condition | None, levels: tuple[str, str, str]) -> bool:
-    return condition is not None and (condition.mounting, condition.seal, condition.drive) == levels
+    return condition is not None and condition.levels == levels
 
 
 def _weighted(estimates: Iterable[Estimate]) -> Estimate:
@@ -128,7 +128,8 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
     curves = [one for one in found.curves if one.direction == BOTH and _is_of(one.condition, levels)]
     if not own or not curves:
         return
-    pattern = max(own, key=lambda one: (one.condition is None and _one_group(found), one.cycles))
+    one_group = len({one.condition.levels for one in found.curves}) <= 1
+    pattern = max(own, key=lambda one: (one.condition is None and one_group, one.cycles))
     viscous = [viscous_n_s_m * one.speed_m_s / one.friction_n for one in curves]
     level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in the reference of the pattern
     away = pattern.position_m - (middle := float(pattern.position_m.mean()))
@@ -156,10 +157,6 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
             for length, c, s in waves
         ]
     yield "position", table, {"slope": slope} if slope.differs else {}
-
-
-def _one_group(found: CampaignCharacteristics) -> bool:
-    return len({(c.condition.mounting, c.condition.seal, c.condition.drive) for c in found.curves}) <= 1
 
 
 # --- stops ---------------------------------------------------------------------------------------------------------

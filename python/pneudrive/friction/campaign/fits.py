@@ -46,20 +46,14 @@ def fit_campaign(
         ``all cycles`` in a campaign without levels. Friction may depend on pressure if there were several.
     """
     with one_thread():
-        return _fit_campaign(found, laws)
-
-
-def _fit_campaign(
-    found: CampaignCharacteristics, laws: Sequence[str]
-) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
-    table = found.friction_map
-    names = np.array([", ".join(level for level in row if level) or ALL for row in _levels(table)])
-    groups = {name: table.isel(row=np.flatnonzero(names == name)) for name in dict.fromkeys(names.tolist())}
-    fits, problems = fit_groups(groups, laws, NO_POINTS)
-    for group, by_law in fits.items():
-        own = _levels(groups[group])[0]
-        fits[group] = {law: _with_dependences(fit, found, own) for law, fit in by_law.items()}
-    return fits, problems
+        table = found.friction_map
+        names = np.array([", ".join(level for level in row if level) or ALL for row in _levels(table)])
+        groups = {name: table.isel(row=np.flatnonzero(names == name)) for name in dict.fromkeys(names.tolist())}
+        fits, problems = fit_groups(groups, laws, NO_POINTS)
+        for group, by_law in fits.items():
+            own = _levels(groups[group])[0]
+            fits[group] = {law: _with_dependences(fit, found, own) for law, fit in by_law.items()}
+        return fits, problems
 
 
 def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.Dataset) -> FrictionFit:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
         StickSlipPoint,
         StickSlipThreshold,
     )
-    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.reduction.condition import Condition, Skipped
     from pneudrive.friction.reduction.loop import Loop

@@ -13,8 +13,8 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.friction.friction_map import HASHES, rows_to_dataset
+from pneudrive.friction.recording import long_recording
 from pneudrive.friction.recording.closure import ClosureFit, fit_closures
-from pneudrive.friction.recording.long_recording import extract_long, long_file
 from pneudrive.friction.recording.notes import notes_of
 from pneudrive.friction.recording.pressure_line import (
     FrictionPoint,
@@ -24,6 +24,7 @@ from pneudrive.friction.recording.pressure_line import (
     run_spread,
 )
 from pneudrive.friction.recording.summaries import Source, Summary, summarise, summary_of
+from pneudrive.friction.reduction.budget import COVERAGE_FACTOR
 from pneudrive.friction.reduction.level import Level, RecordingResult, extract
 from pneudrive.friction.reduction.settling import SampleChoice, Settled
 from pneudrive.friction.reduction.stroke_use import StrokeUse, stroke_notes
@@ -31,14 +32,14 @@ from pneudrive.friction.sentences import sentence
 from pneudrive.show import Card, Shown
 from pneudrive.signals.cycles import Cycles, find_cycles, read_cycles
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import RecordingFile, recording_files
+from pneudrive.signals.load import RecordingFile, find_long, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.signals.trajectories import from_run, is_run
-from pneudrive.views import View
+from pneudrive.views import ShownValue, View
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     import xarray as xr
 
@@ -122,12 +123,27 @@ class Characterisation(Shown):
         for result in self.results:
             for level in result.levels:
                 one = len(result.levels) == 1
-                rows += level.rows_shown(level.recording if one else f"{level.recording}#{level.index + 1}")
+                rows += _shown(level, level.recording if one else f"{level.recording}#{level.index + 1}")
         title = f"{len(self.results)} recordings ({'simulated' if self.synthetic else 'measured'})"
         return View(title, tuple(rows), notes=self.notes)
 
     def _card(self) -> Card:
         return self.view().card()
+
+
+def _shown(level: Level, label: str) -> Iterator[ShownValue]:
+    """Return speeds, strokes, friction and offset with U (k = 2), and flags."""
+    for direction, side in level.sides.items():
+        sign = "+x" if direction > 0 else "-x"
+        yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", abs(side.velocity_m_s), "m/s")
+    used = sum(side.strokes for side in level.sides.values())
+    yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(level.strokes)}")
+    for name, value, u in (
+        ("friction", level.friction_n, level.expanded_n),
+        ("offset", level.offset_n, COVERAGE_FACTOR * level.u_offset_n),
+    ):
+        yield ShownValue(f"{label}.{name}", label, name, value, "N", (value - u, value + u))
+    yield ShownValue(f"{label}.flags", label, "flags", " ".join(level.flags))
 
 
 def characterise_recordings(
@@ -166,14 +182,15 @@ def characterise_recordings(
     loaded, sources = _sources(recordings, layout)
     number = len(loaded) + sum(len(s) if isinstance(s, Cycles) else 1 for s in sources)
     if number <= KEPT_IN_FULL:
-        as_long = [long_file(source) if isinstance(source, RecordingFile) else None for source in sources]
+        most = long_recording.LONG_SAMPLES
+        as_long = [find_long(source, most) if isinstance(source, RecordingFile) else None for source in sources]
         long = [file for file in as_long if file is not None]
         loaded += _read([source for source, one in zip(sources, as_long, strict=True) if one is None], watch)
         places, skipped = _count_once((r.name, _digest(r), "") for r in loaded)
         unique = [loaded[place] for place in places]
         notes = [sentence("note.same_samples", name=name, why=why) for name, why in skipped]
         results = tuple(extract(recording, choice) for recording in watch.each(unique, "recordings characterised"))
-        results += tuple(extract_long(file, choice, watch) for file in long)
+        results += tuple(long_recording.extract_long(file, choice, watch) for file in long)
         notes += [sentence("note.part_by_part", name=one.file.name) for one in long]
         return _assemble(results, [summary_of(result) for result in results], skipped, notes, choice)
     summaries = [summary_of(extract(recording, choice)) for recording in loaded] + summarise(sources, choice)

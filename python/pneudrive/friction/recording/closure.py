@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import Estimate
-from pneudrive.friction.reduction.budget import uncertainty_of
 from pneudrive.friction.reduction.condition import group_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.show import Shown
@@ -51,6 +50,7 @@ def closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
     if len(level.sides) != 2 or recording.area_a_m2 + recording.area_b_m2 == 0:
         return None
     gauge, weight = level.gauge_pa(recording.ambient_pressure_pa), recording.weight_n
+    known = {entry.source: entry.standard_uncertainty for entry in level.budget}
     force = level.offset_n - gauge["a"] * recording.area_a_m2 + gauge["b"] * recording.area_b_m2 + weight
     return ClosurePoint(
         recording=recording.name,
@@ -61,8 +61,8 @@ def closure_point(recording: Recording, level: Level) -> ClosurePoint | None:
         weight_n=weight,
         area_a_m2=recording.area_a_m2,
         area_b_m2=recording.area_b_m2,
-        u_a_pa=uncertainty_of(level.budget, "pressure a: common error"),
-        u_b_pa=uncertainty_of(level.budget, "pressure b: common error"),
+        u_a_pa=known.get("pressure a: common error", 0.0),
+        u_b_pa=known.get("pressure b: common error", 0.0),
     )
 
 

@@ -10,7 +10,6 @@ figures and the uncertainty budget.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import replace
 from threading import Event
 from typing import TYPE_CHECKING
@@ -23,7 +22,6 @@ from pneudrive.friction.reduction.level import RecordingResult, result_of, windo
 from pneudrive.friction.reduction.motion import RecordedMotion
 from pneudrive.friction.reduction.strokes import StrokeFriction, stroke_frictions
 from pneudrive.signals.levels import speed_levels
-from pneudrive.signals.load import find_long
 from pneudrive.signals.samples import clean
 from pneudrive.watch import UNWATCHED
 
@@ -36,7 +34,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.reduction.level import Level
     from pneudrive.friction.reduction.motion import SampleChoice
     from pneudrive.friction.reduction.pairing import Grid
-    from pneudrive.signals.load import LongFile, RecordingFile
+    from pneudrive.signals.load import LongFile
     from pneudrive.signals.motion import Stroke
     from pneudrive.watch import Watch
 
@@ -44,11 +42,6 @@ LONG_SAMPLES = 4_000_000  # samples above which a recording is read part by part
 PART_SAMPLES = 1_000_000
 LEAST_STROKES = 4  # strokes in a part: the one before, one that is counted, and two for the start of the next part
 LARGEST_PART = 16  # multiple of the usual part: longer strokes cannot be separated
-
-
-def long_file(file: RecordingFile) -> LongFile | None:
-    """Return a file as one that is read part by part; None where its recording is read as a whole."""
-    return find_long(file, LONG_SAMPLES)
 
 
 def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED) -> RecordingResult:
@@ -71,19 +64,13 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED)
     RecordingError
         As in `extract`.
     """
-    with _hashed_beside(file) as sha256:
-        return _extracted(file, choice, watch, sha256)
-
-
-@contextmanager
-def _hashed_beside(file: LongFile) -> Iterator[Future[str]]:
-    """Hash the samples of a file on a thread while they are read; whoever fails does not wait for it."""
     ended = Event()
-    with ThreadPoolExecutor(1) as beside:
+    with ThreadPoolExecutor(1) as beside:  # the samples are hashed on a thread while they are read
+        sha256 = beside.submit(file.sha256, ended)
         try:
-            yield beside.submit(file.sha256, ended)
+            return _extracted(file, choice, watch, sha256)
         finally:
-            ended.set()
+            ended.set()  # an error does not wait for the hash
 
 
 def _extracted(file: LongFile, choice: SampleChoice, watch: Watch, sha256: Future[str]) -> RecordingResult:

@@ -103,16 +103,8 @@ def _sensor_entries(
 ) -> list[BudgetEntry]:
     """Return the common error, of which only the change with direction remains in the pair, and hysteresis.
 
-    Parameters
-    ----------
-    name, unit : str
-    known : tuple
-        Standard uncertainty, its basis, and a note.
-    newton_per_unit : float
-        Force of one unit of the sensor in the balance.
-    change, reference : float
-        Half the difference of the mean readings of both directions; reading at which the whole accuracy may be an error
-        of gain.
+    ``known`` is the standard uncertainty with its basis and a note. ``change`` is half the difference of the mean
+    readings of both directions, ``reference`` the reading at which the whole accuracy may be an error of gain.
     """
     u, basis, note = known
     common = u * newton_per_unit
@@ -300,11 +292,6 @@ class CycleTerms(SharedTerms):
         """Half width of the 95 % band of one direction alone."""
         squares = self.stderr_n**2 + self.u_systematic_n**2 + self.offset_n**2 + self.zero_n**2
         return NORMAL_95 * np.sqrt(squares)
-
-
-def uncertainty_of(entries: Sequence[BudgetEntry], source: str) -> float:
-    """Return the standard uncertainty of one source, in its unit; 0 if the budget does not list it."""
-    return next((entry.standard_uncertainty for entry in entries if entry.source == source), 0.0)
 
 
 def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.friction.friction_map import Row
 from pneudrive.friction.reduction.budget import (
-    COVERAGE_FACTOR,
     BudgetEntry,
     chance_n,
     combined,
@@ -31,10 +30,9 @@ from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke, middle, straight_line
 from pneudrive.signals.recording import Recording
 from pneudrive.signals.samples import clean
-from pneudrive.views import ShownValue
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -99,26 +97,6 @@ class Level(Shown):
         """Standard error of ``speed_m_s``: scatter of the strokes' speeds, the larger one of both directions."""
         speeds = [[s.speed_m_s for s in self.strokes if s.direction == d] for d in (1, -1)]
         return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
-
-    def rows_shown(self, label: str) -> Iterator[ShownValue]:
-        """Return speeds, strokes, friction and offset with U (k = 2), and flags.
-
-        Parameters
-        ----------
-        label : str
-            Name of the level among those of other recordings.
-        """
-        for direction, side in self.sides.items():
-            sign = "+x" if direction > 0 else "-x"
-            yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", abs(side.velocity_m_s), "m/s")
-        used = sum(side.strokes for side in self.sides.values())
-        yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(self.strokes)}")
-        for name, value, u in (
-            ("friction", self.friction_n, self.expanded_n),
-            ("offset", self.offset_n, COVERAGE_FACTOR * self.u_offset_n),
-        ):
-            yield ShownValue(f"{label}.{name}", label, name, value, "N", (value - u, value + u))
-        yield ShownValue(f"{label}.flags", label, "flags", " ".join(self.flags))
 
     def gauge_pa(self, ambient_pressure_pa: float) -> dict[str, float]:
         """Return the mean gauge pressure of the directions in chambers ``a`` and ``b``."""
@@ -246,14 +224,14 @@ def _level(
         profile=profile,
         window_m=window,
         spreads=spreads,
-        stroke_friction_n={d: d * (m - (found.offset_n if len(used) == 2 else 0.0)) for d, m in means.items()},
+        stroke_friction_n={d: d * (m - (found["offset_n"] if len(used) == 2 else 0.0)) for d, m in means.items()},
         stroke_times_s={d: np.array([s.time_s for s in members]) for d, members in used.items()},
         peaks=tuple(s.peak for s in strokes if s.peak),
         stick_slip=tuple(s.stick_slip for members in used.values() for s in members if s.stick_slip),
         flags=(),
         rows=(),
         sides=sides,
-        **vars(found),
+        **found,
     )
     ambient = recording.ambient_pressure_pa
     doubts = doubts_of(
@@ -292,18 +270,6 @@ def _rows_over(grid: Grid, strokes: Sequence[StrokeFriction]) -> NDArray[np.floa
     return rows
 
 
-@dataclass(frozen=True)
-class _Estimate:
-    """Friction and offset of one level with their uncertainties, N."""
-
-    friction_n: float
-    offset_n: float
-    stderr_n: float
-    u_systematic_n: float
-    u_offset_n: float
-    budget: tuple[BudgetEntry, ...]
-
-
 def _estimate(
     recording: Recording,
     profile: Profile,
@@ -311,7 +277,7 @@ def _estimate(
     spreads: dict[int, Spread],
     rows: dict[int, NDArray[np.float64]],
     sides: dict[int, LevelSide],
-) -> _Estimate:
+) -> dict[str, Any]:
     """Pair the directions, or use the only one, and estimate the uncertainty."""
     only = next(iter(sides))
     up, down = (sides.get(d, sides[only]) for d in (1, -1))
@@ -322,10 +288,18 @@ def _estimate(
     stderr = chance_n(spreads, rows, bins, profile)
     if len(sides) == 1:
         # Nothing cancels in one direction alone: friction is as uncertain as the offset.
-        return _Estimate(only * spreads[only].mean_n, float("nan"), stderr, u_offset, u_offset, budget)
-    half_difference = (spreads[1].mean_n - spreads[-1].mean_n) / 2
-    half_sum = (spreads[1].mean_n + spreads[-1].mean_n) / 2
-    return _Estimate(half_difference, half_sum, stderr, u_friction, u_offset, budget)
+        friction, offset, u_friction = only * spreads[only].mean_n, float("nan"), u_offset
+    else:
+        friction = (spreads[1].mean_n - spreads[-1].mean_n) / 2
+        offset = (spreads[1].mean_n + spreads[-1].mean_n) / 2
+    return {
+        "friction_n": friction,
+        "offset_n": offset,
+        "stderr_n": stderr,
+        "u_systematic_n": u_friction,
+        "u_offset_n": u_offset,
+        "budget": budget,
+    }
 
 
 def _level_flags(

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
     from pneudrive.friction.sentences import Statement
 
 #: Two cycles of one campaign differ by less than this many standard deviations, 19 times of 20.

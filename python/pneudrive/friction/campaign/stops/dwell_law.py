@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.estimate.estimates import mean_estimate
-from pneudrive.estimate.groups import cells, levels
-from pneudrive.friction.campaign.stops.dwell_curve import CONFOUNDED, SAME_DURATION, DwellCurve, DwellData, fit_curve
-from pneudrive.friction.campaign.stops.dwell_forms import CONCLUSIVE, LEAST_DURATIONS, UNCERTAIN, DwellLawFit, fit_forms
-from pneudrive.friction.campaign.stops.stop import SPOILING
+from pneudrive.estimate.groups import cells
+from pneudrive.friction.campaign.stops.dwell_curve import DwellCurve, DwellData, fit_curve
+from pneudrive.friction.campaign.stops.dwell_forms import fit_forms
+from pneudrive.friction.campaign.stops.dwell_series import DwellPressure, DwellSeries, durations_of
+from pneudrive.friction.campaign.stops.dwell_statements import dwell_statements
 from pneudrive.friction.reduction.condition import PA_PER_BAR, TOLD, classify_pressures
 from pneudrive.friction.sentences import say
-from pneudrive.show import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -33,116 +31,8 @@ if TYPE_CHECKING:
 REFERENCE_S = 15.0
 INSIDE = 1.5  # factor by which the durations must exceed it on both sides
 GRID_POINTS = 61
-FEWEST_PAIRS = 4  # share of durations and conditions with restarts in both directions
 SAME_PLACE_M = 1e-3
 SAME_PRESSURE_PA = 100.0
-#: Stops up to this leave the time of saturation open for every law (of the order of hours to days
-#: for elastomers: assumed).
-LONG_S = 1000.0
-RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
-
-
-@dataclass(frozen=True)
-class DwellPressure:
-    """Effect of the chamber pressures on ageing.
-
-    Attributes
-    ----------
-    slope_a, slope_b, slope_sum : Estimate or None
-        Change of the slope per decade with each pressure, N/Pa; `slope_sum` if both changed together.
-    increment_a, increment_b, increment_sum : Estimate or None
-        Change of the increment at the reference duration, N/Pa.
-    statement : str
-    """
-
-    statement: str
-    slope_a: Estimate | None = None
-    slope_b: Estimate | None = None
-    slope_sum: Estimate | None = None
-    increment_a: Estimate | None = None
-    increment_b: Estimate | None = None
-    increment_sum: Estimate | None = None
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class DwellSeries(Shown):
-    """Breakaway against stop duration for one set of levels, restart speed and axis (held, released).
-
-    Attributes
-    ----------
-    levels : str
-        Mounting, seal, drive; "" without levels.
-    speed_m_s : float
-        Speed of the restart.
-    released : bool
-    conditions : tuple of Condition
-    stops : tuple of Stop
-        Those used.
-    left_out : int
-        Stops of the series that were not used.
-    reference_s : float
-        Duration of the slopes.
-    slopes : tuple of Estimate
-        Slope per decade of the increment at the reference duration, at each condition, N. Law-free.
-    mean_slopes : tuple of Estimate
-        Mean slope per decade from the shortest to the longest duration, at each condition, N. Law-free.
-    slope, mean_slope, increment : Estimate or None
-        Means over the conditions; increment at the reference duration.
-    share : Estimate or None
-        `slope` over running friction.
-    running_n : float
-        Mean running friction of both directions; of one direction, with the offset.
-    duration_s : ndarray, shape (m,)
-        For the curves below.
-    increment_n, low_n, high_n : ndarray, shape (C, m)
-        Law-free curve with its pointwise 95 % band at each condition.
-    laws : tuple of DwellLawFit
-        Best first; empty if fewer than three durations were run.
-    pressure : DwellPressure or None
-    scatter_n, block_n : float
-        Standard deviation from stop to stop, and of blocks.
-    outlying : tuple of str
-        Keys of outlying stops, which have less weight.
-    curve : DwellCurve or None
-    """
-
-    levels: str
-    speed_m_s: float
-    released: bool
-    conditions: tuple[Condition, ...]
-    stops: tuple[Stop, ...]
-    left_out: int
-    reference_s: float
-    running_n: float
-    slopes: tuple[Estimate, ...] = ()
-    mean_slopes: tuple[Estimate, ...] = ()
-    slope: Estimate | None = None
-    mean_slope: Estimate | None = None
-    increment: Estimate | None = None
-    share: Estimate | None = None
-    duration_s: Array = field(default_factory=lambda: np.zeros(0))
-    increment_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    low_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    high_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    laws: tuple[DwellLawFit, ...] = ()
-    pressure: DwellPressure | None = None
-    scatter_n: float = float("nan")
-    block_n: float = float("nan")
-    outlying: tuple[str, ...] = ()
-    curve: DwellCurve | None = None
-
-    @property
-    def name(self) -> str:
-        """Levels, speed and axis in words."""
-        held = "released" if self.released else "held"
-        parts = [self.levels, f"restart at {1e3 * self.speed_m_s:.3g} mm/s", held]
-        return ", ".join(part for part in parts if part)
-
-    def slope_at(self, duration_s: float) -> tuple[Estimate, ...]:
-        """Return the slope per decade at another duration, at each condition, N. Law-free."""
-        if self.curve is None:
-            return ()
-        return tuple(self.curve.slopes(np.log10([duration_s])).estimates())
 
 
 def fit_dwell(stops: Sequence[Stop], ambient_pressure_pa: float) -> tuple[tuple[DwellSeries, ...], list[Statement]]:
@@ -166,14 +56,14 @@ def fit_dwell(stops: Sequence[Stop], ambient_pressure_pa: float) -> tuple[tuple[
     for key in sorted(groups):
         one = _series(groups[key], ambient_pressure_pa)
         series.append(one)
-        statements += _statements(one, groups[key])
+        statements += dwell_statements(one, groups[key])
     return tuple(series), statements
 
 
 def _series(stops: list[Stop], ambient: float) -> DwellSeries:
     used = [s for s in stops if s.usable]
     conditions = sorted({s.condition for s in used})
-    enough = [c for c in conditions if _durations([s for s in used if s.condition == c]) >= 2]
+    enough = [c for c in conditions if durations_of([s for s in used if s.condition == c]) >= 2]
     used = [s for s in used if s.condition in enough]
     series = DwellSeries(
         levels=stops[0].condition.title,
@@ -194,7 +84,7 @@ def _results(series: DwellSeries, curve: DwellCurve, ambient: float) -> dict[str
     low, high = float(curve.data.log_s.min()), float(curve.data.log_s.max())
     slopes, gains = curve.slopes(at), curve.gains(low, high)
     # Inertia adds to every peak, but less if the contact is softer: at most all of it over the durations.
-    u = _inertia(series.stops) / max(high - low, 0.3) / np.sqrt(12.0)
+    u = series.inertia_n / max(high - low, 0.3) / np.sqrt(12.0)
     grid = np.linspace(low, high, GRID_POINTS)
     shown = curve.values(grid).estimates()
     ends = {"increment_n": "value", "low_n": "low", "high_n": "high"}
@@ -215,14 +105,6 @@ def _results(series: DwellSeries, curve: DwellCurve, ambient: float) -> dict[str
         "outlying": tuple(k for k, w in zip(curve.data.key, curve.weight, strict=True) if w < 0.7),
         "curve": curve,
     }
-
-
-def _inertia(stops: Sequence[Stop]) -> float:
-    return float(np.median([s.inertia_n for s in stops])) if stops else 0.0
-
-
-def _durations(stops: Sequence[Stop]) -> int:
-    return np.unique(levels(np.log10([max(s.dwell_s, 1e-6) for s in stops]), SAME_DURATION)).size
 
 
 def _reference(durations: list[float]) -> float:
@@ -285,93 +167,3 @@ def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | N
             estimates = functionals.combine(rows).estimates("N/Pa")
             found |= {f"{word}_{name}": estimate for name, estimate in zip(names, estimates, strict=True)}
     return DwellPressure(say(f"stops.pressure_{kind}").text, **found)
-
-
-# --- what the stops determine ---------------------------------------------------------------------------------------
-
-
-def _statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Statement]:
-    where = f"Stops ({series.name})"
-    yield from _spoiled(where, stops)
-    durations = series.curve.data.durations if series.curve is not None else 0
-    if series.curve is None or durations < 2:
-        yield from _one_duration(where, [s for s in stops if s.usable])
-        return
-    slope = series.slope
-    if slope is not None:
-        share = f"; {100 * series.share.value:.2g} % of running friction" if series.share is not None else ""
-        numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
-        yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
-    yield from _directions(where, series)
-    if slope is None or slope.differs:  # else there is no effect
-        yield from _laws(where, series, durations)
-    yield from _confounding(where, series, series.curve)
-    yield say("stops.peaks", where=where)
-
-
-def _spoiled(where: str, stops: list[Stop]) -> Iterator[Statement]:
-    flags = Counter(flag for s in stops for flag in s.flags if flag in SPOILING)
-    if flags:
-        kind = next((f"spoiled_{flag}" for flag in ("negative_friction", "undersampled") if flags[flag]), "spoiled")
-        counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in flags.most_common())
-        yield say(f"stops.{kind}", where=where, count=sum(not s.usable for s in stops), stops=len(stops), flags=counts)
-
-
-def _one_duration(where: str, stops: list[Stop]) -> Iterator[Statement]:
-    """Return statements on the increment after stops of one duration, without a law over duration."""
-    durations = _durations(stops)
-    if len(stops) > 1 and durations == 1:
-        inertia = _inertia(stops)
-        found = mean_estimate(np.array([s.increment_n for s in stops])).widened(inertia)
-        duration = np.median([s.dwell_s for s in stops])
-        kind = "stops.increment_and_mass" if inertia > 0.0 else "stops.increment"
-        yield say(kind, where=where, duration=duration, found=found, count=len(stops))
-    of = "one duration" if durations == 1 else f"{durations} durations"
-    yield say("stops.too_few_durations", where=where, count=len(stops), durations=of)
-
-
-def _directions(where: str, series: DwellSeries) -> Iterator[Statement]:
-    """Return statements on the difference of peaks between directions, from cells with both."""
-    cells: dict[tuple, dict[int, list[float]]] = {}
-    for s in series.stops:
-        cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)
-    pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
-    if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
-        yield say("stops.directions", where=where, found=found)
-
-
-def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement]:
-    if durations < LEAST_DURATIONS or not series.laws:
-        yield say("stops.no_law", where=where, durations=durations)
-        return
-    best = series.laws[0]
-    if not np.isfinite(best.aicc):
-        yield say("stops.laws_not_compared", where=where)
-        return
-    equal = [law.form.title for law in series.laws[1:] if law.delta < UNCERTAIN]
-    refuted = [law.form.title for law in series.laws if law.delta > CONCLUSIVE]
-    text = best.form.title + (f"; as good: {', '.join(equal)}" if equal else "")
-    text += f"; without support: {', '.join(refuted)}" if refuted else ""
-    yield say("stops.laws" if equal else "stops.law", where=where, laws=text)
-    longest = max(s.dwell_s for s in series.stops)
-    open_end = best.name == "log" or any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
-    if best.name != "none" and longest <= LONG_S * 1.01 and open_end:
-        yield say("stops.saturation", where=where, longest=longest)
-
-
-def _confounding(where: str, series: DwellSeries, curve: DwellCurve) -> Iterator[Statement]:
-    if curve.inflation >= CONFOUNDED:
-        yield say("stops.drift", where=where)
-    rate = np.array([s.loading_rate_n_s for s in series.stops])
-    known = np.isfinite(rate) & (rate > 0)
-    if known.sum() > 5:
-        logs, durations = np.log(rate[known]), curve.data.log_s[known]
-        spread = float(np.subtract(*np.quantile(logs, [0.9, 0.1])))
-        together = float(np.corrcoef(logs, durations)[0, 1]) if spread > 0 and np.ptp(durations) > 0 else 0.0
-        if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
-            yield say("stops.loading_rate", where=where, together=together)
-    numbers = {"where": where, "stops": len(series.stops), "inertia": _inertia(series.stops)}
-    for flag in ("long_loading", "inertia", "slow_samples"):
-        count = sum(flag in s.flags for s in series.stops)
-        if count:
-            yield say(f"stops.{flag}", count=count, **numbers)

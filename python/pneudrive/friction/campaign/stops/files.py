@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_forms import DwellLawFit
-    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
 
 STOPS_FILE = "stops.parquet"
 NESTED = {"condition", "relaxation", "recovery", "trace", "flags"}  # fields that are not columns

@@ -44,8 +44,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: A change of the air's force, or inertia, above this share of the increment spoils a peak; so does a loading that
-#: lasts longer than this share of the stop, but then only the duration is in doubt.
+#: Share of the increment above which the air's force or inertia spoils a peak; share of the stop for the loading.
 SPOILS = 0.1
 LEAST_RATE_HZ = 5000.0  # least rate of samples around a restart
 SAME_DURATION = 0.2  # share by which a rest may differ from the planned stop without a flag
