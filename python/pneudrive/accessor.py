@@ -115,7 +115,7 @@ class Pneu:
         """
         if self._run.attrs.get("description_hash") != drive.description_hash or "command" not in self._run:
             raise CommandError(
-                f'this run is not one of the drive "{drive.name}" as it is described now',
+                f'this run is not one of the drive "{drive.name}" in its present description',
                 remedy="Give the drive that was simulated.",
             )
         time, command = (self._run[name].to_numpy() for name in ("time", "command"))

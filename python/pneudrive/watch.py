@@ -58,7 +58,7 @@ class Watch:
             The flag is set.
         """
         if self._cancel is not None and self._cancel.is_set():
-            raise Cancelled("the call was cancelled", remedy="Finished parts are kept; repeat the call to go on.")
+            raise Cancelled("the call was cancelled", remedy="Finished parts are kept; repeat the call to continue.")
 
     def tell(self, done: float, total: float, task: str) -> None:
         """Report progress to the callback, and end the call if the flag is set.

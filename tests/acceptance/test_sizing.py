@@ -295,7 +295,7 @@ supply.pressure = "6 bar gauge"
     assert json.loads((out / "result.json").read_text())["feasible"] is True
     page = read_report(out / "report.html")
     ranked = json.loads((out / "result.json").read_text())["ranked"]
-    assert [row[1] for row in page.tables["What meets the task: the best of each cylinder"]] == [
+    assert [row[1] for row in page.tables["Candidates that meet the task: the best of each cylinder"]] == [
         " + ".join(name for name in one["parts"].values() if name != "none") for one in ranked[:1]
     ]
     for one, row in zip(ranked[:1], page.tables["Values of 98 % of the draws, and margin in brackets"], strict=True):
@@ -303,7 +303,7 @@ supply.pressure = "6 bar gauge"
         low, _, rest = row[1].partition(" … ")
         assert rest == f"{value:.3g} ({100.0 * (1.0 - value / limit):.0f} %)"
         assert 0.0 < float(low) < value
-    does = {what: [float(end) for end in ends.split(" … ")] for what, ends, _ in page.tables["What it does, simulated"]}
+    does = {what: [float(end) for end in ends.split(" … ")] for what, ends, _ in page.tables["Simulated motion"]}
     assert does["air of a cycle"][0] < found.best.air_litres_anr < does["air of a cycle"][1]
     assert 0.0 < does["load ratio out"][0] < does["load ratio out"][1] < 100.0
     origins = {key: origin for key, _, origin in page.tables["In brackets: source, at the end"]}

@@ -208,7 +208,7 @@ class CampaignRun:
             self._rest()
             raise EndedError(request.by)
         elif request.word == RESUME:
-            self._tell(f"{request.by} asked to go on, but nothing is paused")
+            self._tell(f"{request.by} asked to continue, but nothing is paused")
 
     def _checkpoint(self) -> None:
         """Serve requests; pause if somebody asked for it."""
@@ -240,7 +240,7 @@ class CampaignRun:
             self._lock.tell(state="operator", text=question)
         else:
             text = f"Paused after {self.now}; the axis is at rest, the pressure released."
-            keys = "Enter: go on, a: end the campaign > "
+            keys = "Enter: continue, a: end the campaign > "
             self._lock.tell(state="paused", text=f"after {self.now}")
         self._journal.write(f"paused{': ' + question if question else ''}")
         self._display.suspend()

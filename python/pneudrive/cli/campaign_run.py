@@ -32,9 +32,7 @@ Pace = Annotated[
 ]
 Patience = Annotated[
     str,
-    typer.Option(
-        help="How long to wait until conditions (supply pressure, temperature, force, a fault) are normal again."
-    ),
+    typer.Option(help="Longest wait until conditions (supply pressure, temperature, force, a fault) are normal again."),
 ]
 
 

@@ -67,7 +67,7 @@ def _search(name: str | None, search: dict[str, str | None]) -> None:
     from pneudrive.describe.catalogue_search import find_parts
 
     if name is not None:
-        raise CommandError(f"{name} is given beside a search", remedy="Give a name, or what to search for.")
+        raise CommandError(f"{name} cannot be combined with a search", remedy="Give a name, or what to search for.")
     found = find_parts(**search)
     if found:
         _list(found)

@@ -33,14 +33,16 @@ def characterise(
             metavar="RECORDING...|CAMPAIGN",
         ),
     ],
-    layout: Annotated[Path | None, typer.Option(help="Layout of the files; default: layout.toml beside them.")] = None,
+    layout: Annotated[
+        Path | None, typer.Option(help="Layout of the files; default: layout.toml in their folder.")
+    ] = None,
     out: Results = Path("characterisation"),
     protocol: Samples = "settled",
     law: Annotated[str, typer.Option(help="Friction law of fit.toml: coulomb or stribeck.")] = "stribeck",
 ) -> None:
     """Characterise recordings: friction map (map.parquet, map.csv), fit (fit.toml), report.html.
 
-    Also curves.parquet, effects.toml, and sentences on what the data show.
+    Also writes curves.parquet, effects.toml, and statements on the data.
     Each seal and mounting has its own curves and fit.
     """
     from pneudrive.friction.campaign.characteristics import recorded_characteristics

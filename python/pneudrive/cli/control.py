@@ -28,7 +28,7 @@ SetupOption = Annotated[
     str,
     typer.Option(
         "--setup",
-        help="What stands between drive and law: ideal, real, cheap (their values are assumed), or a TOML file.",
+        help="Sensors and converters: ideal, real, cheap (their values are assumed), or a TOML file.",
     ),
 ]
 Law = Annotated[
@@ -48,7 +48,7 @@ AllowCode = Annotated[
 MismatchOption = Annotated[
     str | None,
     typer.Option(
-        help="How the true drive differs from the description, which the law believes: all, mass+30, sag, "
+        help="Deviation of the true drive from the description that the controller uses: all, mass+30, sag, "
         "other-friction, load-step, ... (their values are assumed), or a TOML file."
     ),
 ]
@@ -215,7 +215,7 @@ def compare(
     mismatch: MismatchOption = None,
     spread: Annotated[
         str | None,
-        typer.Option(help="standard, or a TOML file with ranges: members, each a drive of its own, in place of seeds."),
+        typer.Option(help="standard, or a TOML file with ranges: members, each a different drive, in place of seeds."),
     ] = None,
     members: Annotated[int | None, typer.Option(help="Number of members of the spread; default 200.")] = None,
     threads: Annotated[
@@ -312,7 +312,7 @@ def export(
     out: Annotated[Path, typer.Option(help="Folder of the files, or an .fmu file.")],
     reference: Annotated[
         str | None,
-        typer.Option(help='What an FMU follows: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.', metavar="REF"),
+        typer.Option(help='Reference of an FMU: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.', metavar="REF"),
     ] = None,
     fmi: Annotated[str, typer.Option(help="Version of an FMU: 2.0 or 3.0.")] = "2.0",
     drive: Annotated[
@@ -335,7 +335,7 @@ def export(
     found = tuned(described, None if file else controller, setup=setup, controller=file, believes=believes)
     written = exported(found, to, out, setup=setup, along=reference, version=fmi)
     if to != "fmu" and found.adaptation:
-        typer.echo("What is written learns nothing: friction and valve are those of the description.")
+        typer.echo("The written controller does not learn: friction and valve are those of the description.")
     tell(written)
 
 

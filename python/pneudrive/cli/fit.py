@@ -50,7 +50,9 @@ def fit(
     by: Annotated[str, typer.Option(help="Column of the map, such as seal: one fit for each of its values.")] = "",
     loss: Annotated[str, typer.Option(help="huber, soft-l1, tukey, or linear (not robust).")] = "huber",
     ambient: Annotated[str, typer.Option(help="Ambient pressure, if the map lacks it.")] = "",
-    layout: Annotated[Path | None, typer.Option(help="Layout of recordings; default: layout.toml beside them.")] = None,
+    layout: Annotated[
+        Path | None, typer.Option(help="Layout of recordings; default: layout.toml in their folder.")
+    ] = None,
     profile: Profile = False,
     report: Page = None,
     out: Annotated[Path, typer.Option(help="Fit file to write; with --by one file for each value.")] = Path("fit.toml"),

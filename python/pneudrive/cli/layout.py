@@ -15,7 +15,7 @@ def layout(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="Picture of the recording with the layout; default: beside the layout, or FILE.layout.png here."
+            help="Picture of the recording with the layout; default: next to the layout, or FILE.layout.png here."
         ),
     ] = None,
 ) -> None:

@@ -26,5 +26,5 @@ def measure(
     try:
         own, other = (int(one) for one in strokes.split(","))
     except ValueError:
-        raise CommandError(f"--strokes {strokes} is no pair of strokes", rule="two numbers, such as 3,2") from None
+        raise CommandError(f"--strokes {strokes} is not a pair of strokes", rule="two numbers, such as 3,2") from None
     typer.echo(str(measured(recording, at, to, beside=beside, strokes=(own, other))))

@@ -44,7 +44,7 @@ Described = Annotated[
 Protocol = Annotated[str, typer.Argument(help="Protocol file (TOML), or a ready one by name.", metavar="PROTOCOL")]
 BenchRig = Annotated[str, typer.Option("--rig", help="Rig file, ready rig, or address.", metavar="RIG")]
 Layout = Annotated[
-    Path | None, typer.Option("--layout", help="Layout of foreign files; default: layout.toml beside them.")
+    Path | None, typer.Option("--layout", help="Layout of foreign files; default: layout.toml in their folder.")
 ]
 Results = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 Profile = Annotated[bool, typer.Option(help="Also compute intervals by profile likelihood.")]

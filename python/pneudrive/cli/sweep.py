@@ -50,10 +50,10 @@ def sweep(
         ),
     ] = None,
     members: Annotated[
-        int | None, typer.Option(help="How many, where distributions or a fit vary.", metavar="N")
+        int | None, typer.Option(help="Number of members, for distributions or a fit.", metavar="N")
     ] = None,
-    design: Annotated[str, typer.Option(help="How members are drawn: sobol, latin-hypercube or random.")] = "sobol",
-    seed: Annotated[int, typer.Option(help="Of the design.")] = 0,
+    design: Annotated[str, typer.Option(help="Sampling of members: sobol, latin-hypercube or random.")] = "sobol",
+    seed: Annotated[int, typer.Option(help="Random seed of the design.")] = 0,
     correlation: Annotated[
         list[str] | None,
         typer.Option(help='Correlation of two numbers: "cylinder.bore, friction.coulomb = 0.6".', metavar="A, B = R"),
@@ -191,7 +191,7 @@ def _table(drive: Drive | Circuit, path: Path) -> dict[str, Any]:
     for column in columns:
         if column not in known and column not in known.values():
             raise CommandError(
-                f"vary: {column} is no number of this {what}", where=str(path), remedy=nearest(column, known)
+                f"vary: {column} is not a number of this {what}", where=str(path), remedy=nearest(column, known)
             )
     return {known.get(column, column): values for column, values in read_columns(path, columns).items()}
 

@@ -89,7 +89,7 @@ def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
 CHARACTERISTICS = (
     Characteristic(
         name="cushion",
-        title="What the cushion takes",
+        title="Capacity of the cushion",
         definition="Speed at the end and peak pressure of a piston that comes to its cushion with a speed, full "
         "command, pressures of slow steady motion; over mass, speed, and the opening of the needle.",
         algorithm="one simulated approach for each point",

@@ -124,7 +124,7 @@ CHARACTERISTICS = (
     Characteristic(
         name="published",
         title="Printed figures of the parts",
-        definition="Figures that makers print of the parts of this drive beside what the drive gives: "
+        definition="Published figures of the parts of this drive, and the figures of the drive: "
         + "; ".join(f"{key.replace('_', ' ')}: {one.meaning}" for key, one in FIGURES.items())
         + ".",
         algorithm="the characteristics of this list, under the conditions of the print",

@@ -107,7 +107,7 @@ class Datasheet(Shown):
         if "air per full cycle" in at:
             lines.append(f"Air: {at['air per full cycle'].out} per cycle that fills and vents the chambers.")
         if self.measured is None:
-            lines.append("No recording stands beside these numbers: they are simulated from the values below.")
+            lines.append("No recording confirms these numbers: they are simulated from the values below.")
         else:
             lines += [
                 f"{'Met' if met else 'Not tested' if met is None else 'Not met'}: {text}."
@@ -163,7 +163,7 @@ def build(
     if recordings and is_circuit(drive):
         raise CommandError(
             f"{drive.name} is a circuit",
-            rule="recordings stand beside the datasheet of a drive file",
+            rule="recordings need the datasheet of a drive file",
             remedy="Leave the recordings out, or describe the drive by [supply], [valve], [cylinder] and [friction].",
         )
     plant = HeldDrive(drive)

@@ -56,7 +56,7 @@ class Distribution:
 
     def _refuse_unless(self, holds: bool, rule: str) -> None:
         if not holds:
-            raise CommandError(f"{self} is no distribution", rule=rule)
+            raise CommandError(f"{self} is not a distribution", rule=rule)
 
     def __str__(self) -> str:
         """Write the distribution as on the command line."""
@@ -266,7 +266,7 @@ def read_text(text: str) -> Any:  # noqa: ANN401 - a distribution, an axis or a 
         return entries
     make = WORDS.get(called[1])
     if make is None:
-        raise CommandError(f'"{text}" is no distribution', remedy=nearest(called[1], WORDS))
+        raise CommandError(f'"{text}" is not a distribution', remedy=nearest(called[1], WORDS))
     try:
         return make(*entries)
     except TypeError:

@@ -263,7 +263,7 @@ def _time_when(signals: SignalNames, condition: str) -> Reduction:
     found = _CONDITION.fullmatch(condition)
     if found is None:
         raise CommandError(
-            f'outputs: "{condition}" is no condition',
+            f'outputs: "{condition}" is not a condition',
             remedy='Write for instance "position > 0.45 m" or "velocity < 0 m/s".',
         )
     signal, sign, text = found.groups()
@@ -364,7 +364,7 @@ def read_output(text: str) -> Output:
     called = _CALL.fullmatch(call)
     word = called[1] if called else call.strip()
     if word not in WORDS:
-        raise CommandError(f'outputs: "{text.strip()}" is no output', remedy=nearest(word, WORDS))
+        raise CommandError(f'outputs: "{text.strip()}" is not an output', remedy=nearest(word, WORDS))
     arguments = tuple(one.strip() for one in called[2].split(",") if one.strip()) if called else ()
     takes = {"stroke_time": (0, 0), "settling": (2, 3), "samples": (1, 2)}.get(word, (1, 1))
     if not takes[0] <= len(arguments) <= takes[1]:
@@ -422,11 +422,11 @@ def _quantity(given: str | float, unit: str, is_pressure: bool) -> float:
     except DescriptionError as error:
         raise CommandError(f"outputs: {error.what}", rule=error.rule, remedy=error.remedy) from None
     except ValueError:
-        raise CommandError(f'outputs: "{given}" is no number') from None
+        raise CommandError(f'outputs: "{given}" is not a number') from None
 
 
 def _rate(given: str | float) -> float:
     rate = _quantity(given, "1/s", False)
     if not 0.0 < rate < math.inf:
-        raise CommandError(f"outputs: {given} is no sampling rate", rule="finite and greater than 0")
+        raise CommandError(f"outputs: {given} is not a sampling rate", rule="finite and greater than 0")
     return rate

@@ -73,7 +73,7 @@ class ChunkStore:
         except (OSError, ValueError) as error:
             raise CommandError(f"{path} cannot be read: {error}") from None
         if not isinstance(begun, dict) or not isinstance(begun.get("chunk_members"), int):
-            raise CommandError(f"{path} is not what a study writes", remedy="Choose another folder.")
+            raise CommandError(f"{path} is not a folder of a study", remedy="Choose another folder.")
         return begun
 
     def path(self, chunk: Chunk) -> Path:

@@ -80,7 +80,7 @@ def chosen_numbers(what: str, known: Mapping[str, Varied], names: Sequence[str])
     """
     for name in names:
         if name not in known:
-            raise CommandError(f"vary: {name} is no number of this {what}", remedy=nearest(name, known))
+            raise CommandError(f"vary: {name} is not a number of this {what}", remedy=nearest(name, known))
         if list(names).count(name) > 1:
             raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
     return [known[name] for name in names]

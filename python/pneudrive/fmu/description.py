@@ -55,7 +55,7 @@ def description(plan: FmuPlan, version: str) -> bytes:
     _interfaces(root, plan, is_two)
     _units(root, plan)
     categories = ElementTree.SubElement(root, "LogCategories")
-    ElementTree.SubElement(categories, "Category", name="logStatusError", description="What went wrong, and what to do")
+    ElementTree.SubElement(categories, "Category", name="logStatusError", description="Errors with remedies")
     experiment = {"startTime": "0", "stopTime": "1", "tolerance": repr(plan.rtol)}
     if plan.law is not None:
         experiment["stepSize"] = repr(plan.law["controller"]["period_s"])

@@ -66,7 +66,7 @@ def read_fmu(path: Path) -> SeenFmu:
             text = file.read(MOST_BYTES + 1)
         if len(text) > MOST_BYTES or b"\0" in text or b"<!" in text.replace(b"<!--", b""):
             raise CommandError(
-                f"{path.name}: its description is none that pneudrive reads",
+                f"{path.name}: pneudrive cannot read its description",
                 rule="XML in UTF-8 without entities, up to 16 MB",
             )
         root = ElementTree.fromstring(text)

@@ -306,7 +306,7 @@ def _results(session: CoreSession, described: Drive | Circuit, actuator: bool) -
         seen.add(core)
         yield FmuVariable(name, unit, what, "output", {"role": "output", "of": core})
     if actuator:
-        what = "force of the drive on what it moves, towards +x, its own mass left out"
+        what = "force of the drive on the moved body, towards +x, without the drive's mass"
         yield FmuVariable("force", "N", what, "output", {"role": "force"})
     for core, _ in session.states:
         name, unit, what = _named(core, is_short)

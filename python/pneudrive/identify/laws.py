@@ -347,7 +347,7 @@ def _as_good(row: Compared, best: Compared) -> bool:
 def _statements(rows: list[Compared], best: Compared, recommended: Compared, held_out: str) -> Iterator[str]:
     yield (
         f"recommended: {recommended.title}; it predicts a held-out {held_out} with an error of "
-        f"{100 * recommended.error:.2g} %, and {100 * recommended.coverage:.0f} % of the values lie in their interval"
+        f"{100 * recommended.error:.2g} %, and {100 * recommended.coverage:.0f} % of the values are in their interval"
     )
     if recommended is not best:
         yield f"{best.title} predicts no better beyond chance ({100 * best.error:.2g} %) and has more parameters"

@@ -214,7 +214,7 @@ class FrictionFit(SlidingFit):
         kept = drive.friction.parameters.get("breakaway", 0.0)
         if "coulomb" in forces and "breakaway" not in forces and not other_law and kept > self.values["coulomb"]:
             warn(
-                f"the fit says nothing of breakaway: the drive keeps its own {kept:.4g} N beside the fitted Coulomb "
+                f"the fit does not determine breakaway: the drive keeps its {kept:.4g} N with the fitted Coulomb "
                 f"force of {self.values['coulomb']:.4g} N, so that its friction at low speed is not that of the map"
             )
         for note in self.dependences.notes:

@@ -64,7 +64,7 @@ NUMBERS: dict[str, tuple[str, str, str]] = {
     "tube.friction_scale": (
         "tube.friction_scale",
         "1",
-        "record a pressure on each side of the tube, or a volume that is small beside the tube's",
+        "record a pressure on each side of the tube, or a volume that is small compared with the tube's",
     ),
     "volume.value": ("volume.volume_m3", "m^3", "measure it: the pressure depends only on conductance over volume"),
     "volume.heat_transfer": (

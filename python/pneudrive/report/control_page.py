@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from pneudrive.report.page import Section
 
 SAID = (
-    "Simulated: the laws predict with the equations by which the drive is simulated, so that only what they were told "
-    "of it can be wrong. Each number is the median of the seeds. Errors are reference less true position; of a sine "
-    "they are those of its last 4 s, or of its last period where that is longer. Times of a step are of the machine "
-    "that made this page."
+    "Simulated: controllers and drive share the equations of the simulation. Only the controllers' parameters can be "
+    "wrong. Each number is the median of the seeds. Errors are reference minus true position. For a sine they cover "
+    "the last 4 s, or the last period if that is longer. Step times belong to the machine that made this page."
 )
 
 
@@ -71,10 +70,10 @@ def _method(found: ControlComparison) -> Section:
         if tuning.belief.name != found.drive:
             lines.append(f"{name} believes that it commands {tuning.belief.name}")
     if found.mismatch:
-        lines.append(f"the drive differs from what the laws believe by the mismatch {found.mismatch}")
+        lines.append(f"the drive differs from the assumed drive by the mismatch {found.mismatch}")
     if found.spread:
         lines.append(f"each member is a drive of its own, drawn from the spread {found.spread}, with a seed of its own")
-    return section("method", "What was compared", Paragraph(SAID), Items(tuple(lines)))
+    return section("method", "Comparison", Paragraph(SAID), Items(tuple(lines)))
 
 
 def _spread(found: ControlComparison, number: int) -> Section:
@@ -123,7 +122,7 @@ def _true(found: ControlComparison) -> list[Section]:
     rows = tuple((name, f"{min(values):.4g}", f"{max(values):.4g}") for name, values in each.items())
     heads = ("deviation of the true drive", "least", "largest")
     text = "Factors of what was described, values in SI. Each member's are in score.csv."
-    return [section("true", "True drive", Paragraph(text), PageTable(heads, rows, "What was true"))]
+    return [section("true", "True drive", Paragraph(text), PageTable(heads, rows, "True drive"))]
 
 
 def _told(found: ControlComparison) -> Section:
@@ -138,4 +137,4 @@ def _told(found: ControlComparison) -> Section:
     plant = PageTable(
         ("", ""), tuple(first.plant.rows()), "Drive as assumed by the controllers, near mid-stroke", numbers_from=9
     )
-    return section("told", "What the laws were told", plant, gains, synthetic=False)
+    return section("told", "Assumed drive and gains", plant, gains, synthetic=False)

@@ -36,7 +36,7 @@ CURVES = (
 COLUMNS, ROW_IN = 3, 2.25
 SIMULATED = (
     "All numbers and curves of this page are simulated from the values below, with the equations of pneudrive "
-    f"{__version__}; what stands beside recordings says so. Pressures are absolute unless called gauge; "
+    f"{__version__}; comparisons with recordings are marked. Pressures are absolute unless called gauge; "
     "litres ANR are at 100 kPa, 20 °C and 65 % humidity."
 )
 
@@ -131,7 +131,7 @@ def _published(found: Datasheet) -> PageTable | None:
     for name, more, computed, printed in zip(table["figure"].to_numpy(), *columns, strict=True):
         rows.append((str(name), f"{printed:.5g}", f"{computed:.5g}", f"{more:+.2g} %"))
     head = ("printed figure, SI", "printed", "of this drive", "difference")
-    return PageTable(head, tuple(rows), "What makers print of the parts")
+    return PageTable(head, tuple(rows), "Published figures of the parts")
 
 
 def _caption(found: Datasheet) -> str:
@@ -177,7 +177,7 @@ def _measured(measured: MeasuredBeside) -> Section:
     if figure is not None:
         caption = "Measured (points, lines) and simulated (dashed)."
         blocks.append(Picture("measured", caption, figure, synthetic=measured.synthetic))
-    return section("measured", "Measured beside simulated", *blocks, synthetic=measured.synthetic)
+    return section("measured", "Measured and simulated", *blocks, synthetic=measured.synthetic)
 
 
 def _beside(measured: MeasuredBeside) -> Figure | None:

@@ -130,10 +130,12 @@ def _candidates(found: SizingResult) -> Section:
         (str(place), _called(one), *row_of(one)[PARTS:-1]) for place, one in enumerate(found.by_cylinder[:WRITTEN], 1)
     ]
     heads = ("", "parts", *HEAD[PARTS:-1])
-    ranking = PageTable(heads, tuple(rows), "What meets the task: the best of each cylinder", numbers_from=2)
+    ranking = PageTable(heads, tuple(rows), "Candidates that meet the task: the best of each cylinder", numbers_from=2)
     cheaper = _cheaper(found)[:WRITTEN]
     lost = tuple((_called(one), f"{one.air_litres_anr:.3g}", _missed(one)) for one in cheaper)
-    title = "What misses a limit, of less air than the best" if found.ranked else "What comes nearest, by its air"
+    title = (
+        "Candidates that miss a limit but use less air than the best" if found.ranked else "Nearest candidates, by air"
+    )
     caption = (
         "Time that 1 % of the draws pass, against the air of a cycle: every choice that was simulated. The lines reach "
         "over 98 % of the draws of the best one."
@@ -161,7 +163,7 @@ def _limits(found: SizingResult) -> Section | None:
     head = ("parts", *said, "binds")
     return section(
         "limits",
-        "What limits each",
+        "Limits of each",
         Paragraph(MARGIN),
         PageTable(head, rows, "Values of 98 % of the draws, and margin in brackets"),
     )
@@ -190,7 +192,7 @@ def _best(found: SizingResult) -> list[Section]:
     said = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
     drawn = Picture("circuit", f"Circuit of the best choice, {_called(best)}.", draw_circuit(circuit))
     figures = tuple((what, ends, unit) for what, name, factor, unit in FIGURES if (ends := _ends(best, name, factor)))
-    does = PageTable(("", "98 % of the draws", ""), figures, "What it does, simulated") if figures else None
+    does = PageTable(("", "98 % of the draws", ""), figures, "Simulated motion") if figures else None
     return [
         section("best", "The best choice", Items((*said, set_to(best))), drawn, does, synthetic=False),
         section(
@@ -234,7 +236,7 @@ def _method(found: SizingResult) -> Section:
         lines.insert(0, f"pneudrive size task.toml --least {asked['least']} --draws {asked['draws']} --out out")
     return section(
         "again",
-        "How it was found, and how to find it again",
+        "Method, and commands to repeat the sizing",
         Items((sentences(found)[-1 - len(found.notes)], *NOT_CHECKED)),
         Paragraph(
             f"With the task below as task.toml, each gives the same numbers (pneudrive {__version__}, Python "

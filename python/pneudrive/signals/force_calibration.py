@@ -87,7 +87,7 @@ class ForceCalibration:
             what = f"force calibration: {reference.size} reference forces and {shown.size} shown ones"
             raise DescriptionError(what, rule="equally many of both, two or more")
         if reference.size and (self.gain, self.zero_n) != (1.0, 0.0):
-            raise DescriptionError("force calibration: points, and gain or zero beside them", rule="one of both")
+            raise DescriptionError("force calibration: points cannot be combined with gain or zero", rule="one of both")
         if reference.size and not ((np.diff(reference) > 0).all() and (np.diff(shown) > 0).all()):
             raise DescriptionError(
                 "force calibration: the points do not rise", rule="reference and shown forces must ascend"

@@ -46,6 +46,6 @@ def amplitude_density(time_s: Array, values: Array) -> tuple[Array, Array]:
     if not step > 0.0 or np.abs(steps - step).max() > UNEVEN * step:
         raise RecordingError("the samples are not evenly spaced in time", rule="a spectrum needs equal steps to 1 %")
     if not np.isfinite(values).all():
-        raise RecordingError("a value is no number", remedy="Choose a part without gaps.")
+        raise RecordingError("a value is missing", remedy="Choose a part without gaps.")
     frequency, power = welch(np.asarray(values, float), 1.0 / step, nperseg=min(SEGMENT, len(values)))
     return frequency[1:], np.sqrt(power[1:])

@@ -138,24 +138,24 @@ class IdentifiedAxis:
 
     #: Heads of both tables.
     NUMBERS = ("", "datasheet", "identified", "truth")
-    SCORES = ("the law is told", "RMSE", "largest error", "RMSE, learning", "largest error, learning")
+    SCORES = ("assumed drive", "RMSE", "largest error", "RMSE, learning", "largest error, learning")
 
     def section(self) -> Section:
         """Return the section of a report."""
         said = (
-            "A rodless axis differs from its datasheet. Its friction is measured in a campaign on a rig, its valve is "
-            f"identified from its own answer to steps of the command, and {LAW} is tuned from the description and runs "
-            f"the true axis along a {REFERENCE}. Simulated: the laws predict with the equations by which the axis is "
-            "simulated, so that only what they are told of it can be wrong."
+            "A rodless axis differs from its datasheet. Its friction is measured in a campaign on a rig. Its valve is "
+            f"identified from its response to command steps. {LAW} is tuned from the description and runs "
+            f"the true axis along a {REFERENCE}. Simulated: controllers and axis share the equations of the "
+            "simulation. Only the controllers' parameters can be wrong."
         )
-        caption = "Error over two periods, by what the law was told, without learning. Simulated."
+        caption = "Error over two periods, by assumed drive, without learning. Simulated."
         return section(
             "identified-axis",
             "From a datasheet to a controlled axis",
             Paragraph(said),
             Picture("identified-axis", caption, self.figure()),
             PageTable(self.SCORES, self.scores, "Errors, medians of three seeds, simulated."),
-            PageTable(self.NUMBERS, self.numbers, "What the datasheet says, what was found, and what is true."),
+            PageTable(self.NUMBERS, self.numbers, "Values of the datasheet, identified values, and true values."),
             synthetic=True,
         )
 

@@ -108,7 +108,7 @@ class FrictionValidation(Shown):
         lines = [
             f"friction of {self.drive.name} against {self.source.name}",
             f"  {mark} fit {m.fit_percent:.1f} % (target above {STATIC_FIT_PERCENT:g} %), NRMSE {100 * m.nrmse:.2g} %, "
-            f"largest difference {m.largest:.2g} N; the law lies within the band of {100 * self.inside:.0f} % of the "
+            f"largest difference {m.largest:.2g} N; the law is within the band of {100 * self.inside:.0f} % of the "
             "points",
         ]
         words = {0: "both directions", 1: "towards +x", -1: "towards -x"}

@@ -244,7 +244,7 @@ def _ends(key: object, given: object) -> tuple[str, str]:
         isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one) for one in (low, high)
     )
     if not numbers or not isinstance(unit, str) or not _UNIT.fullmatch(unit):
-        raise CommandError(f"the spread of {key} is none", remedy="Give two numbers.")
+        raise CommandError(f"the spread of {key} must be two numbers", remedy="Give two numbers.")
     if not low < high:
         raise CommandError(f"the spread of {key} is empty", value=f"{low:g} to {high:g}", rule="low < high")
     return f"{low!r} {unit}".strip(), f"{high!r} {unit}".strip()
@@ -268,7 +268,9 @@ def _other(
     place = workspace.path(path, TRAJECTORIES)
     names = columns_in(place, columns)
     if "time_s" not in names or len(names) < 2:
-        raise CommandError(f"{path} is no trajectory of such a drive", rule="columns as pneudrive simulate writes them")
+        raise CommandError(
+            f"{path} is not a trajectory of such a drive", rule="columns as pneudrive simulate writes them"
+        )
     found = read_columns(place, names)
     time = found["time_s"]
     if not len(time) or not (np.isfinite(time).all() and (np.diff(time) >= 0.0).all()):

@@ -159,7 +159,7 @@ class WatchedCampaign:
         if not control:
             raise CommandError("this server only watches", remedy=CONTROL)
         if word not in WORDS:
-            raise CommandError(f"{word!r} is no request", rule=", ".join(WORDS))
+            raise CommandError(f"{word!r} is not a request", rule=", ".join(WORDS))
         ask(self.folder, str(word), f"{getpass.getuser()}, from the page")
 
 

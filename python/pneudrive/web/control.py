@@ -390,7 +390,7 @@ def shown_card(workspace: Workspace, name: str, measure: str) -> dict[str, Any]:
     """
     card = read_comparison(workspace.folder(name))
     if measure not in SHOWN:
-        raise CommandError(f"{measure[:80]!r} is no measure", rule=", ".join(SHOWN))
+        raise CommandError(f"{measure[:80]!r} is not a measure", rule=", ".join(SHOWN))
     job = None
     if card.about.get("asked"):
         with suppress(PneudriveError):  # it was begun elsewhere, or its drive is gone: the card is shown all the same
@@ -476,7 +476,7 @@ def shown_tracks(workspace: Workspace, name: str, along: str, pixels: int) -> by
     """
     card = read_comparison(workspace.folder(name))
     if along not in card.references:
-        raise CommandError(f"{along[:80]!r} is no reference of {name}", rule=", ".join(card.references))
+        raise CommandError(f"{along[:80]!r} is not a reference of {name}", rule=", ".join(card.references))
     tracks: dict[str, dict[str, Any]] = {}
     for law in card.laws:
         run = next((one for one in card.of(law, along) if one.score is not None and one.file.is_file()), None)

@@ -131,7 +131,7 @@ def folder_name(given: object) -> str:
     """Check a folder name and return it."""
     if not isinstance(given, str) or not _NAME.fullmatch(given) or len(given.encode()) > MOST_BYTES:
         rule = f"letters, digits, spaces, -, _ and .; at most 81 of them and {MOST_BYTES} bytes"
-        raise CommandError(f"{str(given)[:80]!r} is no name of a folder", rule=rule)
+        raise CommandError(f"{str(given)[:80]!r} is not a valid folder name", rule=rule)
     return given
 
 

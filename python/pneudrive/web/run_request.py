@@ -180,7 +180,7 @@ class RunRequest(PageRequest):
         """
         if self.text is not None and (is_in_catalogue(self.path) or workspace.read(self.path)[0] != self.text):
             remedy = "Save it under Drive first: a command and Python read the file."
-            raise CommandError(f"{self.path} is not saved as it stands in the page", remedy=remedy)
+            raise CommandError(f"{self.path} has unsaved changes in the page", remedy=remedy)
 
     def as_command(self, out: str) -> str:
         """Return the shell line that makes the same run in the folder of the workspace, into a file `out`."""

@@ -178,7 +178,7 @@ def _read(workspace: Workspace, name: str) -> dict[str, Any]:
     path = workspace.path(name, DESCRIPTIONS)
     content, _ = toml.read(path, CommandError, "pneudrive validate writes a validation.toml.")
     if not all(key in content for key in ("verdict", "record", "diagnosis", "provenance")):
-        raise CommandError(f"{name} is no validation", remedy="Validate a drive against a recording first.")
+        raise CommandError(f"{name} is not a validation", remedy="Validate a drive against a recording first.")
     if not all("run" in one for one in content["record"]):
         raise CommandError(f"{name} was written without its runs", remedy="Validate again.")
     return content
@@ -324,7 +324,7 @@ def _run(path: Path, _changed_ns: int) -> tuple[dict[str, Any], Signals]:
     runs = [f"{run}.{channel}" for run in ("free", "restarted") for channel in CHANNELS]
     names = columns_in(path, (*NEEDED, *OPTIONAL, *runs))
     if not {*NEEDED, *runs} <= set(names):
-        raise CommandError(f"{path.name} is no run of a validation", remedy="Validate again.")
+        raise CommandError(f"{path.name} is not a run of a validation", remedy="Validate again.")
     table = read_columns(path, names)
     return table, Signals.of(drive_recording({key: table[key] for key in names if key not in runs}, path.stem))
 

@@ -287,7 +287,9 @@ def _is_utf8(name: str) -> bool:
 
 
 def _refused(name: object) -> CommandError:
-    return CommandError(f"{str(name)[:80]!r} is no file of this workspace", rule="a relative name, inside the folder")
+    return CommandError(
+        f"{str(name)[:80]!r} is not a file of this workspace", rule="a relative name, inside the folder"
+    )
 
 
 def _texts(value: object) -> Iterator[str]:

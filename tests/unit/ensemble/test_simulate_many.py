@@ -167,7 +167,7 @@ def test_a_cancelled_study_ends():
 @pytest.mark.parametrize(
     ("vary", "n", "said"),
     [
-        ({"cylinder.bor": [1.0]}, None, "cylinder.bor is no number of this drive"),
+        ({"cylinder.bor": [1.0]}, None, "cylinder.bor is not a number of this drive"),
         ({"cylinder.bore": [0.02], "load.mass": [1.0, 2.0]}, None, "unequal lengths"),
         ({"cylinder.bore": ["20 mm", "-3 mm", "5 mm"]}, None, "row 1 of the design"),
         ({"cylinder.bore": [0.02, np.nan]}, None, "row 1 of the design"),
@@ -175,7 +175,7 @@ def test_a_cancelled_study_ends():
         ({"initial.position": ["800 mm"]}, None, "lies outside the stroke"),
         ({"cylinder.bore": ["20 mm"], "load.mass": "uniform(1 kg, 2 kg)"}, 4, "mixes"),
         ({"cylinder.bore": "normal(20 mm, 1 kg)"}, 4, "cylinder.bore"),
-        ({"cylinder.bore": "gauss(20 mm, 1 mm)"}, 4, "is no distribution"),
+        ({"cylinder.bore": "gauss(20 mm, 1 mm)"}, 4, "is not a distribution"),
         ({"cylinder.bore": "uniform(30 mm, 20 mm)"}, 4, "low < high"),
         ({"cylinder.bore": "uniform(20 mm, 30 mm)"}, None, "number of members is missing"),
         (
@@ -198,9 +198,9 @@ def test_what_cannot_vary_is_refused_before_anything_runs(vary, n, said):
     ("output", "said"),
     [
         ("final(positon)", "Did you mean 'position'"),
-        ("median(position)", "is no output"),
+        ("median(position)", "is not an output"),
         ("final(position, velocity)", "has 2 arguments"),
-        ("time_when(position)", "is no condition"),
+        ("time_when(position)", "is not a condition"),
         ("time_when(pressure_a > 2 bar gauge)", "signals are absolute"),
         ("time_when(position > 2 kg)", "a length is needed"),
     ],

@@ -261,7 +261,7 @@ class CampaignCharacteristics(Shown):
         return self.identity.synthetic
 
     def view(self) -> View:
-        """Return ranges and effects, curves of both directions together, and sentences on what the data show."""
+        """Return ranges and effects, curves of both directions together, and statements on the data."""
         ambient = self.identity.ambient_pressure_pa
         return View(
             title=f"{self.name} ({'simulated' if self.synthetic else 'measured'})",

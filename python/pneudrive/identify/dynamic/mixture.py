@@ -45,7 +45,7 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
     mixed = fitted.copy()
     mixed[places] = [problem.parameters[i].value for i in places]
     before, after = _free_run(solved, fitted), _free_run(solved, mixed)
-    words = f"{KEPT}{', '.join(problem.parameters[i].name for i in places)} beside the fitted values: "
+    words = f"{KEPT}{', '.join(problem.parameters[i].name for i in places)} in addition to the fitted values: "
     if not after:
         return [f"{words}this mixture cannot be simulated"]
     shown = {c.name: readable(c.unit) for e in problem.experiments for c in e.channels}
@@ -74,8 +74,8 @@ def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: 
         warn(note)
     elif kept:
         warn(
-            f"the recordings do not determine {', '.join(sorted(kept))}, so that the fitted values stand beside values "
-            "that were no part of the fit: run `pneudrive validate` on the result"
+            f"the recordings do not determine {', '.join(sorted(kept))}, so that the fitted values are combined with "
+            "values outside the fit: run `pneudrive validate` on the result"
         )
 
 

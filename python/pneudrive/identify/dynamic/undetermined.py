@@ -120,7 +120,7 @@ def statements(
             reason = "the recordings do not depend on it"
         partners = [m for j, m in enumerate(names) if j != i and abs(correlation[i, j]) > TOGETHER]
         if partners:
-            reason += f", as it is determined only together with {', '.join(partners)}"
+            reason += f", which is determined only together with {', '.join(partners)}"
         out[n] = Undetermined(n, reason, remedy_for(n))
     return [out[n] for n in names if n in out]
 

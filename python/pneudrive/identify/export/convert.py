@@ -183,7 +183,7 @@ def _simscape(curve: SlidingCurve) -> Exported:
     converted = simscape_columns(speed, v_brk) @ np.array([excess, coulomb, viscous])
     text = [
         f"% {curve.title}: Translational Friction block of Simscape (the gas actuators of Simscape Fluids have no",
-        "% friction of their own: put the block beside them). Written by pneudrive.",
+        "% separate friction: put the block in parallel). Written by pneudrive.",
         *(f"% {remark}" for remark in _remarks(curve, converted, lost)),
         *(f"{p.name} = {p.value!r};  % {p.unit}, {p.meaning}" for p in parameters),
         "% set_param(block, " + ", ".join(f"'{p.name}', num2str({p.name}, 17)" for p in parameters) + ")",

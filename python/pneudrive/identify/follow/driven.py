@@ -38,7 +38,7 @@ GROUPS = {
     "leak": "leak past the piston",
     "leak_a": "leak of chamber a to the ambient air",
     "leak_b": "leak of chamber b to the ambient air",
-    "barrel": "heat transfer of the exposed barrel, beside that of the dead volume",
+    "barrel": "heat transfer of the exposed barrel, in addition to that of the dead volume",
 }
 UNITS = {
     "volume": "m3",

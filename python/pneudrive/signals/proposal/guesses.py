@@ -252,7 +252,9 @@ def _pressures(roles: Roles) -> None:
         if roles.index("position") is None and not is_alone:
             return
         why = (
-            "the only signal beside the time" if roles.index("position") is None else "held more evenly than the force"
+            "the only signal other than the time"
+            if roles.index("position") is None
+            else "held more evenly than the force"
         )
         named = [Candidate(at, PHYSICS, (why,)) for at in rest]
     if not named:
