@@ -20,7 +20,7 @@ def test_values_that_only_their_sum_determines_are_kept_with_the_error_of_the_mi
     fit = pn.identify(start, run, ["load.mass", "cylinder.moving_mass", "valve.conductance"])
     assert {u.parameter for u in fit.undetermined} == {"load.mass", "cylinder.moving_mass"}
     assert fit.values["valve.conductance"] == pytest.approx(truth.valve.conductance_m3_s_pa, rel=1e-4)
-    words = "apply keeps the start value of load.mass, cylinder.moving_mass beside the fitted values"
+    words = "apply keeps the start value of load.mass, cylinder.moving_mass in addition to the fitted values"
     with pytest.warns(PneudriveWarning, match=words) as said:
         mixed = fit.apply()
     again = pn.simulate(mixed, COMMAND, DURATION, initial=START)
