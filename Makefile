@@ -24,7 +24,7 @@ PAGE := $(wildcard page/*.json page/*.ts page/index.html page/src/* page/src/plo
 # More than two cores have: some tests wait for a process that they killed, or for a browser.
 PYTEST_WORKERS ?= 3
 
-.PHONY: help setup demo test test-rust test-python test-page test-extras check bench docs wheel test-wheel fmt lock
+.PHONY: help setup demo test test-rust test-python test-page test-extras check real bench docs wheel test-wheel fmt lock
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | awk -F '\t' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -63,6 +63,9 @@ check: setup  ## what CI runs before the tests: format, lint, types, layers, rep
 	$(BIN)/typos
 	$(PY) tools/lock.py --check
 	$(PY) tools/page.py check
+
+real: setup  ## docs/theory/how-well.md and its figures, from the real recordings in data/measurements
+	$(PY) tools/real_drives.py
 
 bench: setup $(VENV)/.bench $(VENV)/.page $(if $(shell command -v gfortran),$(VENV)/.fortran)  ## work counts and seconds, side by side with other solvers
 	$(PY) -m benches

@@ -1,10 +1,13 @@
 """A test machine drags a gas spring: a ram in parallel, set speeds one way, and units that contradict the header."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pneudrive.characterise import Layout, load_recordings
 from pneudrive.errors import PneudriveWarning
+from pneudrive.friction.recording.characterisation import characterise_recordings
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke
 from pneudrive.signals.proposal.propose import propose_layout
@@ -102,3 +105,18 @@ def test_speeds_that_are_set_one_way_only_are_levels_of_that_way():
     speeds = np.column_stack([out[order] / out[order].mean(), back[order]]).ravel() * 0.1
     shuffled = [Stroke(i, 1 if v > 0 else -1, 0, 9, 0.0, 2.0, v, 0.0) for i, v in enumerate(speeds)]
     assert len(speed_levels(shuffled)) == 1
+
+
+def test_the_budget_contains_an_error_of_the_ram_and_of_the_clock(spring):
+    recording = load_recordings([spring[0]], Layout.loads(LAYOUT))[0]
+    ram = recording.parallel[0]
+    wider = replace(recording, parallel=(ram._replace(force_n=1.04 * ram.force_n),))
+    late = {
+        f"pressure_{side}_pa": np.interp(recording.time_s - 0.03, recording.time_s, values)
+        for side, values in (("a", recording.pressure_a_pa), ("b", recording.pressure_b_pa))
+    }
+    (level,) = characterise_recordings([recording]).levels
+    assert {"areas of parallel forces", "clocks of several loggers"} <= {entry.source for entry in level.budget}
+    for changed in (wider, replace(recording, **late)):
+        (other,) = characterise_recordings([changed]).levels
+        assert abs(other.friction_n - level.friction_n) < level.expanded_n

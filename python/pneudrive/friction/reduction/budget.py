@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 COVERAGE_FACTOR = 2.0
+CLOCK_S = 0.015  # standard uncertainty of a delay between loggers, with parallel forces only (assumed)
 # Assumed if the layout does not state it; the budget marks each as assumed.
 ASSUMED_PRESSURE_OF_RANGE = 0.005 / np.sqrt(3.0)  # limits of 0.5 % of full scale, rectangular
 ASSUMED_FORCE_OF_LARGEST = 0.002 / np.sqrt(3.0)  # limits of 0.2 % of the largest force, rectangular
@@ -95,6 +96,21 @@ def systematic_budget(
         *_force_entries(recording, up, down),
         *_geometry_entries(recording, up, down),
         BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words),
+        *_parallel_entries(recording, up, down),
+    ]
+
+
+def _parallel_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
+    """Return the entries of a recording with parallel forces, whose channels may come from several loggers."""
+    if not recording.parallel:
+        return []
+    largest = max(force.uncertainty for force in recording.parallel)
+    pairs = ((up.parallel_n, down.parallel_n), (up.late_n, down.late_n))
+    area, late = ((abs(a - b) / 2.0, abs(a + b) / 2.0) for a, b in pairs)
+    names, words = ", ".join(force.name for force in recording.parallel), "pressures late against the force"
+    return [
+        BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names),
+        BudgetEntry("clocks of several loggers", CLOCK_S, "s", "assumed", "B", *late, words),
     ]
 
 

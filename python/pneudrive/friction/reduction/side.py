@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ class DirectionMeans:
     pressure_a_pa: float
     pressure_b_pa: float
     velocity_m_s: float
+    parallel_n: float = field(default=0.0, kw_only=True)  # error of parallel forces by their areas, one sigma
+    late_n: float = field(default=0.0, kw_only=True)  # error of the gas force by the clock of its logger, one sigma
 
 
 @dataclass(frozen=True, eq=False)

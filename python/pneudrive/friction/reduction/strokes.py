@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.friction.reduction.budget import CLOCK_S
 from pneudrive.friction.reduction.motion import mean_speed
 from pneudrive.friction.reduction.pairing import Grid, bin_means, grid_over, pair
 from pneudrive.friction.reduction.reversal import ReversalPeak, find_reversal_peaks
@@ -162,7 +163,17 @@ def _window_means(
         samples=index.size,
         pressure_moves_n=_usual_range(pressure_a) * recording.area_a_m2
         + _usual_range(pressure_b) * recording.area_b_m2,
+        parallel_n=sum(force.uncertainty * float(force.force_n[index].mean()) for force in recording.parallel),
+        late_n=CLOCK_S * _gas_rate(recording, index) if recording.parallel else 0.0,
     )
+
+
+def _gas_rate(recording: Recording, index: NDArray[np.intp]) -> float:
+    """Return the mean rate of the gas force over some samples, N/s."""
+    ends = [index[0], index[-1]]
+    gas = recording.area_a_m2 * recording.pressure_a_pa[ends] - recording.area_b_m2 * recording.pressure_b_pa[ends]
+    seconds = float(np.diff(recording.time_s[ends])[0])
+    return float(np.diff(gas)[0]) / seconds if seconds > 0.0 else 0.0
 
 
 def mean_of_strokes(strokes: Sequence[StrokeMeans]) -> DirectionMeans:
