@@ -2,8 +2,8 @@
 
     .venv-extras/bin/python -m benches.cluster        (make test-extras sets that environment up)
 
-A line for each size of chunk: seconds for each chunk of members that hardly run (1 ms of motion), one thread. The
-members' own time is taken off by the first column.
+A line for each size of chunk: seconds for each chunk of members that hardly run (1 ms of motion), one thread. The first
+column subtracts the time of the members.
 """
 
 from __future__ import annotations

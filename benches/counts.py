@@ -1,7 +1,7 @@
 """Work of the solver in counts: exact, the same on every machine, and asserted by the tests.
 
-``python -m benches.counts`` writes ``benches/counts.json``. A change there is a change of the solver:
-say in the changelog why.
+``python -m benches.counts`` writes ``benches/counts.json``. A change there is a change of the solver. State the reason
+in the changelog.
 """
 
 from __future__ import annotations

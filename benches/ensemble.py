@@ -1,7 +1,7 @@
 """10,000 drives at once: final state and stroke time of case A under random parameters, per core and on all of them.
 
-``python -m benches.ensemble`` prints the table alone.  Processor time is what counts on one core; on several it is
-wall time, as a share of what as many independent processes reach in the same run.
+``python -m benches.ensemble`` prints only the table. On one core, processor time is used. On several cores, it is wall
+time relative to the rate of as many independent processes in the same run.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def _wall(n: int, threads: int) -> float:
 
 
 def share_of_processes(n: int = MEMBERS) -> float:
-    """Rate on all cores as a share of what one process on each core reaches together."""
+    """Rate on all cores, relative to one independent process on each core."""
     cores = len(os.sched_getaffinity(0))
     code = f"from benches.ensemble import ours; ours({n // cores}, 1)"
     timed = f"import time; from benches.ensemble import _wall; print(_wall({n // cores}, 1))"

@@ -1,6 +1,6 @@
 """Growth of the cost with drives on one tank, cells of lines, members, and time: fitted exponents.
 
-``python -m benches.growth`` prints the table alone; ``CIRCUITS`` are counted in ``counts.json`` as well.
+``python -m benches.growth`` prints only the table. ``CIRCUITS`` are counted in ``counts.json`` as well.
 """
 
 from __future__ import annotations

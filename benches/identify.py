@@ -74,7 +74,7 @@ def away(drive: Any, factors: np.ndarray) -> Any:
 def scipy_run(
     columns: dict[str, np.ndarray], door: str, derivative: Any, tolerance: float, share: float
 ) -> tuple[float, np.ndarray]:
-    """Time one simulation of the record with SciPy's LSODA, from a share of it.
+    """Time one simulation of the record with SciPy's LSODA, from a part of it.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def scipy_run(
 
 
 def our_run(drive: Any, columns: dict[str, np.ndarray], rtol: float, share: float) -> np.ndarray:
-    """Simulate a share of the record with the core: position and pressures, shape (n, 3)."""
+    """Simulate a part of the record with the core: position and pressures, shape (n, 3)."""
     n = round(share * (len(columns["time_s"]) - 1)) + 1
     times, start = columns["time_s"][:n], np.array([[0.25, 0.0, 3e5, 293.15, 3e5, 293.15, 0.0]])
     outputs = ["position_m", "pressure_a_pa", "pressure_b_pa"]
@@ -119,7 +119,7 @@ class Compared(NamedTuple):
 
 
 def peers() -> list[tuple[str, str, Any, float]]:
-    """Return name, door, right-hand side and tolerance: each where it is as accurate as ours, and odeint at 1e-6."""
+    """Return name, entry point, right-hand side and tolerance: each at equal accuracy, and odeint at 1e-6."""
     from benches.solvers import rhs
 
     plain = rhs.python_derivative

@@ -29,7 +29,7 @@ HEAD = ("run", "attempts", "Mflop", "Gflop/s", "share of the limit")
 
 @lru_cache(maxsize=1)
 def peak() -> float:
-    """Return operations a second of one core, by a loop that does nothing else."""
+    """Return operations per second of one core, from a loop without other work."""
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "limit"
         subprocess.run(["rustc", "-O", "-C", "target-cpu=native", str(LOOP), "-o", str(program)], check=True)

@@ -128,9 +128,12 @@ def _browser() -> Iterator[Any]:
 
 @contextmanager
 def _driver_still() -> Iterator[None]:
-    """Stop the driver between browser and script while a slider is dragged, on Linux alone: no user of the page has it.
+    """Stop the driver between browser and script while a slider is dragged, on Linux only.
 
-    It gets a copy of each answer, and clears them away on every processor for 15 ms at a time: frames came late by it.
+    Users of the page do not have this driver.
+
+    The driver gets a copy of each answer and clears the copies on every processor for 15 ms at a time. This would delay
+    frames.
     """
     children = [one for each in Path("/proc/self/task").glob("*/children") for one in each.read_text().split()]
     drivers = [int(one) for one in children if Path(f"/proc/{one}/exe").resolve().name == "node"]
@@ -218,7 +221,7 @@ def _rows(page: Any) -> list[tuple[str, str, str]]:
 
 
 def _memory(pid: int) -> list[tuple[str, str, str]]:
-    """Return the most memory that the server and its process that reads files have had; on Linux alone."""
+    """Return the largest memory of the server and its reader process, on Linux only."""
     place = Path(f"/proc/{pid}/task/{pid}/children")
     if not place.is_file():
         return []

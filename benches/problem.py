@@ -79,7 +79,7 @@ class Case:
 
     @cached_property
     def servo(self) -> Servo | None:
-        """The controller, where the case has one."""
+        """Controller, if the case has one."""
         if "servo" not in self.data:
             return None
         servo = self.data["servo"]

@@ -1,6 +1,6 @@
 """Distribution of processor time: fractions for cases A, B, C and the ensemble, by kind of work.
 
-``python -m benches.shares target/release/lib_core.so`` after ``cargo build --release -p pneudrive-python``, as the
+``python -m benches.shares target/release/lib_core.so`` after ``cargo build --release -p pneudrive-python``, because the
 installed core has no names of functions. It takes Linux' ``perf``, prints the table and writes ``shares.json``, which
 the page "Where the time goes" shows.
 """
@@ -53,7 +53,7 @@ while time.process_time() - begun < seconds:
 
 
 def shares(which: str, package: Path) -> dict[str, float]:
-    """Return the share of each work in one run, %.
+    """Return the fraction of each kind of work in one run, %.
 
     Parameters
     ----------

@@ -78,9 +78,9 @@ class Entry:
 
 
 def once(solve: Callable[[], Any]) -> float:
-    """Processor time of one call in seconds, all threads; the mean over repeats where one call is short.
+    """Processor time of one call in seconds, all threads. Short calls are repeated and averaged.
 
-    On a quiet machine it is the wall time; on a busy one it still is the solver's own.
+    On a quiet machine it equals the wall time. On a busy machine it still belongs to the solver only.
     """
     calls, started = 0, time.process_time()
     while True:

@@ -1,4 +1,4 @@
-"""Right-hand side of the reference drive in plain scalars: for Python, and for Numba as it stands.
+"""Right-hand side of the reference drive in plain scalars, for Python and for Numba.
 
 Written for speed, as a user of a general solver would: no objects, parameters in one flat tuple.
 """

@@ -49,7 +49,7 @@ class PneudriveError(Exception):
     where : str, optional
         File and line, command-line option, row or time.
     value : object, optional
-        The offending value or line, as the user wrote it.
+        The rejected value or line, as the user wrote it.
     rule : str, optional
         The rule that it breaks.
     remedy : str, optional
@@ -158,7 +158,7 @@ class Problems:
         return otherwise
 
     def add(self, error: PneudriveError) -> None:
-        """Add an error and those that it carries, each once."""
+        """Add an error and its sub-errors, each once."""
         for one in error.each():
             one.others = ()
             self.found.setdefault((one.what, one.where), one)
@@ -227,7 +227,7 @@ class PneudriveWarning(UserWarning):
 
 
 def warn(message: str) -> None:
-    """Issue a warning about a result, located at the calling line of the user's own code."""
+    """Issue a warning about a result, located at the calling line of the user's code."""
     frame, level = sys._getframe(1), 2
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _NOT_THE_CALLER:
         frame, level = frame.f_back, level + 1

@@ -116,7 +116,7 @@ def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def check_si(run: xr.Dataset) -> None:
-    """Raise a CommandError for a run in other units: names of columns and labels of axes say SI."""
+    """Raise a CommandError for a run in other units, because names of columns and labels of axes are in SI."""
     for name, variable in run.variables.items():
         if "column" in variable.attrs and variable.attrs.get("units") != (unit := meaning(variable.attrs["column"])[1]):
             what = f"{name} of this run is in {variable.attrs.get('units')}"
@@ -285,7 +285,7 @@ def read_columns(
     rows : tuple of int, optional
         First row and the one behind the last, not of CSV; None: all.
     table : Table, optional
-        The file, where it is open already.
+        The file, if it is already open.
 
     Returns
     -------

@@ -209,7 +209,7 @@ class UnitFloat(float):
         return _in_unit(self, self.si_unit, unit)
 
     def si_as(self, si_unit: str) -> float:
-        """Return the plain number if a quantity of this unit is wanted.
+        """Return the plain number if a quantity of this unit is requested.
 
         Raises
         ------
@@ -382,7 +382,7 @@ def share_of(given: object) -> float | None:
 
 
 def write_share(value: float) -> str:
-    """Write a share in per cent that reads back to the same number.
+    """Write a fraction in per cent that reads back to the same number.
 
     Examples
     --------

@@ -50,7 +50,7 @@ class Measured:
 
 
 class GivenUpError(Exception):
-    """Error: the cycle was given up; the message says why."""
+    """Error: the cycle was abandoned, with the reason in the message."""
 
 
 class Attempts:

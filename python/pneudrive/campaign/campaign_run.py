@@ -46,7 +46,7 @@ LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.
 
 
 class EndedError(Exception):
-    """Error: somebody ended the campaign; the message says who."""
+    """Error: a person ended the campaign, and the message has the name."""
 
 
 class CampaignRun:
@@ -121,12 +121,12 @@ class CampaignRun:
     def run(self) -> bool:
         """Run the rest of the plan, with its pauses.
 
-        The next cycle depends on plan and finished cycles alone.
+        The next cycle depends only on the plan and the finished cycles.
 
         Returns
         -------
         bool
-            True if the campaign is done; False if somebody ended it, and it can be resumed.
+            True if the campaign is done. False if a person ended it, and it can be resumed.
         """
         documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", self._metadata())
         try:
@@ -211,13 +211,13 @@ class CampaignRun:
             self._tell(f"{request.by} asked to continue, but nothing is paused")
 
     def _checkpoint(self) -> None:
-        """Serve requests; pause if somebody asked for it."""
+        """Handle requests, and pause on request."""
         self._serve()
         if self._pausing:
             self._pause()
 
     def _pause(self, question: str = "") -> dict[str, str]:
-        """Stop the axis and wait until somebody resumes the campaign or confirms the operator's step.
+        """Stop the axis and wait until a person resumes the campaign or confirms the operator's step.
 
         Returns
         -------
@@ -378,7 +378,7 @@ class CampaignRun:
     # -- finished cycles ----------------------------------------------------------------------------------------
 
     def _write(self, cycle: Cycle, reason: str, measured: Measured, confirmed: dict[str, str]) -> dict[str, Any]:
-        """Store a cycle; it is finished then, and nothing interrupts this."""
+        """Store a cycle. It is then finished, and nothing interrupts the storing."""
         identity, samples = self.campaign.identity, measured.samples
         assert all(one.cycle.key != cycle.key for one in self.finished), f"{cycle.key} is finished already"
         self._index += 1

@@ -81,7 +81,7 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
 
 
 def _first_of_each(table: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.bool_], int]:
-    """Mark all samples but those that equal an earlier one in every channel."""
+    """Mark all samples except those that equal an earlier one in every channel."""
     order = np.argsort(table[0], kind="stable")
     ordered = table[:, order]
     with np.errstate(invalid="ignore"):

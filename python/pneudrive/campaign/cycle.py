@@ -24,7 +24,7 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Cycle:
-    """One cycle as planned, and in the header of its file as run. SI units, absolute pressures.
+    """One cycle as planned, or as run in the header of its file. SI units, absolute pressures.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class Documents:
         return document["uid"]
 
     def event(self, data: dict[str, Any]) -> None:
-        """Publish an event for a finished cycle; before the first one, the descriptor of its keys."""
+        """Publish an event for a finished cycle, and before the first event the descriptor of its keys."""
         if not self._descriptor:
             kinds = {name: "string" if isinstance(value, str) else "number" for name, value in data.items()}
             keys = {

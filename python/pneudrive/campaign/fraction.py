@@ -57,7 +57,7 @@ class Family:
     parameters : int
         Number of parameters of the model.
     efficiency : float
-        D-efficiency: information per cell, as a share of that of the full factorial.
+        D-efficiency: information for each cell, relative to the full factorial.
     error_ratio : float
         Standard errors of the model relative to those of the full factorial (geometric mean).
     lost : dict
@@ -237,7 +237,7 @@ def _effects(candidates: list[_Candidate], name: str, levels: Sequence[Any]) -> 
 
 
 def _score(candidates: list[_Candidate], name: str, levels: Sequence[Any]) -> Array:
-    """Place each level along its factor, -1 to 1: by the logarithm of a number, else by rank."""
+    """Place each level along its factor, from -1 to 1: by the logarithm of a number, otherwise by rank."""
     if all(isinstance(level, float) for level in levels):
         least = min(level for level in levels if level > 0.0)
         values = [math.log10(level if level > 0.0 else 0.1 * least) for level in levels]  # no stop: a decade below
@@ -320,7 +320,7 @@ def _exchange(model: Array, cost: Array, levels: Array, chosen: list[int], budge
 
 
 def _best(values: Array) -> int:
-    """Return the first of the greatest, so that rounding does not decide between equal ones."""
+    """Return the first of the largest values, so that rounding does not decide between equal ones."""
     top = float(values.max())
     return int(np.argmax(values >= top - 1e-9 * abs(top))) if math.isfinite(top) else 0
 

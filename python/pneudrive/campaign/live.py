@@ -32,7 +32,7 @@ class Display:
     Attributes
     ----------
     wants_points : bool
-        Whether quick estimates of the friction are wanted.
+        Whether preliminary estimates of the friction are requested.
     """
 
     wants_points = False

@@ -161,7 +161,7 @@ class LiveCycle(NamedTuple):
 
 
 def read_live(folder: Path) -> LiveCycle | None:
-    """Return what a campaign writes of its present cycle; None where there is nothing, or it is being replaced."""
+    """Return the files of a campaign's present cycle, or None if they are missing or being replaced."""
     try:
         about = read_json(folder / FOLDER / LIVE, CampaignError)
         data = read_bytes(folder / FOLDER / LIVE_POINTS, CampaignError)

@@ -14,7 +14,7 @@ class Options:
     operator : str
         Name of the person at the rig.
     yes : bool
-        Operator's steps count as done: nobody is there.
+        Operator's steps count as done without an operator.
     patience_s : float
         Longest wait for good conditions before the campaign ends.
     steady_s : float

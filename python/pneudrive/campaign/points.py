@@ -230,7 +230,7 @@ class Builder:
         return min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes)
 
     def sentinel(self, number: int) -> Cycle:
-        """Return a sentinel; each block counts them from 1."""
+        """Return a control run. Each block counts them from 1."""
         sentinel = self.protocol.sentinel
         assert sentinel is not None
         pair = self.first if sentinel.pressure is None else Pair(sentinel.pressure, sentinel.pressure)
@@ -242,7 +242,7 @@ class Builder:
         return self._cycle(word, "warm-up", self._out_and_back(speed_m_s, cycles), self.first, sampling=PREPARING)
 
     def standing(self, kind: str, hold: Hold, pair: Pair, weight_kg: float | None = None) -> Cycle:
-        """Return a cycle at rest: tare, leak check or known weight."""
+        """Return a cycle at rest: zero run, leak check or known weight."""
         return self._cycle(kind, kind, (hold,), pair, sampling=CHECKING, released=hold.released, weight_kg=weight_kg)
 
     def blank(self, word: str, speed_m_s: float) -> Cycle:

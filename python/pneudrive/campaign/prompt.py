@@ -82,7 +82,7 @@ def wait_for_answer(requests: Requests, prompt: Prompt, operator: str) -> Answer
     requests : Requests
     prompt : Prompt
     operator : str
-        Name of a person who answers with Enter alone.
+        Name of a person who only presses Enter.
     """
     while True:
         request = requests.take()

@@ -1,4 +1,4 @@
-"""Values of a protocol only: lists of levels, ranges, shares, places along the stroke."""
+"""Values of a protocol only: lists of levels, ranges, fractions, places along the stroke."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class MovingAverage(Quantity):
 
 @dataclass(frozen=True, order=True)
 class Place:
-    """A position: absolute, m, or as a share of the range that the campaign uses."""
+    """A position: absolute, m, or as a fraction of the range that the campaign uses."""
 
     value: float
     share: bool
@@ -65,7 +65,7 @@ class Place:
 
 @dataclass(frozen=True)
 class PlaceMark(Mark):
-    """Annotation of a field that takes a position: a length or a share, ``"120 mm"``, ``"50 %"``."""
+    """Annotation of a field for a position: a length or a fraction, ``"120 mm"``, ``"50 %"``."""
 
     def read(self, given: object) -> Place:
         """Convert and check."""
@@ -111,7 +111,7 @@ class ListOf(Mark):
     spacing : str
         Default of a range, ``log`` or ``linear``; empty: no ranges.
     sorts : bool
-        Store the values ascending; else in the order given.
+        Store the values in ascending order, otherwise in the given order.
     only_list : bool
         A single value needs a list, too.
     """

@@ -55,7 +55,7 @@ class ReplaySource(ABC):
 
     @abstractmethod
     def first_step(self, steps: Sequence[Step], tolerance: Tolerance) -> int | None:
-        """Return the step of this recording where the requested steps begin; None if it lacks them."""
+        """Return the step of this recording at which the requested steps begin, or None."""
 
     @abstractmethod
     def samples(self, first: int, steps: Sequence[Step]) -> Samples:
@@ -152,7 +152,7 @@ class ReplayRig:
         self._wait(time.monotonic(), duration_s)
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
-        """Play the recording that matches these steps, at its own sample times."""
+        """Play the recording that matches these steps, with its recorded sample times."""
         source, first = self._find(steps)
         self._played[source.name] += 1
         self._last = source

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
-# Axis limits of a rig known from recordings only (assumed): a plan computes the ends of its ramps from them.
+# Axis limits of a rig known only from recordings (assumed). A plan computes the ends of its ramps from them.
 ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
 ANY_TEMPERATURE_K = (0.0, 1000.0)
 NO_LIMIT_N = 1e9

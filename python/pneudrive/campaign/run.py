@@ -49,7 +49,7 @@ class Result(Shown):
     finished, planned : int
         Cycles on the disk, and in total as far as known.
     ended : str
-        ``done``, or ``ended`` if somebody ended it; it can be resumed.
+        ``done``, or ``ended`` by a person. An ended campaign can be resumed.
     """
 
     campaign: Campaign
@@ -146,10 +146,10 @@ def resume_campaign(
     ----------
     folder : str or Path
     rig : Rig, str or Path, optional
-        Needed for own code, and for a rig that moves an axis or needs a login: a folder does not decide what
+        Needed for custom code, and for a rig that moves an axis or needs a login. A folder does not decide which code
         runs. Not needed for a simulated rig or a replay.
     allow_code : str, optional
-        Instead of `rig`: SHA-256 of the file of own code that began the campaign.
+        Instead of `rig`: SHA-256 of the file of the custom code that started the campaign.
     options, pace, display, prompt, subscribers, cancel
         As in `run_campaign`.
 
@@ -163,7 +163,7 @@ def resume_campaign(
 
 
 def can_be_resumed(error: BaseException) -> bool:
-    """Return whether an error ended a campaign after its start; else the request was wrong."""
+    """Return whether an error ended a campaign after its start. Otherwise the request was wrong."""
     return getattr(error, "while_running", False)
 
 
@@ -226,7 +226,7 @@ def _go_on(
 def _rig_again(
     campaign: Campaign, rig: Rig | str | Path | None, plan: Plan, pace: float | None, allow_code: str | None
 ) -> contextlib.AbstractContextManager[tuple[Rig, str]]:
-    """Return the rig that is named now, else the rig that the folder names if that is allowed."""
+    """Return the rig that is named now, otherwise the rig that the folder names if that is allowed."""
     seed, where = plan.protocol.seed, str(campaign.path / ABOUT)
     if rig is not None:
         return _bench(rig, seed, pace)

@@ -1,4 +1,4 @@
-"""Progress of a campaign, from its folder alone."""
+"""Progress of a campaign, read only from its folder."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def check(
 
 
 def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Yield the assumptions, equal ones of several components or joints once."""
+    """Yield the assumptions. Equal assumptions of several components or joints appear once."""
     names: dict[str, list[str]] = {}
     for line, name in assumptions:
         names.setdefault(line, []).append(name)

@@ -71,7 +71,7 @@ def _values(first: str, second: str) -> None:
 
 
 def _curves(before: FrictionFit, after: FrictionFit) -> None:
-    """Print what the curve of one fit lies above that of another, at speeds and pressures that both have measured."""
+    """Print the difference between the curves of two fits, at speeds and pressures that both have measured."""
     import numpy as np
 
     from pneudrive.identify.differences import common, curve_differences

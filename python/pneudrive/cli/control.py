@@ -278,7 +278,7 @@ def reference(
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Check a reference against a drive: stroke, and its shares of valve, force and speed; how far to slow it."""
+    """Check a reference against a drive: stroke, load of valve, force and speed, and the necessary slowdown."""
     from pneudrive.control.demand import feasibility
     from pneudrive.control.references import check_reach
     from pneudrive.control.standard_references import named_or_read

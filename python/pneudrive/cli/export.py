@@ -95,7 +95,7 @@ def export(
 
 
 def _export_whole(source: str, to: str, out: Path | None, fmi: str, actuator: bool, initial: str | None) -> None:
-    """Write a drive or a circuit for another tool, and say what that tool sees of it."""
+    """Write a drive or a circuit for another tool, and print the variables that the tool sees."""
     from pneudrive.describe.load import load_described
     from pneudrive.errors import CommandError
 

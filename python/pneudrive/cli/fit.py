@@ -178,7 +178,7 @@ def _averaged(curves: xr.Dataset, by: str) -> list[str]:
 
 
 def _ambient(curves: xr.Dataset, said: str) -> float:
-    """Return the ambient pressure from the option or the map; else the standard one, with a note."""
+    """Return the ambient pressure from the option or the map, otherwise the standard value with a note."""
     from pneudrive.constants import STANDARD_ATMOSPHERE_PA
     from pneudrive.units import parse_pressure
 

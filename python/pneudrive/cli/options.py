@@ -105,7 +105,7 @@ def quantity(name: str, text: str, si_unit: str) -> float:
     Raises
     ------
     CommandError
-        The text is not such a quantity.
+        The text is not a quantity of this kind.
     """
     from pneudrive.units import parse
 

@@ -44,7 +44,7 @@ def accounts_of(plant: HeldDrive, command: float, half_s: float) -> Accounts:
 
 
 def drawn_mass(plant: HeldDrive, command: float, half_s: float, repeats: int = REPEATS) -> float:
-    """Return the mass that one cycle draws from the supply, integrated along the solver's own steps, kg."""
+    """Return the mass that one cycle draws from the supply, integrated over the solver's steps, kg."""
     import warnings
 
     from pneudrive.ensemble.many import simulate_many

@@ -41,7 +41,7 @@ class EnergyBalance(Shown):
     lost_j : dict of str to float
         Component and cause -> exergy lost, J: ambient temperature times the entropy produced; the largest first.
     air_kg : dict of str to float
-        Reservoir -> mass that it gave, kg; negative where it took more.
+        Reservoir -> mass that it supplied, kg. Negative if it received more.
     anr_density_kg_m3 : float
         Density of the gas at the standard reference atmosphere.
     """
@@ -89,7 +89,7 @@ def energy_balance(
     Returns
     -------
     EnergyBalance
-        Air is integrated along the solver's own steps.
+        Air is integrated over the solver's steps.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def _air(
     rtol: float,
     cancel: Flag | None,
 ) -> dict[str, float]:
-    """Return the mass that each reservoir gives: the integral of its flow, of the circuit that the drive is."""
+    """Return the mass that each reservoir supplies: the integral of its flow, in the circuit of the drive."""
     from pneudrive.ensemble.many import simulate_many
 
     circuit = circuit_of(drive)

@@ -88,7 +88,7 @@ def equilibrium(
 ) -> Equilibrium:
     """Return the steady state of a drive under a command.
 
-    The rates are those of the core at each state that is tried; a damped Newton method takes them to zero.
+    The rates are those of the core at each trial state. A damped Newton method finds their zero.
 
     Parameters
     ----------
@@ -246,7 +246,10 @@ class _SteadySearch:
                 )
 
     def _damped(self, z: Array, step: Array, found: Array, own: int) -> float:
-        """Return the share of a step to take: flow near equal pressures turns sharply, and full steps jump across."""
+        """Return the fraction of a step to take.
+
+        Flow near equal pressures changes sharply, and full steps would jump across.
+        """
 
         def left(share: float) -> float:
             return float(np.max(np.abs(self._rates(np.r_[z[:own] + share * step, z[own:]])[:own])))

@@ -87,7 +87,7 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
 
 
 def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[float, float, float]:
-    """Return gain, phase and distortion of the velocity; NaN where the piston meets an end."""
+    """Return gain, phase and distortion of the velocity. NaN if the piston meets an end."""
     rate = STEPS * frequency
 
     def sine(t: float) -> float:  # held from a step to the next: the value at its middle
@@ -143,7 +143,10 @@ def _load_describing(
 
 
 def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: Array) -> tuple[float, float, float]:
-    """Return gain, phase and distortion of the position under a load, valve shut; NaN where the piston meets an end."""
+    """Return gain, phase and distortion of the position under a load, with the valve shut.
+
+    NaN if the piston meets an end.
+    """
     rate, periods = STEPS * frequency, SETTLING + COUNTED
     session = plant.session(0.0, 0.5 * plant.stroke_m, 0.0, gas)
     sine = amplitude * np.sin(2.0 * math.pi * (np.arange(periods * STEPS) + 0.5) / STEPS)  # held from step to step

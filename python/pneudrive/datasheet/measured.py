@@ -263,7 +263,10 @@ def strokes_of(drive: Drive, record: RecordResult) -> Iterable[tuple[float, Stro
 
 
 def response_of(record: RecordResult) -> MeasuredResponse | None:
-    """Return the frequency response of a recording whose command keeps changing, by averaged spectra; None else."""
+    """Return the frequency response of a recording whose command keeps changing, by averaged spectra.
+
+    Otherwise None.
+    """
     from scipy.signal import coherence, csd, welch
 
     signals: Signals = record.signals

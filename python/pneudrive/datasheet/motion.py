@@ -116,7 +116,10 @@ def cycle(
 
 
 def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, ...], command: float) -> StrokeRun:
-    """Return the strokes between the edges; the first one goes where the command leads, the next one back."""
+    """Return the strokes between the edges.
+
+    The first one has the direction of the command, and the next one is back.
+    """
     columns = short_columns(plant, run)
     impacts = run.attrs["impacts"]
     strokes = []

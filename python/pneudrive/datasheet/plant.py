@@ -152,7 +152,7 @@ class HeldDrive:
         return HeldDrive(type(self.circuit).model_validate(tables), actuation=self.actuation)
 
     def sizes(self, commands: Sequence[float]) -> tuple[float, ...]:
-        """Return the sizes of a command that the valves have: 1 alone where one of them switches."""
+        """Return the sizes of a command for the valves: only 1 if one of them switches."""
         return tuple(commands) if self.actuation.has_shares else (1.0,)
 
     def plans(self, steps: Sequence[tuple[float, float]]) -> dict[str, str]:
@@ -193,7 +193,7 @@ class HeldDrive:
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """Chambers with a gas node: a and b, or a alone where b is open to the ambient."""
+        """Chambers with a gas node: a and b, or only a if b is open to the ambient."""
         return tuple(side for side in "ab" if f"{self.piston}.{side}" in self.nodes)
 
     def has_line(self, side: str) -> bool:
@@ -258,14 +258,14 @@ class HeldDrive:
 
     @cached_property
     def frictionless(self) -> HeldDrive:
-        """The same with friction that does not act (the core's least law, at a force of no effect)."""
+        """The same drive with negligible friction (the core's least law, with a force of no effect)."""
         tables = self.circuit.to_dict()
         tables["components"][self.piston]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
         return self.varied(tables)
 
     @cached_property
     def heatless(self) -> HeldDrive:
-        """The same with walls of the cylinder that take no heat."""
+        """The same drive with adiabatic cylinder walls."""
         tables = self.circuit.to_dict()
         tables["components"][self.piston]["heat_transfer"] = "0 W/(m2 K)"
         return self.varied(tables)
@@ -348,7 +348,7 @@ class HeldDrive:
         return self.chamber(gas, "a")[0], self.chamber(gas, "b")[0]
 
     def chamber(self, gas: Array, which: str) -> tuple[float, float]:
-        """Return pressure and temperature of chamber a or b; those of the ambient where the chamber is open to it."""
+        """Return pressure and temperature of chamber a or b, or those of the ambient if the chamber is open."""
         node = f"{self.piston}.{which}"
         if node not in self.nodes:
             return self.ambient
@@ -401,7 +401,7 @@ def _search(circuit: Circuit) -> Actuation:
 
 
 def _strongest(forces: Sequence[tuple[float, dict[str, float]]], sign: float) -> tuple[float, dict[str, float]]:
-    """Return the largest force in a direction; of nearly equal ones that with the fewest commands."""
+    """Return the largest force in a direction. Among nearly equal forces, use the fewest commands."""
     most = max(sign * force for force, _ in forces)
     close = [one for one in forces if sign * one[0] >= most - CLOSE * abs(most)]
     return min(close, key=lambda one: sum(value != 0.0 for value in one[1].values()))

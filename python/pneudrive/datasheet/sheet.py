@@ -45,7 +45,7 @@ class SheetNumber(NamedTuple):
 
 
 class SheetValue(NamedTuple):
-    """A value of the drive and where it comes from."""
+    """A value of the drive and its source."""
 
     key: str
     value: str
@@ -253,7 +253,7 @@ def shown(found: xr.Dataset, name: str, at: dict[str, int]) -> str:
 
 
 def values_of(drive: Drive | Circuit) -> list[SheetValue]:
-    """Return each value that the drive gives, as written, with where it comes from."""
+    """Return each value that the drive states, as written, with its source."""
     said = _origins(drive)
     identified: Any = getattr(drive, "provenance", None) or {}
     out = []

@@ -135,7 +135,7 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
 
 
 def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMAL_S) -> Found:  # noqa: ANN401
-    """Shut one chamber at pressure, the other at ambient, piston pinned by the core's own friction or the end."""
+    """Shut one chamber at pressure, the other at ambient, with the piston fixed by the core's friction or the end."""
     filled = plant.supply_pa if pressure is None else float(gas_at(plant, pressure)[0, 0])
     ambient, kelvin = plant.ambient
     times = np.linspace(0.0, duration, 61)

@@ -66,8 +66,8 @@ class StrokeNumbers(Shown):
     overshoot, way, mean_speed, top_speed, end_speed, end_energy, peak_pressure_a, peak_pressure_b : float
         See `STROKE_MEANING`. Speeds are positive.
     begin_within : float
-        Time in s by which the command may have come before the beginning of the stroke: the interval of the samples
-        where they alone show the command. Times from the command may be longer by as much.
+        Largest delay in s of the start of the stroke after its command: the sample interval if only the samples show
+        the command. Times from the command may be longer by as much.
     """
 
     direction: int
@@ -108,7 +108,7 @@ def stroke_of(
     run : xarray.Dataset
         From `pneudrive.simulate` of a drive.
     drive : Drive
-        The same drive: its stroke and its masses.
+        The drive of the recording: its stroke and its masses.
     begin_s, end_s : float
         Time of the command that starts the stroke, and of the next one.
     within_s : float
@@ -165,10 +165,9 @@ def stroke_numbers(
     mass_kg : float
         Moving mass with its load.
     begin_s, end_s : float
-        Time of the command that starts the stroke, and of the next one; between two samples, the stroke begins where
-        they are interpolated.
+        Time of the command that starts the stroke, and of the next one. Between two samples, the start is interpolated.
     impacts : sequence of mappings
-        Contacts with the ends as a simulation tells them; without, a contact is where the position reaches the end.
+        Contacts with the ends from a simulation. Otherwise a contact is the arrival of the position at the end.
     direction : int
         Direction of the command: 1 towards the end of chamber b, -1 towards the end of chamber a. 0: direction of the
         piston.
@@ -316,9 +315,9 @@ def drawn_mass(columns: Mapping[str, Any], begin_s: float = 0.0, end_s: float = 
     Parameters
     ----------
     columns : mapping
-        ``time_s`` and ``supply.mass_flow_kg_s``, as `pneudrive.trajectory.columns` returns them of a circuit's run.
-        The trapezium rule is taken; where samples are far apart, `pneudrive.simulate_many` with
-        ``"integral(supply.mass_flow)"`` integrates on the solver's own steps.
+        ``time_s`` and ``supply.mass_flow_kg_s``, as `pneudrive.trajectory.columns` returns them of a circuit's run. The
+        trapezium rule is used. For widely spaced samples, `pneudrive.simulate_many` with
+        ``"integral(supply.mass_flow)"`` integrates over the solver's steps.
     begin_s, end_s : float
         Air of the cycle.
     """

@@ -3,7 +3,7 @@
     m = V (p_1 - p_2) / (n R T)       V volume of the tank, m3; T its temperature at rest, that of the room, K;
                                       p_1, p_2 its pressures at rest before and after n cycles, Pa; R of the drive's gas
 
-The gas cools as it leaves, so the recording has to begin and end at rest.
+The gas cools during outflow, so the recording must start and end at rest.
 """
 
 from __future__ import annotations

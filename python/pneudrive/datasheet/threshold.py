@@ -27,7 +27,7 @@ STARTED = 0.01
 
 
 def _reaches(plant: HeldDrive, pressure: float, direction: float, share: float) -> bool:
-    """Return whether a pressure that rises slowly moves the piston over a share of the stroke from rest."""
+    """Return whether a slowly rising pressure moves the piston over a fraction of the stroke from rest."""
     start = 0.0 if direction > 0.0 else plant.stroke_m
     gas = np.tile(plant.ambient, (len(plant.nodes), 1))
     session = plant.session(0.0, start, 0.0, gas, rtol=RTOL)

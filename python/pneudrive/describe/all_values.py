@@ -1,4 +1,4 @@
-"""Every value of a drive or a circuit in one list, each with where it comes from."""
+"""Every value of a drive or a circuit in one list, each with its source."""
 
 from __future__ import annotations
 

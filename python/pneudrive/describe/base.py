@@ -123,7 +123,7 @@ def number(given: object, bounds: Bounds) -> float:
 
 @dataclass(frozen=True)
 class Mark:
-    """Annotation of a field with its own reader and writer."""
+    """Annotation of a field with a separate reader and writer."""
 
     def read(self, given: Any) -> Any:  # noqa: ANN401 - any type of the field
         """Convert and check, or raise `DescriptionError`."""

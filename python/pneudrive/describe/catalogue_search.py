@@ -88,7 +88,7 @@ def _length(entry: Entry, key: str) -> float | None:
 
 
 def _flow(entry: Entry, unit: str) -> float | None:
-    """Return the sonic conductance of a part, or its nominal flow; None where it states no flow."""
+    """Return the sonic conductance of a part, or its nominal flow. None if the part does not state a flow."""
     own = {value.key: value.value for value in entry.values}
     before = next((before for before in ("", "needle_") if any(before + key in own for key in FLOW_KEYS)), None)
     if before is None:

@@ -261,7 +261,7 @@ class Circuit(Described):
 
     @cached_property
     def start_names(self) -> dict[str, str]:
-        """Names of the start values in the core, by those that users write."""
+        """Names of the start values in the core, by the names that users write."""
         names = compiled(self.core_json()).start_names
         return Starts(names, self.components, self.wiring, self.ambient).keys
 

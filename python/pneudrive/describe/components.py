@@ -79,7 +79,7 @@ def _is_bare(parameter: Mapping[str, Any]) -> bool:
 
 
 def flow_keys(entry: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the alternative keys of a flow path's size; for any other parameter its own key."""
+    """Return the alternative keys of a flow path's size. For other parameters, return their key."""
     keys = {p["key"] for p in entry["parameters"]}
     if key.endswith("conductance") and keys.issuperset(_FLOW):
         return tuple(key.removesuffix("conductance") + name for name in valve_flow.FLOW_KEYS)
@@ -110,7 +110,7 @@ class _OnPaper(Quantity):
 
 @dataclass(frozen=True)
 class _Number(Quantity):
-    """Annotation of a field for a pure number, or a share in per cent, "0.4 %"."""
+    """Annotation of a field for a pure number, or a fraction in per cent, "0.4 %"."""
 
     def read(self, given: object) -> float:
         """Convert and check."""

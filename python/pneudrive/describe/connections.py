@@ -52,7 +52,7 @@ class Port(NamedTuple):
 
     @property
     def is_single(self) -> bool:
-        """Whether only one connection may name the port, as a hole takes one fitting; pilot lines do not count."""
+        """Whether only one connection may name the port, like a hole for one fitting. Pilot lines do not count."""
         return self.kind == "gas" and self.holds in ("", "set")
 
     @property

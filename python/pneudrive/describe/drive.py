@@ -292,7 +292,7 @@ class Drive(Described):
         Raises
         ------
         DescriptionError
-            The position lies outside the stroke, or a pressure below vacuum.
+            The position is outside the stroke, or a pressure is below vacuum.
         """
         start, stroke = initial or Initial(), self.cylinder.stroke_m
         state = start_state(start, stroke, self.ambient.pressure_pa, self.ambient.temperature_k)

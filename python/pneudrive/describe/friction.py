@@ -81,7 +81,7 @@ def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
 
 
 class SlipElement(Acting):
-    """Spring with slider of law ``gms``: its stiffness, and its share of the friction force."""
+    """Spring with slider of law ``gms``: its stiffness, and its fraction of the friction force."""
 
     table_name: ClassVar[str] = "friction.elements"
     stiffness_n_m: Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]

@@ -55,7 +55,7 @@ class FrictionLaw(written.Written):
     name : str
         Name in results; not the name of a built-in law.
     force : str
-        Friction force, N, positive where it opposes v > 0; the rate of state ``z`` is ``z_rate``.
+        Friction force, N, positive if it opposes v > 0. The rate of state ``z`` is ``z_rate``.
     parameters : dict
         Name -> ``{"unit": "N", "above": 0, "default": ..., "meaning": "..."}``. Bounds are ``above``, ``at_least``,
         ``below`` and ``at_most``. Bounds and default are in that SI unit, or quantities with a unit.

@@ -42,7 +42,7 @@ def described_in(text: str, path: Path, allow: Callable[[dict[str, Any]], object
     ----------
     text : str
     path : Path
-        Name of the file in messages; laws of friction lie relative to its folder.
+        Name of the file in messages. Custom friction laws are relative to its folder.
     allow : callable
         Gets the tables before anything that they name is read, and may refuse them.
 

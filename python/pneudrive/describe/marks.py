@@ -1,4 +1,4 @@
-"""Annotations of fields that are not plain quantities: whole numbers, shares, ranges and other forms."""
+"""Annotations of fields that are not plain quantities: whole numbers, fractions, ranges and other forms."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Whole(Quantity):
 
 @dataclass(frozen=True)
 class Percent(Quantity):
-    """Annotation of a field for a share, written ``"5 %"`` and stored as 0.05; bounds are in per cent."""
+    """Annotation of a field for a fraction, written ``"5 %"`` and stored as 0.05. Bounds are in per cent."""
 
     si_unit: str = "%"
 

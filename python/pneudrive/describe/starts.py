@@ -178,7 +178,7 @@ def _key(name: str) -> str:
 
 
 def start_mark(last: str) -> tuple[str, Quantity | StatedPressure]:
-    """Return the key and the annotation of a start value by the last part of its name; the default is a pure number."""
+    """Return the key and the annotation of a start value by the last part of its name. The default is a pure number."""
     return _MARKS.get(last, (last, Quantity("")))
 
 

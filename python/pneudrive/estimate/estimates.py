@@ -162,7 +162,7 @@ class FTest:
 
 
 def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
-    """Return whether a quantity was varied: by a relevant share of its mean, and beyond its scatter.
+    """Return whether a quantity was varied: by a relevant fraction of its mean, and beyond its scatter.
 
     One quantity can be said to rise with another only if both were varied: otherwise their correlation is noise.
 

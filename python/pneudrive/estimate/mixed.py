@@ -111,7 +111,7 @@ class MixedModel:
         inverse = solve_factorised(state.lower, np.eye(self.y.size))
         vx = inverse @ self.x
         diagonal = np.diag(inverse) - np.einsum("ij,jk,ik->i", vx, state.beta_covariance, vx)
-        # Zero where a column of x belongs to a single observation: the others do not predict it.
+        # Zero if a column of x belongs to a single observation, because the others do not predict it.
         known = diagonal > JITTER * np.diag(inverse)
         return np.where(known, state.solved, 0.0) / np.where(known, diagonal, 1.0), np.where(
             known, 1.0 / np.sqrt(np.where(known, diagonal, 1.0)), np.inf

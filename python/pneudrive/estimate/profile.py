@@ -32,7 +32,7 @@ def profile_interval(
 
     The root of the cost's growth is linear for a linear model, so that a secant finds each end. The secant stays within
     a bracket: the farthest point below the limit and the nearest one beyond it. Costs that a search has not fully
-    minimised scatter, but no point of the bracket is lost for that. A side is open only if no point lies beyond the
+    minimised scatter, but no point of the bracket is lost for that. A side is open only if no point is beyond the
     limit.
 
     Parameters
@@ -78,7 +78,7 @@ def _end(
     allowed: float,
     farthest: float,
 ) -> float:
-    """Return the signed distance to one end; infinite if no point lies beyond the limit up to `farthest`."""
+    """Return the signed distance to one end. Infinite if no point is beyond the limit up to `farthest`."""
     sign, away = float(np.sign(step)), abs(step)
     below, beyond = [(0.0, 0.0)], (np.inf, np.inf)  # distances, and roots of the cost's growth
     for _ in range(STEPS):

@@ -29,7 +29,7 @@ class SobolIndices:
     Attributes
     ----------
     first, total : ndarray, shape (d, s)
-        Share that an argument brings alone, and with all its interactions; for s outputs.
+        Fraction that an argument causes alone, and with all its interactions, for s outputs.
     first_interval, total_interval : ndarray, shape (2, d, s)
         Lower and upper end, by the bootstrap.
     rows : ndarray of int, shape (s,)
@@ -135,7 +135,7 @@ class ElementaryEffects:
     mu_star_interval : ndarray, shape (2, d, s)
         Interval from the bootstrap.
     trajectories : ndarray of int, shape (s,)
-        That count for an output: all of whose values are finite.
+        Base points that count for an output: those with finite values.
     """
 
     mu: Array

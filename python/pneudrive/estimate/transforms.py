@@ -40,7 +40,7 @@ class Transforms:
     over : int or float
         The other value: its index, or a constant.
     least_excess : float
-        Smallest excess, as a share of the other value; a smaller one is raised to it.
+        Smallest excess, relative to the other value. A smaller excess is raised to this.
 
     Examples
     --------

@@ -1,4 +1,7 @@
-"""Positive definite and triangular systems by LAPACK alone: of small ones, solved often, checks would cost most."""
+"""Positive definite and triangular systems with LAPACK only.
+
+Checks would cost most for small systems that are solved often.
+"""
 
 from __future__ import annotations
 

@@ -269,9 +269,9 @@ def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
 def _on_one_clock(
     times: dict[str, NDArray[np.float64]], values: dict[str, NDArray[Any]]
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    """Return the times of the fastest channel of those that run for half of the time or more, and all channels there.
+    """Return the times of the fastest channel among those that cover at least half of the time, and all channels there.
 
-    A channel has NaN before its first sample and behind its last one; one of texts is unchanged.
+    A channel has NaN before its first sample and after its last one. A channel of texts is unchanged.
     """
     spans = {name: float(np.ptp(own)) for name, own in times.items() if own.size}
     if not spans:

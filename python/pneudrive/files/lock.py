@@ -63,7 +63,7 @@ def is_held(path: Path) -> bool:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Let one thread of one process at a time do this in a folder; where folders have no locks, one thread.
+    """Let one thread of one process at a time work in a folder. Without folder locks, this holds within one process.
 
     It is meant for moments: a second process waits until the first one is done.
     """

@@ -94,7 +94,7 @@ def answer(request: dict[str, Any], path: str, files: _Files) -> tuple[dict[str,
 
 
 def _alike(request: dict[str, Any]) -> list[dict[str, NDArray[Any]]] | None:
-    """Read several Parquet files with one query; None on an error, as reading one by one shows the file at fault."""
+    """Read several Parquet files with one query. None on an error, because reading one by one shows the faulty file."""
     if request["ask"] != "some columns" or len(request["paths"]) < 2:
         return None
     try:
@@ -137,7 +137,7 @@ def send(connection: socket.socket, each: list[dict[str, Any]], arrays: list[NDA
 
 
 def limit_memory(most: int) -> None:
-    """Bound the memory of this process, where the system can."""
+    """Limit the memory of this process, if the system supports it."""
     if resource is not None:
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
         resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))

@@ -324,7 +324,10 @@ class _Reader:
     def ask_each(
         self, paths: Sequence[Path], size: int, request: dict[str, Any], kind: type[PneudriveError]
     ) -> Iterator[Answer | PneudriveError]:
-        """Send one request for several files, of `size` bytes in all; after a crash, one request for each file."""
+        """Send one request for several files, of `size` bytes in total.
+
+        After a crash, send one request for each file.
+        """
         if not paths:
             return
         seconds = _seconds(size)

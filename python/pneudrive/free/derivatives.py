@@ -58,7 +58,7 @@ class Differentiator:
     names : sequence of str
         Names in the drive file, ``"friction.coulomb"``.
     command : as for `pneudrive.simulate`
-        Not a function of time, as its steps must be known in advance.
+        A function of time is not accepted, because the steps must be known in advance.
     initial : as for `pneudrive.simulate`
         The start state is held and does not depend on the numbers.
     rtol : float

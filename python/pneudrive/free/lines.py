@@ -71,7 +71,7 @@ def circuit_path(path: str, keys: Sequence[str]) -> str | None:
 
 
 def derived_in_circuit(drive: Drive) -> Iterator[Derived]:
-    """Return the derived values by the paths of the circuit; the core derives those that the circuit lacks."""
+    """Return the derived values by the paths of the circuit. The core derives missing values."""
     keys = ["ambient.pressure_pa", "ambient.temperature_k", *(path for _, path, *_ in numbers(drive))]
     for one in derived(drive):
         path, *sources = (circuit_path(path, keys) for path in (one.path, *one.sources))

@@ -47,7 +47,7 @@ Row = dict[str, Any]  # of the map, by `COLUMNS`
 
 
 def rows_to_dataset(rows: list[Row], labels: list[dict[str, str]]) -> xr.Dataset:
-    """Return the rows, and the labels of each, as a Dataset; each label is a column of texts."""
+    """Return the rows and their labels as a Dataset. Each label is a column of texts."""
     found = columns_to_dataset({name: [row[name] for row in rows] for name in COLUMNS})
     about = {"units": "", "long_name": "label of the recording"}
     for name in dict.fromkeys(name for of_row in labels for name in of_row):

@@ -114,7 +114,7 @@ class Fit(Shown):
 
     @property
     def recordings(self) -> tuple[str, ...]:
-        """Names of the recordings of the fit, as far as it knows them."""
+        """Names of the recordings of the fit, if known."""
         said = self.provenance.get("recordings", ())
         return tuple(str(one["name"] if isinstance(one, dict) else one) for one in said)
 
@@ -246,7 +246,8 @@ class Fit(Shown):
         out : path-like, optional
             File to write.
         gauge_a_pa, gauge_b_pa : float, optional
-            Gauge pressures of the curve; the default is the middle of the measured ones, and 0 for the fit of a drive.
+            Gauge pressures of the curve. The default is the middle of the measured pressures, and 0 for the fit of a
+            drive.
         speeds_m_s : tuple of float, optional
             Lowest and highest speed of the curve; the default is the measured range. Required for the fit of a
             drive.
@@ -275,8 +276,8 @@ class Fit(Shown):
     def report(self, folder: str | Path = "report") -> Path:
         """Write a page of the fit, report.html with its figures, into a folder, and return its path.
 
-        It shows values with intervals and recordings, what the data do not determine, and the residuals, which a
-        fit that was read from a file lacks.
+        It shows values with intervals and recordings, undetermined values, and the residuals, which a fit from a file
+        lacks.
 
         Raises
         ------

@@ -96,7 +96,7 @@ class Prior(Shown):
         values : mapping
             Parameter -> guess, SI.
         deviations : mapping, optional
-            Parameter -> relative standard deviation of the guess (log-normal); absent ones have defaults.
+            Parameter -> relative standard deviation of the guess (log-normal). Missing parameters have defaults.
         chambers : tuple of str
             Chambers whose gauge pressure acts on the forces, such as ``("a", "b")``.
         draws : int
@@ -240,7 +240,7 @@ def design(
 ) -> Design:
     """Choose the next points by Fedorov's exchange over a grid of speeds and the pressures of the limits.
 
-    The criterion is averaged over the prior, as a design for one guess of vs is poor for another.
+    The criterion is averaged over the prior, because a design for one guess of vs is poor for another.
 
     Parameters
     ----------

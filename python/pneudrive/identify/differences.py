@@ -99,7 +99,7 @@ def curve_differences(
 ) -> list[Estimate]:
     """Return the difference between the laws of two fits, with 95 % intervals, N.
 
-    The two fits count as independent; errors that their sensors share are not part of the intervals.
+    The two fits count as independent. Common errors of their sensors are not part of the intervals.
 
     Parameters
     ----------

@@ -201,7 +201,7 @@ def _leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:  # noqa: A
 
 
 def _is_refused(drive: Drive, key: str, value: GivenNumber) -> bool:
-    """Return whether a default has no effect: the drive does not take it as a key."""
+    """Return whether a default has no effect, because the drive does not have this key."""
     try:
         drive.replace({key: value.mark.show(value.si) if isinstance(value.mark, Quantity) else value.si})
     except DescriptionError as error:

@@ -63,7 +63,7 @@ class Surveyed:
     """Data of one seal: values, law, and derivatives of friction by the parameters, all relative to the law.
 
     ``columns`` (n, p) are relative derivatives, ``rest`` (n,) relative residuals, ``theta`` (p,) internal coordinates.
-    ``fit`` is the fit of this seal alone: ``survey.seals["PK"].fit.apply(drive)``.
+    ``fit`` is the fit of only this seal: ``survey.seals["PK"].fit.apply(drive)``.
     """
 
     name: str
@@ -206,7 +206,7 @@ class Survey(Shown):
         return value, variance
 
     def _borrowed(self, one: Surveyed, at: Observations) -> tuple[Array, Array]:
-        """Predict a seal that was measured at one pressure at another one, by the ratio of the other seals."""
+        """Predict a seal at another pressure than the measured one, by the ratio of the other seals."""
         here = at_conditions(at.speed_m_s, 0.0 * at.gauge_a_pa, 0.0 * at.gauge_b_pa)
         here.gauge_a_pa[:], here.gauge_b_pa[:] = one.data.gauge_a_pa.mean(), one.data.gauge_b_pa.mean()
         ratios = [

@@ -158,7 +158,7 @@ class FrictionModel(StaticLaw):
     viscous : bool
         Whether the viscous coefficient is free; otherwise it is zero.
     lorentzian : bool
-        Stribeck curve 1/(1 + (v/vs)^2) in place of exp(-(v/vs)^n); it has no exponent.
+        Stribeck curve 1/(1 + (v/vs)^2) in place of exp(-(v/vs)^n). It has no exponent.
     pressure : str
         Dependence of the forces on the chambers' pressures, one of ``PRESSURE_FORMS``.
     knee_pa : float or None
@@ -254,7 +254,7 @@ class FrictionModel(StaticLaw):
     def bounds(self, data: Observations) -> tuple[Array, Array]:
         """Return lower and upper bounds of the internal coordinates for these data.
 
-        Forces are not negative. The Stribeck velocity may lie a factor 30 outside the measured speeds; beyond that, the
+        Forces are not negative. The Stribeck velocity may be a factor 30 outside the measured speeds. Beyond that, the
         law is a constant or a step for these data.
         """
         lower = np.full(len(self.names), -np.inf)

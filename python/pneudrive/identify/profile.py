@@ -44,7 +44,7 @@ def profile_intervals(
     found : RobustEstimate
         Estimate; its pseudo-values and variance define the equivalent plain least squares problem.
     quantile : float
-        Two-sided Student quantile of the wanted probability.
+        Two-sided Student quantile of the requested probability.
     least : float, optional
         Sum of squares of the best model; by default that of this model.
 

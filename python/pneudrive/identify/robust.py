@@ -91,8 +91,8 @@ def estimate(
     model : StaticLaw
     data : Observations
     loss : str
-        ``linear`` (plain weighted least squares) or a name in ``LOSSES``. The scale is always Huber's, as a loss
-        without weight for far outliers does not define one.
+        ``linear`` (plain weighted least squares) or a name in ``LOSSES``. The scale is always Huber's, because a loss
+        without weight for far outliers does not define a scale.
     fixed_scale : bool
         Treat the stated standard errors as exact (required without more rows than parameters).
     starts : sequence of ndarray, shape (p,)

@@ -105,7 +105,7 @@ def profiles(
     Returns
     -------
     dict
-        Free value -> lower and upper ends, SI, shape (n, 2); infinite where the data do not bound it.
+        Free value -> lower and upper ends, SI, shape (n, 2). Infinite if the data do not bound the value.
 
     Raises
     ------

@@ -70,7 +70,7 @@ def draw_position(found: CampaignCharacteristics, shown: list[PositionPattern]) 
 
 
 def drift(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on changes over the campaign: sentinels, run-in, temperature, zero of the sensor."""
+    """Return the section on changes over the campaign: control runs, run-in, temperature, zero of the sensor."""
     d, zero = found.drift, found.zero
     if d is None:
         return None
@@ -99,7 +99,7 @@ def drift(found: CampaignCharacteristics) -> Section | None:
 
 
 def draw_drift(found: CampaignCharacteristics) -> Figure:
-    """Draw drift over time with sentinels, and below it the sensor's zero if there are tares."""
+    """Draw drift over time with control runs, and below it the sensor's zero if there are zero runs."""
     d, zero = found.drift, found.zero
     assert d is not None
     two = zero.time_s.size > 1

@@ -129,7 +129,7 @@ def _block(name: str, one: Component) -> Block:
 def _plain(entry: Mapping[str, Any]) -> tuple[list[Any], list[Place]]:
     """Return a box with a title: inlets below, outlets above, other ports to the right.
 
-    A component without gas lies to the right of an actuator: its first port is on the left.
+    A component without gas is on the right of an actuator: its first port is on the left.
     """
     title = entry["title"].partition(",")[0]
     sides: dict[str, list[str]] = {"down": [], "up": [], "left": [], "right": []}
@@ -180,7 +180,7 @@ def _bounds(points: Sequence[tuple[float, float]]) -> Box:
 
 
 def _side(place: Place, box: Box) -> str:
-    """Return the side of a symbol on which a port lies."""
+    """Return the side of a symbol with a given port."""
     x, y = place
     away = {"left": x - box[0], "down": y - box[1], "right": box[2] - x, "up": box[3] - y}
     return min(away, key=lambda side: (away[side], side not in ("down", "up")))

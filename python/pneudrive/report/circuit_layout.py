@@ -88,7 +88,7 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
 
 
 def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
-    """Return 1 if a line leaves a row for a higher one, where it may need its own track; else 0."""
+    """Return 1 if a line leaves a row for a higher one and may need a separate track, otherwise 0."""
     found = [ranks[name] for name, _ in line.pins if name in ranks]
     return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
 
@@ -146,7 +146,7 @@ def _group_extent(
 
 
 def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
-    """Return the distance of each component from the supply; exhaust parts lie below, actuators on top."""
+    """Return the distance of each component from the supply. Exhaust parts are below, and actuators are on top."""
     known: dict[str, int] = {}
     ports = {name: [port for port in wiring.ports(name) if port.kind == "gas"] for name in names}
     first = [name for name in names if _is_supply(ports[name])] or list(names[:1])
@@ -220,7 +220,7 @@ def _order(
 
 
 def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: float) -> list[int]:
-    """Return places in this order that keep blocks apart and lie nearest to the wanted ones (least squares)."""
+    """Return places in this order that keep blocks apart and are nearest to the wanted ones (least squares)."""
     offsets = [0.0]
     for (_, right), (left, _) in pairwise(extents):
         offsets.append(offsets[-1] + math.ceil(right - left + gap))

@@ -39,7 +39,7 @@ class Routes:
     lines : list of set
         The steps of each net.
     pilots : list of set
-        Those steps that belong to pilot lines.
+        Steps that belong to pilot lines.
     """
 
     def __init__(self, placed: Mapping[str, Block], nets: Sequence[Net]) -> None:

@@ -38,7 +38,7 @@ class Shape(NamedTuple):
         ``"line"``, ``"thick"``, ``"dashed"``, ``"triangle"`` (an outline), ``"head"`` (filled), ``"arc"``, ``"dot"`` or
         ``"text"``.
     points : tuple
-        Corners of a line or triangle; else the one point where it is.
+        Corners of a line or triangle. Otherwise, the single point of the shape.
     component : str
         Component that it belongs to; empty for lines between components, title and notes.
     size : float
@@ -77,7 +77,8 @@ class PistonShapes(NamedTuple):
     piston : tuple
         x of its faces in the drawing.
     moves : dict
-        Number of a shape -> whether each of its points moves with the piston: of a rod the end at the piston alone.
+        Number of a shape -> whether each of its points moves with the piston. For a rod, only the end at the piston
+        moves.
     """
 
     barrel: Box
@@ -111,7 +112,7 @@ def _is_piston(shape: Shape) -> bool:
 
 
 def _moves(x: float, y: float) -> bool:
-    """Whether a point of the symbol moves: at the piston's faces, or of cushions and carriage, which lie about it."""
+    """Whether a point of the symbol moves: at the piston's faces, or at cushions and carriage, which are around it."""
     return 2.9 < x < 3.9 or (0.9 < x < 5.3 and y > 0.5)
 
 

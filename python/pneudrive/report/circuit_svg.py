@@ -1,6 +1,6 @@
 """The drawing of a circuit as SVG text, for a notebook: no script, no style sheet, every text escaped.
 
-A notebook that is not trusted takes the tags away: ends of lines keep its texts apart.
+An untrusted notebook removes the tags. Ends of lines keep its texts apart.
 """
 
 from __future__ import annotations

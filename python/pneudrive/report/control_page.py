@@ -77,7 +77,7 @@ def _method(found: ControlComparison) -> Section:
 
 
 def _spread(found: ControlComparison, number: int) -> Section:
-    """Show the members of a spread: a table of shares, boxes, and the first member's tracks."""
+    """Show the members of a spread: a table of fractions, boxes, and the first member's tracks."""
     name = list(found.references)[number]
     called = _called(name, found.references[name].text)
     heads = ("law", *(SHOWN[one][0] for one in SPREAD_SHOWN), "lost")

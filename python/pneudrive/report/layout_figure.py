@@ -27,7 +27,7 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
     proposal
         As returned by ``propose_layout``.
     path
-        Picture to write; the suffix says the kind (.png, .svg, .pdf).
+        Picture to write. The suffix selects the kind (.png, .svg, .pdf).
 
     Returns
     -------

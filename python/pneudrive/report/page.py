@@ -145,7 +145,7 @@ def _plain(value: object) -> object:
 
 
 def _words(text: str) -> object:
-    """Return a sentence for the page: between backticks stands what one types."""
+    """Return a sentence for the page. Text between backticks is user input."""
     from markupsafe import Markup, escape
 
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(_plain(text)))))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def plot_sizing(result: SizingResult, path: str | Path | None = None) -> Figure:
     """Draw the worst 1 % of the time against the air of a cycle, a point for each choice, with the limits.
 
-    The lines of the best one reach over 98 % of its draws.
+    The lines of the best candidate cover 98 % of its samples.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def _points(axis: Axes, result: SizingResult, way: str) -> None:
 
 
 def _spread(axis: Axes, one: SizedDrive, way: str) -> None:
-    """Draw between which values 98 % of the draws lie."""
+    """Draw the range of 98 % of the samples."""
     if not one.intervals:
         return
     air, time = one.air_litres_anr, _time(one, way)

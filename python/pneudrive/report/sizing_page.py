@@ -91,7 +91,7 @@ def _verdict(found: SizingResult) -> list[str]:
 
 
 def _ends(one: SizedDrive, name: str, factor: float) -> str:
-    """Return between which values 98 % of the draws lie; empty in folders of earlier versions."""
+    """Return the range of 98 % of the samples. Empty in folders of earlier versions."""
     if name not in one.intervals:
         return ""
     low, high = (f"{factor * end:.3g}" if end < float("inf") else "no end" for end in one.intervals[name])

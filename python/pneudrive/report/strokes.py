@@ -42,7 +42,7 @@ def drift(found: Characterisation) -> Section | None:
 
 
 def _drift_share(level: Level) -> float:
-    """Return the largest drift over all strokes of a direction, as a share of friction."""
+    """Return the largest drift over all strokes of a direction, relative to friction."""
     slopes = [abs(s.slope_n) * s.strokes for s in level.spreads.values() if s.has_trend]
     return max(slopes, default=0.0) / max(abs(level.friction_n), 1e-9)
 

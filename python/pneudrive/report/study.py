@@ -23,11 +23,11 @@ class Addition:
     Attributes
     ----------
     title : str
-        Title of a report of the study alone.
+        Title of a report that contains only the study.
     verdict : tuple of str
         Lines of the verdict.
     sections : tuple of Section
-        They follow those of the recordings; a section with an existing key continues that section.
+        They follow those of the recordings. A section with an existing key continues that section.
     validity : str
         Text on validation with real data, and its limits.
     settings : tuple

@@ -1,6 +1,6 @@
 """Style of all figures: fonts, sizes, lines and markers, readable in print and in grey.
 
-Curves never differ by colour alone: line style or marker differ too, and the colours differ in lightness.
+Curves never differ only by colour: line style or marker differ too, and the colours differ in lightness.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ LOOKS = (
 
 
 def look(index: int) -> Look:
-    """Return the look of the curve with this index; they repeat after eight."""
+    """Return the look of the curve with this index. The looks repeat after eight."""
     return LOOKS[index % len(LOOKS)]
 
 
@@ -117,7 +117,7 @@ def load_matplotlib() -> ModuleType:
 
 @contextmanager
 def applied() -> Iterator[None]:
-    """Draw in this style inside the block, whatever the settings of the user or of the current folder are."""
+    """Draw in this style inside the block, independent of the settings of the user or of the current folder."""
     mpl = load_matplotlib()
     usual = {key: value for key, value in mpl.rcParamsDefault.items() if key not in _OF_WINDOWS}
     changed = {key: value for key, value in usual.items() if mpl.rcParams[key] != value}
@@ -167,7 +167,7 @@ STAMP_IN = 0.17
 
 
 def finish(figure: Figure, *, synthetic: bool) -> None:
-    """Add letters to the panels, and mark simulated data inside the picture, because pictures travel alone."""
+    """Add letters to the panels, and mark simulated data inside the picture, because pictures are used separately."""
     panels_shown = [axis for axis in figure.axes if axis.get_visible() and axis.axison]
     if len(panels_shown) > 1:
         for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", panels_shown, strict=False):
@@ -209,7 +209,7 @@ def legend_above(figure: Figure, handles: Sequence[Any], columns: int | None = N
 
 
 def headroom(axis: Axes, above: float = 0.0, below: float = 0.0) -> None:
-    """Widen the vertical range by shares of itself to leave room for a legend."""
+    """Widen the vertical range by fractions of itself to leave room for a legend."""
     low, high = axis.get_ylim()
     axis.set_ylim(low - below * (high - low), high + above * (high - low))
 

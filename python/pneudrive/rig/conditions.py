@@ -76,7 +76,7 @@ class Past:
         Raises
         ------
         RigError
-            The data are not such a history.
+            The data are not a history of this kind.
         """
         wrong = RigError(
             "this is not the saved state of a simulated rig",

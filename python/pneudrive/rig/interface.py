@@ -1,7 +1,7 @@
-"""Interface of rigs: nine verbs of simulated rigs, replays, PLCs and a laboratory's own code.
+"""Interface of rigs: nine verbs for simulated rigs, replays, PLCs and a laboratory's code.
 
-A laboratory connects its hardware by a class with the methods of `Rig`; it needs no base class. All numbers are SI, and
-pressures are absolute. x grows as chamber a grows. The force is that of the rig on the piston in +x.
+A laboratory connects its hardware by a class with the methods of `Rig`. A base class is not needed. All numbers are SI,
+and pressures are absolute. x grows as chamber a grows. The force is that of the rig on the piston in +x.
 """
 
 from __future__ import annotations
@@ -262,7 +262,7 @@ class Identity:
     resolution : dict
         Channel -> smallest step of the sensor's readings.
     calibration : dict
-        Channel -> free text: certificate, date; one that starts with "assumed" marks the accuracy as assumed.
+        Channel -> free text: certificate, date. A text that starts with "assumed" marks the accuracy as assumed.
     labels : dict
         Free text: drive, seal, grease, serial numbers.
     chambers : str

@@ -60,7 +60,7 @@ def load_rig(
         File that names `source`, if the user has not named it in this run. Then only a simulated rig or a replay is
         allowed: the user names a rig that runs code, moves an axis or logs in.
     allow_code : str, optional
-        SHA-256 of a file of own code that may run although only a file names it.
+        SHA-256 of a file of custom code that may run although only a file names it.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def load_rig(
 
 
 def _own_rig(source: str, make: Callable[[], Any]) -> Rig:
-    """Call a laboratory's own code, a function or class without arguments, and check that it returns a rig."""
+    """Call a laboratory's code, a function or class without arguments, and check that it returns a rig."""
     rig: Rig = own_code.guarded(source, RigError, make)
     if not has_verbs(rig, Rig):
         missing = [verb for verb in vars(Rig) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]

@@ -192,7 +192,7 @@ class Machine:
         return columns
 
     def copy(self) -> Machine:
-        """Return a machine with its own copy of the history."""
+        """Return a machine with a copy of the history."""
         other = Machine(self.d, self.seed)
         other.past = self.snapshot()
         return other

@@ -183,7 +183,7 @@ def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits:
     0.105
     """
     a, j = limits.acceleration_m_s2, limits.jerk_m_s3
-    # speed after removing the acceleration alone; its sign gives the direction of braking
+    # speed after removing only the acceleration. Its sign gives the direction of braking
     coasting = speed_m_s + acceleration_m_s2 * abs(acceleration_m_s2) / (2.0 * j)
     sign = -1.0 if coasting > 0.0 else 1.0
     needed, now = -sign * speed_m_s, sign * acceleration_m_s2

@@ -24,7 +24,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - any plain data
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a number but not NaN; infinity is valid for a rigid rig or a sensor without limits."""
+    """Return whether a value is a number but not NaN. Infinity is valid for a rigid rig or a sensor without limits."""
     return type(value) in (int, float) and (abs(value) <= LARGEST or math.isinf(value))  # type: ignore[arg-type]
 
 

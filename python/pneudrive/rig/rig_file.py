@@ -80,7 +80,7 @@ _FREQUENCIES = _channels(lambda _: Quantity("1/s", bounds=POSITIVE))
 
 
 class IdentityTable(PistonTable):
-    """``[identity]``: identity of the rig and calibration of its sensors; areas by bore, or directly."""
+    """``[identity]``: identity of the rig and calibration of its sensors. Areas are given by bore, or directly."""
 
     table_name: ClassVar[str] = "identity"
     name: str

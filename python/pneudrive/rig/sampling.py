@@ -28,7 +28,7 @@ def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
     duration_s : float
         Duration of the step, s; zero gives no samples.
     moving : bool
-        True for a move, with uniform samples; False for a hold at its own rate.
+        True for a move, with uniform samples. False for a hold at a separate rate.
     sampling : Sampling
 
     Returns

@@ -1,4 +1,4 @@
-"""Session of a simulated rig, as a campaign uses it: in virtual time, with a history that can be saved and restored."""
+"""Session of a simulated rig for a campaign: in virtual time, with a history that can be saved and restored."""
 
 from __future__ import annotations
 
@@ -303,7 +303,7 @@ class RigSession:
             return
         run = self._begin()
         began, end = time.monotonic(), motion.duration_s
-        # With a pace somebody watches: the motion of the axis is shown.
+        # With a pace, a user watches: the motion of the axis is shown.
         part = PART_S * (self.pace or 1.0)
         times = np.array([end]) if self.pace is None else np.append(np.arange(1, int(end / part) + 1) * part, end)
         try:

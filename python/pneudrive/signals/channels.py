@@ -1,4 +1,4 @@
-"""The columns of a recording, in the units of its layout or its file: for views of any length of any file."""
+"""Columns of a recording, in the units of its layout or its file: for views of any length of any file."""
 
 from __future__ import annotations
 
@@ -64,14 +64,14 @@ class FileChannel:
     said: Column | None = None
 
     def of(self, raw: Array) -> Array:
-        """Return numbers of the file in the unit; those that are in it are not copied."""
+        """Return numbers of the file in the unit, without a copy if they already have it."""
         if self.said is None:
             return raw
         value = self.said.in_unit(raw)
         return value if self.said.curve is None else self.said.corrected(self.slope * value) / self.slope
 
     def si(self, shown: Array) -> Array:
-        """Return shown numbers in SI; those that are in it are not copied."""
+        """Return displayed numbers in SI, without a copy if they already are in SI."""
         return shown if (self.slope, self.zero) == (1.0, 0.0) else self.slope * shown + self.zero
 
 
@@ -84,7 +84,7 @@ class ChannelFile:
     name : str
         Unit of the file.
     table : Table
-        Its columns, or those of the file that it was converted to.
+        Its columns, or those of the converted file.
     time : FileChannel or None
         Column of the time; None: samples are counted.
     channels : tuple of FileChannel
@@ -166,7 +166,7 @@ class _OpenTable:
 
 
 def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile:
-    """Open a recording of any format, as `load_recording` reads it; a file that the layout does not fit as it stands.
+    """Open a recording of any format, like `load_recording`. A file that the layout does not fit is opened without it.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     Raises
     ------
     RecordingError, LayoutError
-        The file cannot be read, neither by its layout nor as it stands, or has no column of numbers.
+        The file cannot be read with or without its layout, or has no column of numbers.
     """
     said: SampledLayout | None = None
     notes: tuple[str, ...] = ()
@@ -262,7 +262,9 @@ def _channel(name: str, role: str | None, said: SampledLayout | None, unit: str)
 
 
 def _open(path: Path, said: SampledLayout | None, cache: Path) -> _OpenTable:
-    """Open a file as a table that can be read in parts; one that is not Parquet, or has dates as texts, is converted.
+    """Open a file as a table that can be read in parts.
+
+    A file that is not Parquet, or has dates as texts, is converted.
 
     Raises
     ------

@@ -435,7 +435,7 @@ def check_plausible(recording: DriveRecording, drive: Drive) -> None:
     Raises
     ------
     RecordingError
-        If time, position or pressures have another unit, are gauge, or lie outside the stroke.
+        Time, position or pressures have another unit, are gauge, or are outside the stroke.
     """
     where = str(recording.source or recording.name)
     step = float(np.median(np.diff(recording.time_s)))
@@ -505,7 +505,7 @@ def moves(position_m: NDArray[np.float64]) -> bool:
 
 
 def time_gaps(recordings: Sequence[DriveRecording]) -> list[str]:
-    """Return notes on gaps in the samples, where the command of the valve is unknown."""
+    """Return notes on gaps in the samples, during which the command of the valve is unknown."""
     out = []
     for recording in recordings:
         time = recording.time_s

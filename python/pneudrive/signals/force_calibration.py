@@ -39,7 +39,7 @@ class ForceCalibration:
     u_gain : float
         Relative standard uncertainty of the gain; for points, that of the standard itself.
     u_zero_n : float
-        Standard uncertainty of the zero, which tares remove.
+        Standard uncertainty of the zero, which zero runs remove.
     range_n : float
         Largest force of the calibration; 0: that of the points.
     linearity_n : float

@@ -32,7 +32,7 @@ LONGEST_M = 100.0
 
 
 def refuse_pressure(name: str, pressure_pa: NDArray[np.float64], where: str) -> None:
-    """Refuse an absolute pressure that lies below vacuum or beyond any rig; single outliers do not count.
+    """Refuse an absolute pressure below vacuum or beyond the range of any rig. Single outliers do not count.
 
     Raises
     ------

@@ -59,7 +59,7 @@ class Column:
     date_format: str = ""
 
     def in_unit(self, raw: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return raw numbers in the column's unit, towards +x, before a curve; unchanged ones are not copied."""
+        """Return raw numbers in the column's unit, towards +x, before a curve. Unchanged numbers are not copied."""
         value = raw if self.scale == 1.0 else raw * self.scale
         value = value if self.offset == 0.0 else value + self.offset
         return value if self.sign == 1 else self.sign * value
@@ -99,7 +99,7 @@ class SampledLayout:
 
     @property
     def is_plain(self) -> bool:
-        """Whether every channel is a column, and each of its rows can be read alone."""
+        """Whether every channel is a column, and each of its rows can be read separately."""
         time = self.columns["time"]
         special = (
             time.rate_hz,
@@ -297,7 +297,7 @@ class Layout(Shown):
         return toml.located(wrong(key, what, rule=rule, remedy=remedy), self.origin, self.text).turned(LayoutError)
 
     def _place(self, key: str, chosen: Sequence[int]) -> str:
-        """Return the place of a key in the file, also in an override; else that of its table."""
+        """Return the place of a key in the file, also in an override. Otherwise return the place of its table."""
         while key:
             for at in (*(f"for.{index}." for index in reversed(chosen)), ""):
                 found: Any = self.tree["for"][int(at.split(".")[1])] if at else self.tree

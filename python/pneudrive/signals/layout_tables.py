@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 CHANNEL_UNITS = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
 # Further channels of a recording of a drive; a layout with a command is one of a drive.
 DRIVE_UNITS = {"command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"}
-# Channels of a recording of a fixed volume: its command is the share of the line's opening, its inlet pressure that
-# between line and tube.
+# Channels of a recording of a fixed volume. Its command is the opening fraction of the line, and its inlet pressure is
+# measured between line and tube.
 VOLUME_UNITS = {"time": "s", "pressure": "Pa", "inlet_pressure": "Pa", "command": ""}
 UNITS = {**CHANNEL_UNITS, **DRIVE_UNITS, **VOLUME_UNITS}
 #: Kind of recording -> its channels, and those that it needs.

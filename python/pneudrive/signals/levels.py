@@ -35,7 +35,7 @@ def speed_was_controlled(strokes: list[Stroke]) -> bool:
 
 
 def speed_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
-    """Group strokes into speed classes, slowest first; one class if the speed was not controlled.
+    """Group strokes into speed classes, slowest first. There is one class if the speed was not controlled.
 
     If the speed was set in one direction only, the classes have strokes of one direction.
     """

@@ -219,7 +219,7 @@ class LongFile:
     def sha256(self, ended: Event) -> str:
         """Return the hash that a recording of the whole file has: of its bytes, or of the columns of a trajectory.
 
-        Once `ended` is set, nobody waits for it, and it is that of what has been read.
+        Once `ended` is set, no caller waits, and the hash covers only the part that was read.
         """
         path = self.file.path
         if self.said is None:
@@ -272,7 +272,7 @@ def read_raw(
 
 
 def unit_doubts(said: FileLayout | SampledLayout) -> list[str]:
-    """Return where the name of a column states another unit than the layout: sizes, and gauge or absolute."""
+    """Return differences between the unit in a column's name and the layout: sizes, and gauge or absolute."""
     doubts = []
     for channel, column in said.columns.items():
         _, named = split_name(column.column) if isinstance(column.column, str) else ("", None)
@@ -408,7 +408,7 @@ def aligned(said: FileLayout | SampledLayout, values: dict[str, NDArray[np.float
 
 
 def shifted(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:
-    """Return the values of a channel that is read ``delay_s`` late, on the common time base; NaN where it has none."""
+    """Return the values of a channel that is read ``delay_s`` late, on the common time base. NaN for missing values."""
     order = np.isfinite(time_s)
     if not order.any() or (np.diff(time_s[order]) < 0).any():
         return values  # the recording refuses such times with its own message

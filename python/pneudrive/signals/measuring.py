@@ -44,7 +44,7 @@ class MeasuredChannel:
     label, unit : str
         Unit of the channel. Channels of another recording use the unit of the first.
     time_s : (float, float)
-        Times of the samples. Those of another recording are on the clock of the first.
+        Times of the samples. Times of another recording are on the clock of the first.
     values : (float, float)
     """
 
@@ -76,8 +76,8 @@ class Measurement(Shown):
     shift_s : float
         Shift added to the times of the other recording. 0 without one.
     faults : dict of str to SampleFault
-        Faults of the recording, by kind; see `pneudrive.signals.samples.find_faults`. Empty where its layout does not
-        say which column is the position.
+        Faults of the recording, by kind; see `pneudrive.signals.samples.find_faults`. Empty if its layout does not name
+        the position.
     unknown : str
         Why no faults are known, for instance as time runs backwards; empty where nothing hinders.
     notes : tuple of str
@@ -119,7 +119,7 @@ def measure(
     recording : str or Path
         File of any format. Its columns are defined by ``layout.toml`` next to it, or in the folder above.
     at, to : float or str
-        Times, s, or ``"1.25 s"``; the nearest sample counts. Numbers of samples where the file has no rising times.
+        Times, s, or ``"1.25 s"``; the nearest sample counts. Numbers of samples if the file has no increasing times.
     beside : str or Path, optional
         Another recording, of which the same channels are measured at the same times, in the same units.
     strokes : (int, int)
@@ -128,7 +128,7 @@ def measure(
     Returns
     -------
     Measurement
-        Numbers of the file in the units of its layout, or in its own without one: nothing is smoothed.
+        Numbers of the file in the units of its layout, or without one in the file's units. Nothing is smoothed.
 
     Raises
     ------

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MINIMUM_SAMPLES = 20
-# A reversal counts if the position retreats by this share of the whole travel.
+# A reversal counts if the position retreats by this fraction of the whole travel.
 REVERSAL_SHARE = 0.1
-# Below this share of the travel a stroke has not left its turning point yet (dwell).
+# Below this fraction of the travel, a stroke has not left its turning point yet (dwell).
 DEPARTURE_SHARE = 0.002
 # Least ratio of travel to position noise for a motion.
 NOISE_FACTOR = 20.0
@@ -141,7 +141,7 @@ def straight_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float
 
 
 def middle(values: NDArray[np.float64]) -> float:
-    """Return the median of a long array, from enough of its values; the upper of two middle values."""
+    """Return the median of a long array from a sufficient part of its values: the upper of two middle values."""
     some = thinned(values)
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
@@ -154,7 +154,7 @@ def middle_step(values: NDArray[np.float64]) -> float:
 
 
 def quantiles(values: NDArray[np.float64], *shares: float) -> list[float]:
-    """Return quantiles of finite values, equal to NumPy's linear ones to the last bit, but ten times faster."""
+    """Return quantiles of finite values, with the same bits as NumPy's linear method, but ten times faster."""
     at = [share * (values.size - 1) for share in shares]
     below = [min(int(place), max(values.size - 2, 0)) for place in at]
     above = [min(low + 1, values.size - 1) for low in below]

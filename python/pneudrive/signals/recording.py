@@ -79,7 +79,7 @@ class Recording(Shown):
     limits
         Channel -> (lowest, highest) value of the sensor, if known.
     calibration
-        Channel -> free text; one that starts with "assumed" marks the accuracy as assumed in the budget.
+        Channel -> free text. A text that starts with "assumed" marks the accuracy as assumed in the budget.
     force_calibration
         Calibration of the force sensor, already applied to ``force_n``: its uncertainties go into the budget.
     parallel
@@ -156,7 +156,7 @@ class Recording(Shown):
         return self.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * float(np.sin(self.incline_rad))
 
     def balance_n(self, acceleration_m_s2: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
-        """Return the force that is left for friction and for errors, positive where it opposes motion in +x.
+        """Return the force that remains for friction and for errors, positive if it opposes motion in +x.
 
           balance = F + F_parallel + p_a A_a - p_b A_b - p_ambient (A_a - A_b) - m a - m g sin(incline)
 

@@ -39,7 +39,7 @@ class SampleFault:
 
 
 def find_faults(recording: Recording) -> dict[str, SampleFault]:
-    """Return where a recording has samples that `clean` drops, and its gaps.
+    """Return places of samples that `clean` drops, and gaps of a recording.
 
     Parameters
     ----------
@@ -79,7 +79,8 @@ def clean(
     recording
         As read.
     found
-        Called with each kind of fault, the times and the mask of its samples; of gaps, of the samples before them.
+        Called with each kind of fault, the times and the mask of its samples. For gaps, the mask has the samples before
+        them.
 
     Returns
     -------
@@ -160,7 +161,7 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
 
 
 def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return the single samples that stand out of both neighbours, far beyond the noise, if the neighbours agree.
+    """Return single samples that differ from both neighbours by much more than the noise, if the neighbours agree.
 
     If the neighbours differ, or the channel changes just before or after, it is a change of level, whose
     overshoot may be real: breakaway after a reversal.
@@ -201,7 +202,7 @@ def jumps_back(position: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _upper(steps: NDArray[np.float64], share: float) -> float:
-    """Return the quantile of the steps for this share."""
+    """Return the quantile of the steps at this probability."""
     some = np.abs(thinned(steps))
     rank = int(share * (some.size - 1))
     return float(np.partition(some, rank)[rank])
@@ -261,7 +262,7 @@ def stuck_runs(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDAr
 
 
 def stuck_position(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
-    """Mark runs of one position that end in a jump: a piston at rest starts without one."""
+    """Mark runs of one position that end in a jump. A piston at rest starts without a jump."""
     starts, lengths = runs
     inside = (lengths >= STUCK_RUN) & (starts + lengths < position.size)
     starts, lengths = starts[inside], lengths[inside]

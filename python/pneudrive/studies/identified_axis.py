@@ -99,7 +99,7 @@ def answer(axis: Circuit) -> NDArray[np.float64]:
 
 
 def identify_valve(axis: Circuit, measured: NDArray[np.float64]) -> tuple[Circuit, dict[str, float]]:
-    """Find the numbers of the valve by the error of the simulated answer; they are sought from the datasheet's."""
+    """Find the numbers of the valve from the error of the simulated response. The search starts at the datasheet."""
     from scipy.optimize import least_squares
 
     def with_valve(shares: NDArray[np.float64]) -> tuple[Circuit, dict[str, float]]:
@@ -176,7 +176,7 @@ class IdentifiedAxis:
 
 
 def identify_axis(sheet: Circuit) -> IdentifiedAxis:
-    """Go from the datasheet of an axis to its score under control, against that of the datasheet alone.
+    """Go from the datasheet of an axis to its score under control, compared with the datasheet only.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ class Scene:
     position : ndarray, shape (n,)
     pressures : tuple of ndarray, shape (n,)
     opened : ndarray, shape (n, 4)
-        Open share of the full conductance of each edge of the valve.
+        Open fraction of the full conductance of each edge of the valve.
     """
 
     drive: Drive

@@ -54,7 +54,7 @@ class RecordedBreakaway:
 def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
     """Compare the model's breakaway with the measured one at each stop, from the measured state in the stop.
 
-    The peak lies before the piston has moved by the deflection of bristles; both forces are smoothed alike.
+    The peak occurs before the piston has moved by the deflection of bristles. Both forces are smoothed in the same way.
     """
     touching = near_stops(drive, signals)
     rests = [(start, onset) for start, onset in _rests(signals) if not touching[start:onset].any()]

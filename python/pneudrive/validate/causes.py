@@ -46,7 +46,7 @@ class Cause:
     words : str
         Text with ``{size}`` for the amount: "{size} Coulomb friction".
     unit : str
-        Unit of the amount: an SI unit, or "share" of the present value.
+        Unit of the amount: an SI unit, or "share" for a fraction of the present value.
     step : float
         Amount for the difference quotient.
     least : float
@@ -124,7 +124,7 @@ def _pressure_friction(drive: Drive, amount: float) -> dict[str, object]:
 
 
 def _direction(drive: Drive, amount: float) -> dict[str, object]:
-    """Increase friction towards +x and decrease it towards -x by this share."""
+    """Increase friction towards +x and decrease it towards -x by this fraction."""
     old = drive.friction.direction
     positive, negative = (1.0, 1.0) if old is None else (old.positive, old.negative)
     return {"friction.direction": {"positive": positive * (1.0 + amount), "negative": negative * (1.0 - amount)}}
@@ -140,7 +140,7 @@ def _dead_volume(sides: str) -> Change:
 
 
 def _piston_leak(drive: Drive, share: float) -> float:
-    """Change the leakage past the piston by a share of the valve's conductance."""
+    """Change the leakage past the piston by a fraction of the valve's conductance."""
     return drive.cylinder.leakage_m3_s_pa + share * drive.valve.conductance_m3_s_pa
 
 
@@ -165,12 +165,12 @@ def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
 
 
 def _edges(*edges: int) -> Change:
-    """Change the conductance of some edges of the valve by a share."""
+    """Change the conductance of some edges of the valve by a fraction."""
     return _opened(lambda opened, share: np.maximum(opened * (1.0 + share), 0.0), *edges)
 
 
 def _leak(*edges: int) -> Change:
-    """Keep some edges open by at least this share of the full conductance."""
+    """Keep some edges open by at least this fraction of the full conductance."""
     return _opened(np.add, *edges)
 
 
@@ -267,7 +267,7 @@ def causes(drive: Drive) -> list[Cause]:
 
 
 def _mass(drive: Drive, share: float) -> dict[str, object]:
-    """Change piston and load by the same share, so that each stays above zero."""
+    """Change piston and load by the same fraction, so that each stays above zero."""
     own, load = drive.cylinder.moving_mass_kg, drive.carried.mass_kg
     changed: dict[str, object] = {"cylinder.moving_mass": write((1.0 + share) * own, "kg")}
     return changed | ({"load.mass": write((1.0 + share) * load, "kg")} if load else {})

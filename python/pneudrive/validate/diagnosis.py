@@ -1,13 +1,13 @@
 """Diagnosis of a model: causes that explain the residuals of the balances, each with size and uncertainty.
 
 The residuals of the force balance and of both pressure rates are weighted with their standard deviations and stacked.
-Each cause is fitted alone by least squares, and its amount refined on the nonlinear equations (Gauss-Newton). The cause
-that explains most is added to the model, and the search continues with the remaining residual.
+Each cause is fitted separately by least squares, and its amount is refined on the nonlinear equations (Gauss-Newton).
+The cause that explains most is added to the model, and the search continues with the remaining residual.
 
     share explained = 1 - |e(changed model)|^2 / |e(model)|^2
 
 A search for values, such as `identify`, compensates an unmodelled effect by wrong values. A cause that explains little
-alone is therefore fitted together with these values too. It counts if both leave much less than either alone.
+is therefore also fitted together with these values. It counts if both leave much less than each of them.
 
 Standard errors come from the scores of blocks of 0.25 s, as neighbouring samples are correlated.
 """
@@ -71,11 +71,11 @@ class Culprit:
         Change of the model, in `unit`.
     stderr : float
     share : float
-        Explained share of the squared residual before this cause.
+        Explained fraction of the squared residual before this cause.
     balances : dict
         Balance -> fraction of its squared residual.
     rivals : tuple of (str, float)
-        Causes that explain nearly as much, with their share: the records cannot distinguish them.
+        Causes that explain nearly as much, with their fraction: the records cannot distinguish them.
     text : str
         Sentence for people.
     free : tuple of str
@@ -113,7 +113,7 @@ class Diagnosis(Shown):
     left : float
         Share of the squared residual that no cause explains.
     alone : tuple of (str, float, float)
-        Every cause alone: key, amount, share explained (linear), best first.
+        Every single cause: key, amount, explained fraction (linear), best first.
     residuals : tuple of Residuals
         Residuals of each recording.
     """
@@ -226,7 +226,7 @@ class _Search:
 
 @dataclass(frozen=True, eq=False)
 class _Refined:
-    """Fitted cause: amount, explained share, column of the regression, and residual after it; others fitted with it."""
+    """Fitted cause: amount, explained fraction, regression column, residual after it, and values fitted with it."""
 
     cause: Cause
     amount: float
@@ -237,7 +237,7 @@ class _Refined:
 
     @classmethod
     def of(cls, cause: Cause, amount: float, column: Array, left: Array, effect: Array | None = None) -> _Refined:
-        """Subtract a cause from a residual: its effect if given, else its column times the amount."""
+        """Subtract a cause from a residual: its effect if given, otherwise its column times the amount."""
         after = left - (amount * column if effect is None else effect)
         return cls(cause, amount, 1.0 - float(after @ after) / float(left @ left), column, after)
 
@@ -294,7 +294,7 @@ def _is_dirty(search: _Search, e: Array) -> bool:
 
 
 def _refined(search: _Search, model: _Model, left: Array, taken: set[str], watch: Watch) -> list[_Refined]:
-    """Fit each cause alone, and refine the best on the equations; best first."""
+    """Fit each cause separately, and refine the best on the equations. The best comes first."""
     wanted = [cause for key, cause in search.causes.items() if key not in taken]
     linear = []
     for cause in watch.each(wanted, f"causes tested after {len(taken)} found"):
@@ -311,9 +311,11 @@ def _refined(search: _Search, model: _Model, left: Array, taken: set[str], watch
 def _with_companions(
     search: _Search, model: _Model, left: Array, taken: set[str], watch: Watch, alone: list[_Refined]
 ) -> list[_Refined]:
-    """Fit each cause together with values that compensate it; return these fits if one leaves much less than any alone.
+    """Fit each cause together with values that compensate it.
 
-    The companions alone count as a fit of one, so that a wrong value is not taken for another cause.
+    Return these fits if one leaves much less than any single cause.
+
+    The companions without the cause also count as a fit, so that a wrong value is not mistaken for another cause.
     """
     drive = model.scenes[0].drive
     values = frozenset(drive.provenance) or COMPENSATING

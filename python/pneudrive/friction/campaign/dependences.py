@@ -47,7 +47,7 @@ def dependences_of(
     ----------
     found : CampaignCharacteristics
     viscous_n_s_m : float
-        Viscous coefficient of the fit that takes it.
+        Viscous coefficient of the fit that uses it.
     levels : tuple of str
         Its mounting, seal and drive.
 
@@ -139,7 +139,7 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
         np.zeros(away.size),
     )
     scale = 1.0 / (level - float(shape.mean()))  # the constant of the drive's factor is one
-    # a trend is not the mean over speeds but that of the most informative cycles: their share is arbitrary
+    # a trend is not the mean over speeds but that of the most informative cycles: their fraction is arbitrary
     spread = scale**2 * float(np.std(np.concatenate(viscous))) * abs(pattern.trend_per_m.value)
     slope = pattern.trend_per_m.scaled(scale).widened(spread)
     if not waves and not slope.differs:
@@ -201,7 +201,7 @@ def _dwell(age: ContactAge, notes: list[str]) -> Iterator[Part]:
 
 
 def _relaxation(stops: Iterable[Stop], notes: list[str]) -> Iterator[Part]:
-    """Return the share and time of the fall of a held force, if it has one time constant."""
+    """Return the fraction and time of the fall of a held force, if it has one time constant."""
     held = [stop.relaxation for stop in stops if stop.relaxation is not None and stop.relaxation.amount.differs]
     if len(held) < FEWEST_STOPS:
         return
@@ -243,8 +243,8 @@ def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterat
 def _run_in(found: CampaignCharacteristics) -> Iterator[str]:
     """Say why a change of friction with the distance slid is not applied.
 
-    It is measured per decade of distance, without an end. ``[friction.wear]`` falls exponentially to the friction of a
-    seal after run-in, to which the law's parameters belong. A logarithm determines neither this friction nor the
+    It is measured for each decade of distance, without an end. ``[friction.wear]`` falls exponentially to the friction
+    of a seal after run-in, to which the law's parameters belong. A logarithm determines neither this friction nor the
     distance.
     """
     per_decade = None if found.drift is None else found.drift.per_decade_of_travel

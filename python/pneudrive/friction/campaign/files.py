@@ -52,7 +52,7 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
 
 
 def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> list[Path]:
-    """Write curves.parquet and effects.toml; without curves, effects.toml alone."""
+    """Write curves.parquet and effects.toml. Without curves, write only effects.toml."""
     effects = write_effects(found, folder / EFFECTS_FILE)
     return [write_curves(found, folder / CURVES_FILE), effects] if found.curves else [effects]
 

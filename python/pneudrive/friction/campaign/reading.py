@@ -63,10 +63,10 @@ class CampaignData:
     files : tuple of CycleFile
         All usable files in running order; empty for recordings.
     sliding, tares : tuple of CycleData
-        With corrected gain of the force sensor (known weights) and zeros of the pressures (tares).
+        Use the corrected gain of the force sensor (known weights) and zeros of the pressures (zero runs).
     gain : Gain
     pressure_zeros : dict
-        Chamber -> zero of its transducer, if tares show it.
+        Chamber -> zero of its transducer, if zero runs show it.
     skipped : tuple of Skipped
     notes : tuple of str
     edges_m : ndarray, shape (bins + 1,)
@@ -266,13 +266,13 @@ def _travel(files: Sequence[CycleFile], ways: dict[str, float]) -> dict[str, flo
 
 
 def _way(samples: Samples) -> float:
-    """Return the way of a cycle by few of its samples, so that their noise is negligible."""
+    """Return the path length of a cycle from few of its samples, so that their noise is negligible."""
     position = samples.position_m[np.isfinite(samples.position_m)]
     return float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
 
 
 def _edges(files: Sequence[CycleFile]) -> Array:
-    """Return the bins over the way that sliding cycles move along, from the positions of some of them."""
+    """Return the bins over the travel of sliding cycles, from the positions of some of them."""
     positions: list[Array] = []
     for i in np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int)) if files else ():
         with suppress(PneudriveError):
@@ -281,7 +281,7 @@ def _edges(files: Sequence[CycleFile]) -> Array:
 
 
 def common_edges(positions: Sequence[Array]) -> Array:
-    """Return the bins over the way of several motions, shape (bins + 1,).
+    """Return the bins over the travel of several motions, shape (bins + 1,).
 
     A motion far from the others (millimetres for metres) does not affect the bins.
     """

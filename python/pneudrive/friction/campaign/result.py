@@ -49,7 +49,7 @@ class CycleResult(Shown):
     Attributes
     ----------
     index, key, kind, block, repeat, day
-        As in the header of its file; day counts from 1.
+        Day in the header of its file, counted from 1.
     condition : Condition
     speed_m_s : float
         Measured, mean of both directions; NaN without motion.
@@ -63,7 +63,7 @@ class CycleResult(Shown):
         Half the difference and half the sum of both directions, over the common range of position; NaN if a
         direction is missing.
     stderr_n : float
-        Standard error of friction_n by noise within the cycle alone.
+        Standard error of friction_n from noise within the cycle only.
     flags : tuple of str
     """
 
@@ -111,7 +111,7 @@ class Curve(Shown):
     stderr_n : ndarray, shape (m,)
         Statistical standard error (noise, cycle to cycle, block, day) of friction in the mean state of the campaign.
     u_systematic_n : ndarray, shape (m,)
-        Standard uncertainty that all points share (gain, hysteresis, position; zero of one direction alone).
+        Standard uncertainty that all points share (gain, hysteresis, position, and the zero for one direction).
     measured : ndarray of bool, shape (m,)
         False between the measured speeds.
     cycles : ndarray of int, shape (m,)

@@ -175,7 +175,7 @@ def read_or_skip(
     except PneudriveError as error:
         reason = f"{error.what} ({error.value})" if error.value is not None else error.what
     except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
-        # Unforeseen samples spoil their own cycle, not the campaign.
+        # Unexpected samples spoil only their cycle, not the campaign.
         reason = f"{type(error).__name__}: {error}"
     return Skipped(file.head.cycle.key, file.path.name, reason)
 
@@ -183,7 +183,7 @@ def read_or_skip(
 def read_standing(
     file: CycleFile, recording: Recording, samples: Samples, plan: CyclePlan, identity: Identity
 ) -> CycleData:
-    """Read a tare or a known weight: mean force while the axis is released at rest, and its uncertainty.
+    """Read a zero run or a known weight: mean force while the axis is released at rest, and its uncertainty.
 
     Raises
     ------

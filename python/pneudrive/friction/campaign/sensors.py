@@ -1,6 +1,6 @@
-"""Sensors from cycles at rest: gain of the force sensor by known weights, zeros of the pressures by tares.
+"""Sensors from cycles at rest: gain of the force sensor by known weights, zeros of the pressures by zero runs.
 
-In an open tare both chambers should show ambient pressure.
+In an open zero run, both chambers should show ambient pressure.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Gain:
     stderr : float
         Standard uncertainty after correction; NaN without a weight.
     measured, measured_stderr : float
-        From the weights alone; NaN without weights.
+        Gain from the weights only. NaN without weights.
     cycles : int
     plausible : bool
     surprising : bool
@@ -136,11 +136,11 @@ class PressureZero:
     blocks : dict
         Block -> zero that is subtracted from its cycles, Pa; empty if unknown.
     mean_pa, stderr_pa : float
-        Over all usable tares; standard uncertainty from noise and from differences of tares.
+        Mean over all usable zero runs. The standard uncertainty comes from noise and from differences of zero runs.
     tares : int
         That count.
     far, unsteady : dict
-        Key of an unusable tare -> its deviation from ambient, and its change, Pa.
+        Key of an unusable zero run -> its deviation from ambient, and its change, Pa.
     """
 
     blocks: dict[int, float] = field(default_factory=dict)
@@ -151,7 +151,7 @@ class PressureZero:
     unsteady: dict[str, float] = field(default_factory=dict)
 
     def at(self, block: int) -> float:
-        """Return the zero for a cycle of this block, Pa: from its own tares, else from all."""
+        """Return the zero for a cycle of this block, Pa: from the zero runs of the block, otherwise from all."""
         return self.blocks.get(block, self.mean_pa if self.tares else 0.0)
 
 
@@ -191,7 +191,7 @@ def _zero(seen: list[tuple[CycleData, OpenPressure]], ambient_pa: float, accurac
 def without_zeros(
     data: Sequence[CycleData], zeros: dict[str, PressureZero], identity: Identity
 ) -> tuple[CycleData, ...]:
-    """Subtract the zeros from cycles and tares: the zero of a tare is then that of the force sensor alone.
+    """Subtract the zeros from cycles and zero runs. The zero of a zero run is then only that of the force sensor.
 
     The accuracy of a transducer is then that of its gain, which grows with the reading. If its range is not stated, it
     is the usual one that holds the highest pressure of the campaign.

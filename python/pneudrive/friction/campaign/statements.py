@@ -158,7 +158,7 @@ def _of_single_cycles(found: CampaignCharacteristics, fits: Fits) -> Array:
 
 
 def _left(fits: Fits) -> Iterator[Said]:
-    """Return statements on good cycles that differ from a curve by more than the scatter, and on doubtful cycles."""
+    """Return statements on good cycles that differ from a curve by more than the scatter, and on suspect cycles."""
     pure, points = pure_scatter(fits), fits.points
     if pure is not None:
         data = fits.friction.data

@@ -152,7 +152,7 @@ def _factors(
     unsure: dict[str, float],
     area: float,
 ) -> list[tuple[str, ...]]:
-    """Return the areas that can be determined: each by itself, both by one factor, or none."""
+    """Return the areas that can be determined: each separately, both by one factor, or none."""
     sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
     if len(sides) < 2:
         return [tuple(sides)] if sides else []

@@ -32,7 +32,7 @@ SAME_PRESSURE = 0.1  # recordings within this share of their pressure are repeat
 
 @dataclass(frozen=True)
 class FrictionPoint:
-    """Friction of one recording and speed level; ``speed_stderr_m_s`` is the scatter of its strokes' speeds."""
+    """Friction of one recording and speed level. ``speed_stderr_m_s`` is the scatter of its strokes' speeds."""
 
     recording: str
     seal: str
@@ -162,7 +162,7 @@ def fit_pressure_lines(points: list[FrictionPoint]) -> list[PressureLine]:
 
 
 def _speed_groups(seal: str, points: list[FrictionPoint]) -> list[tuple[str, list[FrictionPoint]]]:
-    """Return points by speed if speed and pressure were crossed, else all together."""
+    """Return points by speed if speed and pressure were crossed, otherwise all together."""
     groups = _neighbours(points, lambda p: p.speed_m_s, lambda v: SAME_SPEED * v)
     crossed = [g for g in groups if len(g) >= 3 and np.ptp([p.pressure_pa for p in g]) > MINIMUM_RANGE_PA]
     if len(crossed) < 2 or sum(len(g) for g in crossed) < 0.6 * len(points):

@@ -14,8 +14,8 @@ A row of a campaign, one cycle:
     u_systematic_n  type B   `SharedTerms`: gain, hysteresis, mean over position
                     type A   state of the campaign, and block or day
 
-The parts of gain, hysteresis and zero of a cycle come from the same `systematic_budget` (`stated_shares`). Tares and
-known weights replace some of them by measured ones (``campaign/sensors.py``).
+The parts of gain, hysteresis and zero of a cycle come from the same `systematic_budget` (`stated_shares`). Zero runs
+and known weights replace some of them by measured values (``campaign/sensors.py``).
 """
 
 from __future__ import annotations
@@ -248,10 +248,10 @@ class SharedTerms:
     position_n : ndarray
         Friction over the part of the stroke that the mean does not cover.
     state_n : ndarray
-        Difference between friction in another state of the campaign and in its mean state. It is no uncertainty of the
-        curve of the mean state, but of a single cycle.
+        Difference between friction in another state of the campaign and in its mean state. It is not part of the
+        uncertainty of the mean curve, but of a single cycle.
     zero_n : ndarray
-        Zero of the force sensor, for one direction alone.
+        Zero of the force sensor, only for one direction.
     """
 
     gain_n: Array
@@ -280,7 +280,7 @@ class CycleTerms(SharedTerms):
     cycle_n, block_n : ndarray
         Scatter from cycle to cycle, and of blocks or days.
     offset_n : ndarray
-        Half the sum of both directions, for one direction alone.
+        Half the sum of both directions, only for one direction.
     """
 
     noise_n: Array
@@ -295,7 +295,7 @@ class CycleTerms(SharedTerms):
 
     @property
     def u_systematic_n(self) -> Array:
-        """Systematic standard uncertainty of friction: a cycle has its own state, a curve the mean one."""
+        """Systematic standard uncertainty of friction. A cycle has its own state, and a curve the mean state."""
         return np.hypot(self.friction_n(), np.hypot(self.state_n, self.block_n))
 
     @property
@@ -305,7 +305,7 @@ class CycleTerms(SharedTerms):
 
     @property
     def half_direction_n(self) -> Array:
-        """Half width of the 95 % band of one direction alone."""
+        """Half width of the 95 % band of a single direction."""
         squares = self.stderr_n**2 + self.u_systematic_n**2 + self.offset_n**2 + self.zero_n**2
         return NORMAL_95 * np.sqrt(squares)
 
@@ -328,8 +328,8 @@ def stated_shares(
 ) -> dict[str, float | bool | dict[str, float]]:
     """Divide the budget of a cycle into the parts that campaigns separate, by the fields of `CycleData`.
 
-    Many cycles share their sensors: parts proportional to friction, parts equal at all frictions, and parts that tares
-    remove act on a curve in different ways.
+    Many cycles share their sensors. Parts proportional to friction, constant parts, and parts that zero runs remove act
+    on a curve in different ways.
     """
     entries = systematic_budget(recording, up, down)
     # Hysteresis needs a reading that changes with direction: a constant pressure has none.
@@ -368,7 +368,7 @@ def _root(parts: Iterable[float]) -> float:
 
 
 def _of_range(recording: Recording, channel: str, reading: float, zero: float | None) -> float:
-    """Return the reading as a share of the sensor's range, counted from its zero (None: ambient pressure)."""
+    """Return the reading relative to the sensor's range, counted from its zero (None: ambient pressure)."""
     start = recording.ambient_pressure_pa if zero is None else zero
     limits = recording.limits.get(channel)
     reach = max(abs(v - start) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - start))

@@ -86,7 +86,7 @@ def group_of(labels: Mapping[str, str]) -> str:
 
 
 def classify_pressures(pairs: NDArray[np.float64]) -> str:
-    """Return what pressure pairs determine: both slopes, one, their sum (equal pressures), or one along a line."""
+    """Return the slopes that pressure pairs determine: both, one, their sum, or one along a line."""
     away = pairs - pairs.mean(axis=0)
     scale = max(float(np.abs(pairs).max()), 1e-12)
     spans = np.ptp(pairs, axis=0)

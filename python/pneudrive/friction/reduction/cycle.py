@@ -36,7 +36,7 @@ MINIMUM_SAMPLES = 20
 
 @dataclass(frozen=True)
 class CyclePlan:
-    """The place of a cycle in its measurement, and its set values; without a plan, the measured ones.
+    """Place of a cycle in its measurement, and its set values. Without a plan, the measured values are used.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class CycleSide(Side):
     ripple, period_s, step_m, swing_n : float
         Standard deviation of speed over its mean; period, travel and swing of the balance in stick-slip (NaN without).
     piston_ripple : float
-        The same for the piston's speed behind the rig's spring; NaN if its stiffness is unknown.
+        The same for the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
     scatter_n : float
         Standard deviation of the balance within the bins.
     stick_slip : bool
@@ -109,7 +109,7 @@ class CycleSide(Side):
 
 @dataclass(frozen=True)
 class OpenPressure:
-    """A chamber's pressure in an open tare, Pa: mean, its standard error, and its change from one half to the other."""
+    """A chamber's pressure in an open zero run, Pa: mean, standard error, and change between the halves."""
 
     mean_pa: float
     stderr_pa: float
@@ -144,7 +144,7 @@ class CycleData:
         Mean of force (vented: of the balance), its standard error and standard deviation while standing released: the
         sensor's zero and noise.
     standing_pressures : dict
-        Chamber -> reading of its transducer in an open tare; empty if not measured.
+        Chamber -> reading of its transducer in an open zero run. Empty if not measured.
     u_gain_n, u_hysteresis_n : float
         Standard systematic uncertainty of friction: proportional to it, and equal in newton at all frictions, such as
         hysteresis and residuals of a calibration curve.

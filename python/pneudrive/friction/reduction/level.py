@@ -170,7 +170,7 @@ def window_of(motion: RecordedMotion, choice: SampleChoice) -> tuple[float, floa
     Raises
     ------
     RecordingError
-        If those of the layout lie outside the motion.
+        The bounds of the layout are outside the motion.
     """
     recording, strokes = motion.recording, motion.strokes
     low = float(np.median([min(s.from_m, s.to_m) for s in strokes]))
@@ -199,7 +199,7 @@ def _level(
     window: tuple[float, float],
     choice: SampleChoice,
 ) -> Level | None:
-    """Return one speed class; None if no stroke covers the window, or the directions share no bin of it."""
+    """Return one speed class. None if no stroke covers the window, or the directions have no common bin."""
     ways = {d: [s for s in strokes if s.stroke.direction == d] for d in (1, -1)}
     profile = pair(grid, {d: _rows_over(grid, members) for d, members in ways.items()})
     used = {d: [s for s in members if s.inside] for d, members in ways.items() if any(s.inside for s in members)}
@@ -287,7 +287,7 @@ def _estimate(
     u_friction, u_offset = combined(budget)
     stderr = chance_n(spreads, rows, bins, profile)
     if len(sides) == 1:
-        # Nothing cancels in one direction alone: friction is as uncertain as the offset.
+        # A single direction cancels nothing: its friction is as uncertain as the offset.
         friction, offset, u_friction = only * spreads[only].mean_n, float("nan"), u_offset
     else:
         friction = (spreads[1].mean_n - spreads[-1].mean_n) / 2

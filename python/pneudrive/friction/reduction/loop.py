@@ -46,7 +46,7 @@ class Loop(Shown):
     condition : Condition
     speed_m_s : float
     time_s, position_m, velocity_m_s, friction_n : ndarray, shape (m,)
-        friction_n has the sign of the balance: positive where it opposes +x; without the offset.
+        friction_n has the sign of the balance, positive if it opposes +x, without the offset.
     presliding_m : float
         Travel in which it goes from 10 % to 90 % of its swing.
     width_n : float
@@ -120,7 +120,7 @@ def reversal_loop(motion: RecordedMotion, plan: CyclePlan) -> Loop | None:
 
 
 def _presliding(recording: Recording, friction: Array, before: Stroke, after: Stroke) -> float:
-    """Return the travel after the reversal in which friction goes from 10 % to 90 % of its way."""
+    """Return the travel after the reversal in which friction goes from 10 % to 90 % of its swing."""
     part = slice(before.stop - 1, after.stop)
     start = float(np.median(friction[max(before.stop - 20, before.start) : before.stop]))
     middle = slice(after.start + (after.stop - after.start) // 3, after.start + 2 * (after.stop - after.start) // 3)

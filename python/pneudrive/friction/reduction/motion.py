@@ -30,7 +30,7 @@ class SampleChoice(Protocol):
 
     @property
     def uses_window(self) -> bool:
-        """Whether the mean is over equal positions of the window; else over all chosen samples."""
+        """Whether the mean is over equal positions of the window. Otherwise it is over all chosen samples."""
         ...
 
     def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], Array]:
@@ -101,7 +101,7 @@ class RecordedMotion:
 
 
 def balance_of(recording: Recording, *, inertia: bool = True) -> Array:
-    """Return the force balance of each sample, N; without the inertia of the mass beyond the sensor if wanted."""
+    """Return the force balance of each sample, N, optionally without the inertia of the mass beyond the sensor."""
     acceleration: Array | float = 0.0
     if inertia and recording.mass_beyond_sensor_kg:
         acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))

@@ -104,7 +104,9 @@ def _reason(d: CycleData, floor: float, stiffness_n_m: float | None, mass_kg: fl
 
 
 def _noise(data: Sequence[CycleData], tares: Sequence[CycleData]) -> float:
-    """Return the noise of the force at rest; without tares, the lower quartile of the slower half of the cycles.
+    """Return the noise of the force at rest.
+
+    Without zero runs, return the lower quartile of the slower half of the cycles.
 
     Slow noise is visible within a bin of a slow cycle, but not of a fast one.
     """

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
 NEEDED_RISE_SAMPLES = 10
-# A pressure change during the rise spoils the peak if it changes the force by this share of it.
+# A pressure change during the rise spoils the peak if it changes the force by this fraction of the peak.
 TRANSIENT_SHARE = 0.1
 # Inertia of the mass beyond the sensor does so too: acceleration from positions is late, smoothed and noisy.
 INERTIA_SHARE = 0.1
 # Share of a stroke's travel, from its start, in which the peak is searched.
 SOUGHT_SHARE = 0.25
-# The offset at the turn is extrapolated from a line between these shares of the travel from it.
+# The offset at the turn is extrapolated from a line between these fractions of the travel.
 OFFSET_FROM = (0.1, 0.35)
 FEWEST_BINS = 3
 
@@ -145,7 +145,7 @@ def _peak(
         friction_n=float(friction[top]),
         sliding_n=usual.sliding_n,
         excess_n=excess,
-        # The largest of m noisy samples lies sqrt(2 ln m) deviations high by chance alone.
+        # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
         significant=excess > usual.noise_n * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
         dwell_s=stroke.dwell_s,
         loading_rate_n_s=rate,
@@ -186,7 +186,7 @@ def _peak_flags(
     for side in ("a", "b"):
         channel = getattr(recording, f"pressure_{side}_pa")
         pressure = channel[part][: top + 1]  # motion in the rest before it counts too
-        # Noise alone spreads n samples over about 2 sqrt(2 ln n) deviations.
+        # Noise spreads n samples over about 2 sqrt(2 ln n) deviations.
         by_noise = 2 * usual.pressure_noise_pa[side] * np.sqrt(2 * np.log(max(pressure.size, 2)))
         moved += max(float(np.ptp(pressure)) - by_noise, 0.0) * getattr(recording, f"area_{side}_m2")
     if moved > TRANSIENT_SHARE * swing:

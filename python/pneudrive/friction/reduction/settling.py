@@ -70,8 +70,8 @@ class Settled:
 class SourcePaper:
     """The source paper's protocol: first 5 % dropped, moving average of 5 samples, mean of the rest.
 
-    The moving average leaves the mean nearly unchanged; it is kept so that published numbers can be
-    compared. Dropping 5 % is not enough if the distance to reach speed is longer.
+    The moving average hardly changes the mean. It is kept so that published numbers can be compared. Dropping 5 % is
+    not enough if the distance to reach speed is longer.
     """
 
     dropped_share: float = 0.05
@@ -113,7 +113,7 @@ class _Levels:
     def share_risen(
         self, position_m: NDArray[np.float64], balance_n: NDArray[np.float64], direction: int
     ) -> NDArray[np.float64]:
-        """Return the share of the balance's way from the opposite direction's level to its own: 0 to 1, with noise."""
+        """Return the progress of the balance from the opposite direction's level: 0 to 1, with noise."""
         start = np.interp(position_m, self.position_m[-direction], self.balance_n[-direction])
         line = (self.slope_n_m * position_m + self.intercept_n) / self.swing_n
         return direction * (balance_n - start) / (self.swing_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))

@@ -1,4 +1,4 @@
-"""Statistical uncertainty: from the spread between strokes, never from samples inside a stroke alone.
+"""Statistical uncertainty from the spread between strokes, never only from samples inside a stroke.
 
 Samples inside a stroke share the stroke's lubrication, temperature and position pattern, so they are not independent.
 Their spread divided by the root of their number is therefore many times too small.
@@ -99,7 +99,7 @@ def pair_stderr(up: Spread, down: Spread) -> float:
 
 
 def profile_stderr(profile_n: NDArray[np.float64]) -> float:
-    """Estimate the standard error of a profile's mean from the profile alone, for a single stroke.
+    """Estimate the standard error of a profile's mean only from the profile, for a single stroke.
 
     A straight line is removed, because the pattern over position, and mostly its coarse part, is not random. The
     correlation of neighbouring bins is summed until it first falls below zero.
@@ -115,7 +115,7 @@ def profile_stderr(profile_n: NDArray[np.float64]) -> float:
 
 
 def within_stderr(strokes_n: NDArray[np.float64]) -> float:
-    """Estimate the standard error of the mean of all strokes that noise inside the strokes alone would cause.
+    """Estimate the standard error of the mean of all strokes from noise inside the strokes only.
 
     The spread of two or three stroke means may be small by chance, but their error is never below this.
 

@@ -70,8 +70,8 @@ def find_stick_slip(
     time_s, position_m
         Shape (n,), SI, time increasing.
     velocity_m_s
-        Shape (n,) if known (a simulation); else from the position, smoothed
-        according to the position noise.
+        Shape (n,) if known (a simulation). Otherwise it follows from the position, smoothed according to the position
+        noise.
     trim
         Share of each stroke's travel that is left out at both ends.
 
@@ -95,7 +95,7 @@ def find_stick_slip(
 
 
 def middle_of(stroke: Stroke, position_m: NDArray[np.float64], trim: float = 0.1) -> slice | None:
-    """Return the samples of a stroke without its ends, a share of its travel each; None if too few."""
+    """Return the samples of a stroke without a fraction of its travel at each end. None if too few remain."""
     share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
     inside = np.flatnonzero((share >= trim) & (share <= 1 - trim))
     if inside.size < FEWEST_SAMPLES:
@@ -173,7 +173,7 @@ def _smoothing(time_s: NDArray[np.float64], position_m: NDArray[np.float64], mea
 
 
 def _spacing(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the time that each sample stands for: half the way between its neighbours, at the ends the step."""
+    """Return the duration that each sample represents: half the time between its neighbours."""
     if time_s.size < 2:
         return np.ones(time_s.size)
     spacing = np.empty_like(time_s)

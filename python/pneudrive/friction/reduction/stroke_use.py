@@ -66,7 +66,7 @@ def _reason(stroke: Stroke, covering: Collection[int], window_m: tuple[float, fl
 
 
 def stroke_notes(uses: Mapping[str, StrokeUse]) -> list[str]:
-    """Return one sentence for each recording with unused strokes; of many, one sentence for the rest together.
+    """Return one sentence for each recording with unused strokes. Many recordings share one sentence.
 
     Parameters
     ----------

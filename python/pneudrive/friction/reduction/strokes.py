@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# A stroke counts in the window if it has settled samples in at least this share of its bins.
+# A stroke counts in the window if it has settled samples in at least this fraction of its bins.
 COVERED_SHARE = 0.5
 
 
@@ -125,7 +125,7 @@ def stroke_frictions(
 def stroke_grid(
     position_m: Array, strokes: Sequence[Stroke], window: tuple[float, float], bins: int | None = None
 ) -> Grid:
-    """Divide the way of some strokes into bins."""
+    """Divide the travel of some strokes into bins."""
     inside = [int(((x >= window[0]) & (x <= window[1])).sum()) for x in (position_m[s.samples] for s in strokes)]
     ends = [value for s in strokes for value in (s.from_m, s.to_m)]
     return grid_over(window, ends, float(np.median(inside)), bins)

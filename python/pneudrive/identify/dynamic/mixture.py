@@ -1,4 +1,4 @@
-"""Prediction by the values that `apply` writes: fitted ones, and start values of undetermined parameters."""
+"""Prediction with the values that `apply` writes: fitted values, and start values of undetermined parameters."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
 
 
 def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: bool) -> None:
-    """Warn of start values that are kept next to fitted ones, with the error of this mixture if the fit knows it.
+    """Warn of start values that are combined with fitted ones, with the error of this mixture if the fit knows it.
 
     Parameters
     ----------

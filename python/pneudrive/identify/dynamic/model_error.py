@@ -1,7 +1,7 @@
 """Lower limit of the model error of identified values: effect of errors in held numbers.
 
 An interval covers the noise of the sensors, and shrinks with every sample; no model is that exact. Here each held
-number of the description (bore, supply pressure, conductance, ...) has an error of `MODEL_SHARE`, the share of the
+number of the description (bore, supply pressure, conductance, ...) has an error of `MODEL_SHARE`, the fraction of the
 balances' terms that the diagnosis ignores. The free values respond by least squares on the balances along the
 recordings (force in sliding, both pressure rates):
 

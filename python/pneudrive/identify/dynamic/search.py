@@ -443,7 +443,7 @@ def join_segments(
 
 
 def _start_gain(blocks: list[Equations], size: int) -> float:
-    """Return the gain that the starts alone allow: their part of the Newton decrement."""
+    """Return the gain from the starts only: their part of the Newton decrement."""
     return sum(float(b.gradient[size:] @ start_solution(b, b.gradient[size:])) for b in blocks)
 
 

@@ -2,8 +2,8 @@
 
     y(t) = gain h(t) + offset + noise,    lag dh/dt + h = model output
 
-h is the output through a lag of first order. Each recording has its own offset, as sensors are tared in between; gain
-and lag belong to the sensor.
+h is the output through a lag of first order. Each recording has its own offset, because sensors are tared in between.
+Gain and lag belong to the sensor.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Channel:
-    """Sensor in SI; `column` is the model's output, `free` names the free ones of offset, gain and lag."""
+    """Sensor in SI. `column` is the model's output, and `free` names the free numbers among offset, gain and lag."""
 
     name: str
     column: str

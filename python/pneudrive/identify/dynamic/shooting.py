@@ -30,7 +30,7 @@ class Shot:
     Attributes
     ----------
     outputs : ndarray, shape (n, o)
-        Outputs at the samples; at the first one of a segment those of its start.
+        Outputs at the samples. The first sample of a segment has the outputs of its start.
     by_parameter : ndarray, shape (n, o, p)
         Derivatives by the free values of the drive, SI; p = 0 without derivatives.
     by_start : ndarray, shape (n, o, s)

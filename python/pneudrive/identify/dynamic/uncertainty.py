@@ -120,7 +120,7 @@ def correlation_time(residual: Array) -> float:
 def bootstrap(solved: Solved, count: int, seed: int) -> Array:
     """Return draws of a block bootstrap: recordings are cut into blocks, which are drawn with replacement.
 
-    Each draw is fitted by one Gauss-Newton step from the estimate, which is exact if the model is linear within the
+    Each sample is fitted by one Gauss-Newton step from the estimate. This is exact if the model is linear within the
     uncertainty of its parameters.
 
     Parameters

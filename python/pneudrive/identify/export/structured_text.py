@@ -42,7 +42,7 @@ def spline_of(curve: SlidingCurve) -> tuple[Array, Array]:
     Returns
     -------
     coefficients : ndarray, shape (intervals, 4)
-        c0 to c3 of each interval, over its own length.
+        c0 to c3 of each interval, over the length of the interval.
     friction_n : ndarray, shape (n,)
 
     Raises

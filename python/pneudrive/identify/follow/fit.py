@@ -59,9 +59,9 @@ class Rival:
     fit_percent : float
         Worst residual of the fit, % of the range.
     gain : float
-        Ratio of its sum of squared residuals to that of the asked model, in the fit.
+        Ratio of its sum of squared residuals to that of the original model, in the fit.
     predictions : tuple of float
-        The same for each part of the recordings that was not used; empty if the fit gains nothing.
+        The same for each part of the recordings that was not used. Empty if the fit gains nothing.
     values : dict
         Values of the numbers that both models have.
     """
@@ -98,7 +98,7 @@ class FollowRecord:
     ----------
     name : str
     rms : tuple of float
-        Residuals of both pressures as a share of their range.
+        Residuals of both pressures, relative to their range.
     temperature_a_k, temperature_b_k, delay_s : tuple of float
     file, sha256 : str
     """
@@ -207,7 +207,7 @@ class FollowFit(Shown):
 
 
 def _circuit_first(text: str) -> str:
-    """Move the text of the circuit above the first table, where a key of the file stands."""
+    """Move the text of the circuit above the first table, the place of a key of the file."""
     head, _, circuit = text.rpartition("\ncircuit = ")
     lines = head.split("\n")
     first = next((i for i, line in enumerate(lines) if line.startswith("[")), len(lines))

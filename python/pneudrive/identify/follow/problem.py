@@ -1,7 +1,7 @@
 """Least squares of pressures along recorded motions: shared numbers, and the start and delay of each recording.
 
 The noise of a good recording is far below the error of the model, which is correlated in time. Residuals are weighted
-by their own size and correlation time, and the covariance is a sandwich over blocks of time.
+by their size and correlation time, and the covariance is a sandwich over blocks of time.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class FollowProblem:
         times = grid - delay_s
         there = np.isfinite(raw[0])
         shown = np.array([np.interp(times, grid[there], one[there]) for one in raw])
-        # Before its start a recording at rest stands still; one in motion is not known.
+        # Before its start, a recording at rest stays at rest. The past of a recording in motion is not known.
         early = times < (-LARGEST_DELAY_S if self.records[at].at_rest else 0.0)
         shown[:, early | (times > grid[there][-1] + 1e-9)] = np.nan
         return shown
@@ -153,7 +153,7 @@ class FollowSolution:
     raws : list of ndarray
         Simulated pressures of each recording before its delay.
     covariance : ndarray
-        Of all numbers, shape (n, n); shared ones as logarithms.
+        Covariance of all numbers, shape (n, n), with shared numbers as logarithms.
     freedom : float
         Degrees of freedom of the intervals.
     """
@@ -172,14 +172,14 @@ class FollowSolution:
         return record.pressures_pa - self.problem.shown(at, self.raws[at], float(self.point.local[at, 4]))
 
     def rms(self, at: int, part: tuple[float, float] | None = None) -> Array:
-        """Return the rms of both residuals of a recording as a share of the range of each pressure."""
+        """Return the rms of both residuals of a recording, relative to the range of each pressure."""
         record = self.problem.records[at]
         begin, end = part or (0.0, np.inf)
         rest = self.rest(at)[:, (record.grid_s >= begin) & (record.grid_s <= end)]
         return np.sqrt(np.nanmean(rest**2, axis=1)) / record.ranges_pa
 
     def deviation(self, place: int) -> float:
-        """Return the half width of the 95 % interval of a number; of a shared one of its logarithm."""
+        """Return the half width of the 95 % interval of a number, or of the logarithm of a shared number."""
         half = float(student.ppf(0.975, self.freedom) * np.sqrt(self.covariance[place, place]))
         return min(half, WIDEST)
 
@@ -227,7 +227,7 @@ def _prior_rows(problem: FollowProblem, at: int, local: Array) -> Array:
 def _jacobians(
     problem: FollowProblem, point: FollowPoint, raws: list[Array], residuals: list[Array], pool: ThreadPoolExecutor
 ) -> list[Array]:
-    """Return the derivatives of the residuals of each recording by its columns: shared numbers, then its own."""
+    """Return the derivatives of each recording's residuals: by shared numbers, then by the separate ones."""
     shared = len(problem.numbers)
     jobs = []
     for at in range(len(raws)):

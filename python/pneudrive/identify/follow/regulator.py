@@ -1,7 +1,7 @@
 """Lag and gain from the command of a pressure regulator to the pressure behind it, from recordings of both.
 
-The model is a grey box: p' = (g u(t - d) + o - p) / T, with one time T for filling and another one for venting. Volume,
-conductance and leak only act through T, so that no such recording determines them.
+The model is a grey box: p' = (g u(t - d) + o - p) / T. Filling and venting have separate times T. Volume, conductance
+and leak only act through T, so that no such recording determines them.
 """
 
 from __future__ import annotations
@@ -100,11 +100,11 @@ class RegulatorFit(Shown):
     intervals : dict
         95 %: of correlated residuals and of the spread from run to run.
     runs : dict
-        Name of each recording -> its own values.
+        Name of each recording -> the separate values of the recording.
     spread : dict
         Relative standard deviation from run to run.
     rms, predicted : float
-        Residual of the fit, and of each run predicted from the other ones, as a share of the range.
+        Residual of the fit, and of each run predicted from the other runs, relative to the range.
     held : float
         Residual with gain and offset of the description held.
     correlation : float

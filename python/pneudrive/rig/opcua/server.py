@@ -40,8 +40,9 @@ CLOSING_S = 2.0
 class RigServer:
     """Server of a rig in a separate thread; a context manager.
 
-    A client becomes the commander by a command if there is no commander and its heartbeat runs. It stays so until its
-    heartbeat stops, its session ends, or another client stops the axis. Any client may read, halt and stop.
+    A client becomes the commander by a command if there is no commander and its heartbeat runs. It remains the
+    commander until its heartbeat stops, its session ends, or another client stops the axis. Any client may read, halt
+    and stop.
 
     Parameters
     ----------
@@ -161,7 +162,7 @@ class RigServer:
         return self._space.names.get(node_id)
 
     def read(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value
-        """Return a client's own value of such a node; answers to other clients are hidden."""
+        """Return the value of a node for one client. Answers to other clients are hidden."""
         if name == FAULT:
             return value if client.began <= self._fault_at else self._rig_fault or value
         if name == STOPS:
@@ -300,7 +301,7 @@ class RigServer:
     async def _bring_to_rest(self, gently: bool, verb: Future[str]) -> None:
         """Stop the rig, which may block, and answer the waiting clients; then continue with held commands.
 
-        With `gently`, the running verb may end by itself within a short time, and the pressures stay.
+        With `gently`, the running verb may end normally within a short time, and the pressures stay.
         """
         fault = ""
         try:

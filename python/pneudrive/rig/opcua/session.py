@@ -27,7 +27,7 @@ class Client:
     values : dict
         Name of a node -> value written by this client, or only for it.
     beat_at : float or None
-        Time of the last increment of its heartbeat.
+        Time of the last increment of the client's heartbeat.
     dismissed : str
         Why the client may no longer command.
     identity : int
@@ -56,7 +56,7 @@ class Served(Protocol):
         ...
 
     def read(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value
-        """Return a client's own value of such a node, which has this value for others."""
+        """Return the value of a node for one client. Other clients see this value."""
         ...
 
     async def written(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value and status
@@ -80,7 +80,7 @@ def know_types(internal: Any) -> None:  # noqa: ANN401 - asyncua's internal serv
 
 
 class ServedSession(InternalSession):
-    """Session with its own commands and answers, and access only to its own subscriptions."""
+    """Session with separate commands and answers, and access only to its subscriptions."""
 
     def __init__(self, internal: Any, served: Served, name: Any) -> None:  # noqa: ANN401
         super().__init__(internal, internal.aspace, internal.subscription_service, name, external=True)
@@ -99,7 +99,7 @@ class ServedSession(InternalSession):
         return self.served.name_of(asked.NodeId) if asked.AttributeId == ua.AttributeIds.Value else None
 
     async def read(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Read nodes, with this client's own values."""
+        """Read nodes, with the values for this client."""
         results = self.iserver.attribute_service.read(params)
         names = [self._name_of(asked) for asked in params.NodesToRead]
         both = zip(names, results, strict=True)

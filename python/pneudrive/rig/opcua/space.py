@@ -40,7 +40,7 @@ class Space:
     Attributes
     ----------
     places : dict
-        Name of a node -> its ids: one, or one for each slot; none for a constant.
+        Name of a node -> its ids: one, or one for each slot. Empty for a constant.
     names : dict
         Id -> name, of the nodes with a separate value for each client.
     """

@@ -33,7 +33,7 @@ FEWEST = 3  # least number of values for a guess
 
 @dataclass(frozen=True)
 class Header:
-    """Name of a column without its unit, the unit, and a unit that is stated but not known."""
+    """Name of a column without its unit, the unit, and an unknown stated unit."""
 
     name: str
     bare: str
@@ -170,7 +170,8 @@ def unevenness(values: Array, *, is_one_of_many: bool) -> float:
     once = ONCE if points.size < 3 else 0.0
     needed = float(np.abs(np.diff(values[points])).sum())
     middle = ((values > values.min() + 0.2 * span) & (values < values.min() + 0.8 * span)).mean()
-    # An even stroke spends 60 % of its time in the middle 60 % of its travel; a switched signal almost none.
+    # An even stroke spends 60 % of its time in the middle 60 % of its travel. A switched signal spends almost no time
+    # there.
     return float(np.abs(np.diff(values)).sum()) / needed + 5 * abs(middle - 0.6) + once
 
 

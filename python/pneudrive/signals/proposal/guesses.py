@@ -1,4 +1,4 @@
-"""Roles of the columns of a foreign table, each with its evidence and its rank; close ones are left open."""
+"""Roles of the columns of a foreign table, each with its evidence and its rank. Close candidates are left open."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Roles:
 
 
 def families(names: list[str]) -> list[str]:
-    """Return names, those that differ by their number as one.
+    """Return names, with one entry for names that differ only by their number.
 
     Examples
     --------
@@ -118,7 +118,10 @@ def guess_columns(reading: FileForm, columns: list[Array]) -> Roles:
 
 
 def _on_time(signals: TableSignals, times: Times, at: int) -> Array:
-    """Return a column at the times of the table: a slow one filled, one with its own clock or start aligned."""
+    """Return a column at the times of the table.
+
+    A slow column is filled, and a column with a separate clock or start is aligned.
+    """
     values = signals.columns[at]
     if at in signals.taken:
         return values
@@ -289,7 +292,7 @@ def _side(signals: TableSignals, one: Candidate) -> str | None:
 
 
 def _without_names(roles: Roles, free: list[Candidate]) -> None:
-    """Tell the chambers of pressures apart by the balance of forces, else ask."""
+    """Distinguish the chambers of pressures by the balance of forces, otherwise ask."""
     signals = roles.signals
     if len(free) > 2:
         free = [replace(one, evidence=(*one.evidence, *_trend(roles, one))) for one in free]
@@ -398,7 +401,7 @@ def _toml(place: int | str) -> str:
 
 
 def _choose(roles: Roles, role: str, named: list[Candidate]) -> Candidate | None:
-    """Return the best candidate; close ones are left open, unless they hold one signal."""
+    """Return the best candidate. Close candidates are left open, unless they hold one signal."""
     signals = roles.signals
     named = sorted(named, key=lambda one: -one.score)
     best = named[0]
@@ -459,7 +462,10 @@ def _leave_open(roles: Roles, role: str, why: str, candidates: list[Candidate]) 
 
 
 def _unit(signals: TableSignals, index: int, role: str) -> tuple[str, bool | None, bool]:
-    """Return the unit in the header, else guess it from the size of the numbers; whether it is gauge, and named."""
+    """Return the unit in the header, or a guess from the size of the numbers.
+
+    Also return whether it is gauge, and whether it was named.
+    """
     unit = signals.headers[index].unit
     kind = role.partition("_")[0]
     if unit is not None and unit.si not in ("", "count"):

@@ -116,7 +116,7 @@ def _column_line(guess: Guess, columns: list[NDArray[np.float64]], sign: str) ->
 
 
 def _signal(guess: Guess, values: NDArray[np.float64]) -> str:
-    """Return unit and range of a command that is not a share of full opening: the narrowest usual signal around it."""
+    """Return unit and range of a command that is not an opening fraction: the narrowest usual signal around it."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     unit = guess.unit or "V"
     if low >= -1.0 and high <= 1.0 and guess.unit == "":

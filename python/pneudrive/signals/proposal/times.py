@@ -67,7 +67,7 @@ def find_times(signals: TableSignals) -> Times:
 
 
 def _candidates(signals: TableSignals) -> tuple[list[Candidate], list[int], list[int]]:
-    """Return the columns that may be the time, the best first; those of dates only, and those that count rows."""
+    """Return the columns that may be the time, the best first. Columns of dates only and row counters are separate."""
     found: list[Candidate] = []
     dates: list[int] = []
     numbered: list[int] = []
@@ -95,7 +95,7 @@ def _candidates(signals: TableSignals) -> tuple[list[Candidate], list[int], list
             continue
         if header.role not in (None, "time") and header.unit is None and not is_date:
             continue
-        # Among equals the finer one: fewer samples share a stamp.
+        # Among equal candidates, the finer one is better: fewer samples share a stamp.
         score -= 0.5 * (samples_of_a_stamp(values) > 1.0)
         found.append(Candidate(at, score, tuple(evidence)))
     # A column that only rises is the time if nothing has its name; without names the first one.
@@ -142,7 +142,7 @@ def _is_same_clock(signals: TableSignals, first: int, second: int) -> bool:
 
 
 def _clocks_of(signals: TableSignals, best: int, all_clocks: list[int]) -> dict[int, int]:
-    """Return the clock of each column that has another one than the best: the nearest one to its left."""
+    """Return the clock of each column that does not use the best clock: the nearest clock to its left."""
     other = {at for at in all_clocks if at != best and not _is_same_clock(signals, best, at)}
     if not other:
         return {}
@@ -184,7 +184,7 @@ def _spread(signals: TableSignals, times: Times, count: float, factor: float) ->
 
 
 def _without_column(signals: TableSignals, count: int, numbered: list[int]) -> Times:
-    """Return the time of a table without a column of times: from the rate that the file states, else a question."""
+    """Return the time of a table without a column of times: from the rate in the file, otherwise a question."""
     preamble = signals.reading.preamble
     times = Times(None, np.arange(count, dtype=float))
     if len(set(preamble.steps_s)) > 1:

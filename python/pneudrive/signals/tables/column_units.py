@@ -48,7 +48,7 @@ class ColumnUnit:
 class HeaderUnit:
     """Unit in the header of a foreign file.
 
-    ``si`` is the SI unit of its quantity, or ``count``; it is empty for other quantities. ``unit`` is that of layouts.
+    ``si`` is the SI unit of its quantity, or ``count``. It is empty for other quantities. ``unit`` is that of layouts.
     ``gauge`` has the value None if a pressure is not marked as gauge or absolute.
     """
 

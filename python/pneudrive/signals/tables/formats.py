@@ -43,11 +43,11 @@ def read_columns(
     wanted : list of int or str
         Numbers or names of columns.
     dates : dict, optional
-        Columns of dates and times, with the format of texts; they become seconds since the first one.
+        Columns of dates and times, with the format of texts. They become seconds since the first one.
     rows : tuple of int, optional
         First row and the one after the last, for Parquet; None: all.
     others : bool
-        Every other column of numbers of the same length too, behind the wanted ones.
+        Every other column of numbers with the same length, after the requested ones.
 
     Raises
     ------

@@ -107,7 +107,7 @@ def sniff_text(path: Path) -> FileForm:
     readings = [one for one in readings if one.width - len(one.words) >= 2]
     for least in (MOSTLY, SEGMENTED):
         fit = [one for one in readings if one.share >= least]
-        # White space also stands inside dates: it is the delimiter only if no sign is.
+        # White space is also used inside dates. It is the delimiter only without other signs.
         fit = [one for one in fit if one.form.delimiter is not None] or fit
         if fit:
             worth = max(one.worth for one in fit)
@@ -123,7 +123,7 @@ def sniff_text(path: Path) -> FileForm:
 
 
 def _sample(tail: list[str]) -> list[str]:
-    """Return lines from all parts of a file, fewer of long ones."""
+    """Return lines from all parts of a file, with fewer of long ones."""
     if not tail:
         return []
     width = max(len(line) for line in tail[len(tail) // 2 :][:9]) // 6 + 1
@@ -154,7 +154,7 @@ def _has_several(fields: list[str], mark: str) -> bool:
 
 
 def _read(sample: list[str], form: TextForm) -> _Reading:
-    """Return the share of lines that are numbers in the usual number of columns, that number, and columns of texts."""
+    """Return the fraction of numeric lines with the usual number of columns, this number, and text columns."""
     if len(sample) > 2 * FEW_LINES:
         few = _read(sample[:: len(sample) // FEW_LINES], form)
         if few.share < SEGMENTED:
@@ -281,7 +281,7 @@ def _rows_above(above: list[str], form: TextForm, width: int) -> Iterator[tuple[
 def _are_units(fields: list[str]) -> bool:
     """Return whether most filled fields are units, and at least one is of a known quantity.
 
-    A unit that nobody knows makes one column a guess, not the whole row.
+    An unknown unit makes only its column a guess, not the whole row.
     """
     filled = [text for text in fields if text.strip("- ")]
     known = [unit for text in filled if (unit := header_unit(text)) is not None]

@@ -135,7 +135,7 @@ def number_pattern(form: TextForm) -> str:
 
 
 def _thousands(form: TextForm) -> str:
-    """Return the expression of the separator of thousands; each blank stands for all."""
+    """Return the expression of the separator of thousands. Each blank represents all blanks."""
     mark = form.thousands or ""
     return r"[\s\u00a0\u202f]" if mark.isspace() else re.escape(mark)
 
@@ -153,7 +153,7 @@ def to_number(text: str, form: TextForm) -> float:
 
 
 def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return numbers with NaN for infinite ones and for those with infinite squares."""
+    """Return numbers with NaN in place of infinite numbers and numbers with infinite squares."""
     if values.size and values.min() > -NO_SENSOR and values.max() < NO_SENSOR:  # False if one is NaN
         return values
     return np.where(np.abs(values) < NO_SENSOR, values, np.nan)
@@ -201,9 +201,9 @@ def read_text(
     wanted : list of int or str
         Numbers or names of columns.
     dates : dict, optional
-        Columns of dates and times, with their format; they become seconds since the first one.
+        Columns of dates and times, with their format. They become seconds since the first one.
     others : bool
-        Every other column of numbers too, behind the wanted ones, in the same rows; NaN where it holds none.
+        Every other column with numbers, after the requested ones, in the same rows. NaN for other values.
 
     Raises
     ------

@@ -38,7 +38,7 @@ def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: boo
     moduli : iterable of float
         Possible heights of a jump.
     forward : bool
-        It only grows, like a time: a jump is one back.
+        A counter only grows, like a time. Every jump goes back.
     """
     there = np.flatnonzero(np.isfinite(values))
     some = values[there]
@@ -60,7 +60,7 @@ def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: boo
 
 
 def filled(time: Array, values: Array, *, held: bool = False) -> Array:
-    """Return the values of a slow channel at all times, where it has one in every second row or fewer.
+    """Return the values of a slow channel at all times, if it has a value in every second row or fewer.
 
     The values are interpolated linearly or held. Before the first value and after the last one there is NaN. A channel
     without single values is unchanged.
@@ -81,7 +81,7 @@ def filled(time: Array, values: Array, *, held: bool = False) -> Array:
 
 
 def samples_of_a_stamp(time: Array) -> float:
-    """Return how many samples share one stamp; 1 if most stamps are new.
+    """Return the number of samples that share one stamp. 1 if most stamps are new.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def samples_of_a_stamp(time: Array) -> float:
 
 
 def rate_of_stamps(time: Array) -> float | None:
-    """Return the rate of samples of which many share a stamp, 1/s for stamps in s; None if it is not even."""
+    """Return the rate of samples that share stamps, 1/s for stamps in s. None if the rate is not even."""
     some = time[np.isfinite(time)]
     fresh = np.flatnonzero(np.diff(some) != 0) + 1
     if fresh.size < 3:
@@ -128,7 +128,10 @@ def refuse_equal_stamps(time: Array, column: object, where: str) -> None:
 
 
 def on_clock(time: Array, own: Array, values: Array) -> Array:
-    """Return the values of a channel with its own clock at other times; NaN before its first and behind its last."""
+    """Return the values of a channel with a separate clock at other times.
+
+    NaN before its first and after its last value.
+    """
     there = np.isfinite(own) & np.isfinite(values)
     if there.sum() < 2 or (np.diff(own[there]) < 0).any():
         return np.full(time.size, np.nan)
@@ -161,7 +164,7 @@ def timed(table: NumberTable, columns: Mapping[str, Column], places: Sequence[in
     Raises
     ------
     RecordingError
-        If many samples share a stamp, or the time begins again in a segment.
+        Many samples share a stamp, or the time restarts in a segment.
     """
     read: dict[int | str | None, Array] = dict(zip(places, table.columns, strict=False))
     flags = dict(table.flags)

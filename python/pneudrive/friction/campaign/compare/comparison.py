@@ -42,7 +42,7 @@ class Test:
     difference : Estimate or None
         Second less first; None if it has several parts.
     p : float
-        Probability of such a difference by chance; NaN without a test.
+        Probability of such a large difference by chance. NaN without a test.
     adjusted_p : float
         After Holm's correction for the number of tests.
     different : bool
@@ -239,7 +239,7 @@ def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics)
 def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Iterator[Test]:
     """Compare the scatter of repeated cycles by an F test, if both campaigns have some.
 
-    Residuals of a smooth curve are not scatter alone and are not tested.
+    Residuals of a smooth curve contain more than scatter and are not tested.
     """
     from scipy.special import fdtr, fdtrc, fdtri
 

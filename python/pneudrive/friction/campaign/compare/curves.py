@@ -2,7 +2,7 @@
 
   log F = point + campaign (level + slope u + bend u^2 + pressures) + block + drift + cycle,   u = log10 speed
 
-A point is a speed at a pair of pressures that both campaigns have; cycles scatter in each campaign by its own amount.
+A point is a speed at a pair of pressures that both campaigns have. The scatter of cycles may differ between campaigns.
 """
 
 from __future__ import annotations
@@ -303,7 +303,7 @@ def _model(points: CommonPoints, x: Array) -> MixedModel:
 
 
 def _each(points: CommonPoints, dummies: Array, sign: Array, u: float) -> tuple[Estimate, ...]:
-    """Return the difference at each point by itself."""
+    """Return the separate difference at each point."""
     m = dummies.shape[1]
     x = np.c_[dummies, dummies * sign[:, None]]
     fit = _model(points, x).fit()

@@ -95,7 +95,7 @@ class Fits:
 
     @property
     def has_zero(self) -> bool:
-        """Whether tares show the zero of the force sensor."""
+        """Whether zero runs show the zero of the force sensor."""
         return bool((self.offset.data.curve < 0).any())
 
 
@@ -175,7 +175,7 @@ def _better(data: CurveData) -> CurveFit:
 
 
 def _with_tares(tares: Sequence[CycleData], data: CurveData) -> CurveData:
-    """Add the tares: observations of the zero alone, on no curve."""
+    """Add the zero runs: observations of the zero only, on no curve."""
     ones = np.ones(len(tares))
     added = {
         "y": np.array([t.standing_n for t in tares]),
@@ -259,8 +259,8 @@ def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
 def by_chance(fits: Fits, fit: CurveFit, at: CurveSpeeds) -> tuple[Array, Array, Array]:
     """Return the value, low and high of the 95 % interval by chance, N, with a least width from the scatter there.
 
-    Neighbouring speeds and other pressures contribute, so the model may be more certain of a point than its own cycles
-    are. This is accepted down to `OWN_SHARE`. Between the measured speeds the number of cycles is interpolated.
+    Neighbouring speeds and other pressures contribute, so the model may be more certain of a point than the cycles at
+    this point. This is accepted down to `OWN_SHARE`. Between the measured speeds the number of cycles is interpolated.
     """
     value, low, high = in_newton(fit, fit.at(at.number, at.speed_m_s))
     known, u = at.cycles > 0, np.log(at.speed_m_s)

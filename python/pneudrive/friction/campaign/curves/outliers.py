@@ -49,15 +49,15 @@ class _Taken:
 
 
 def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
-    """Find the wild cycles, as rows of the data.
+    """Find the outliers, as rows of the data.
 
     Returns
     -------
     list of int
         Wild cycles.
     list of list of int
-        Further cycles that may be wild, for each possible reading other than none. Each
-        holds those of the one before.
+        Further cycles that may be outliers, for each hypothesis other than no outlier. Each holds those of the one
+        before.
     """
     if len(data) < ENOUGH:
         return [], []
@@ -90,15 +90,16 @@ def _path(data: CurveData) -> list[_Taken]:
         large = (np.abs(off) > LEAST_SHARE * data.level) & _spare(data, rows)
         suspect = (z > SUSPECT * usual) & large
         if not suspect.any():
-            # Among few cycles, two wild ones hide each other by their scatter: neither stands out before both
-            # are removed. So some are removed on trial.
+            # Among few cycles, two outliers hide each other by their scatter: neither is visible before both are
+            # removed. So some are removed on trial.
             best = min(range(len(path)), key=lambda k: path[k].cost)
             if size > FEW or len(path) - 1 - best >= ON_TRIAL or not large.any():
                 break
             suspect = large
         order = rows[np.flatnonzero(suspect)[np.argsort(-z[suspect])]].tolist()
-        # Among very many cycles a few wild ones change nothing: remove all at once. Among few, one that bends the
-        # curve makes its neighbours look wild: remove the one without which the others are likeliest.
+        # Among very many cycles, a few outliers change nothing: remove all at once. Among few cycles, an outlier that
+        # bends the curve makes its neighbours look like outliers. Remove the cycle without which the others are most
+        # likely.
         tries = [order[: most - len(taken)]] if size > MOST_FOR_SEARCH else [[i] for i in order[:TRIED]]
         found = [(_deviations(data, [*taken, *some], sd), [*taken, *some]) for some in tries]
         (sd, cost), taken = min(found, key=lambda one: one[0][1])
@@ -108,7 +109,7 @@ def _path(data: CurveData) -> list[_Taken]:
 
 
 def _price(data: CurveData) -> float:
-    """Return the negative logarithm of the odds of a wild cycle times its density, relative to a good cycle's."""
+    """Return the negative logarithm of the odds of an outlier times its density, relative to a good cycle's."""
     return float(np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * data.level))
 
 

@@ -197,7 +197,7 @@ def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -
     Returns
     -------
     list of list of int
-        Members of each group, in the order of their middle ones; together every cycle once.
+        Members of each group, in the order of their middle cycles. Together they contain every cycle once.
     int
         Number of neighbouring levels that count as one.
     """
@@ -248,7 +248,7 @@ def block_shares(points: Points) -> tuple[Array | None, str]:
 
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:
-    """Return the share of each label in each row of them, shape (rows, labels)."""
+    """Return the fraction of each label in each row of the group, shape (rows, labels)."""
     column = {label: k for k, label in enumerate(sorted({label for row in labels for label in row}))}
     shares = np.zeros((len(labels), len(column)))
     for i, row in enumerate(labels):
@@ -259,7 +259,7 @@ def shares_of(labels: Sequence[Sequence[int]]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class CurveSpeeds:
-    """Speeds of one curve: the measured ones and some between, shape (m,) each.
+    """Speeds of one curve: the measured ones and some in between, shape (m,) each.
 
     Attributes
     ----------

@@ -73,7 +73,7 @@ class CurveData:
     drift : bool
         Whether the design determines a drift (see `carried_drift`).
     logarithmic : bool
-        The response is the logarithm: curves share their shape, blocks and drift act, in proportion to friction.
+        The response is the logarithm: curves share their shape, and blocks and drift are proportional to friction.
     """
 
     y: Array
@@ -92,7 +92,7 @@ class CurveData:
 
     @property
     def level(self) -> float:
-        """Median size of the response, 1 for a logarithm: the reference of shares of friction."""
+        """Median size of the response, 1 for a logarithm: the reference of friction fractions."""
         return 1.0 if self.logarithmic else float(np.median(np.abs(self.y)))
 
     def part(self, rows: NDArray[np.intp]) -> CurveData:
@@ -212,7 +212,7 @@ class _Basis:
 
 
 def carried_drift(data: CurveData) -> float:
-    """Return the share of a steady drift that curves could absorb: 1 if speed changes only with order."""
+    """Return the fraction of a steady drift that curves could absorb: 1 if speed changes only with order."""
     on = data.curve >= 0
     if on.sum() < 3 or np.ptp(data.order[on]) == 0:
         return 1.0
@@ -250,7 +250,7 @@ def either_chance(fitted: CurveFit) -> CurveFit:
     Parameters
     ----------
     fitted : CurveFit
-        With a scatter that is equal at all frictions in the unit of its response; of positive friction.
+        With a scatter that is equal at all frictions in the unit of its response. Only for positive friction.
     """
     steady = np.exp(fitted.steady()) if fitted.logarithmic else fitted.steady()
     share = np.maximum(steady / steady.mean(), LEAST_FRICTION)
@@ -260,16 +260,16 @@ def either_chance(fitted: CurveFit) -> CurveFit:
 
 
 def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: float, odds: float) -> CurveFit:
-    """Average over several readings of doubtful cycles: all are good, or some are wild.
+    """Average over several outlier hypotheses: all suspect cycles are good, or some are outliers.
 
     Parameters
     ----------
     fitted : CurveFit
         Fit with all of them as good cycles.
     readings : sequence of ndarray of int
-        Rows of its data that are wild, for each other reading.
+        Rows of its data that are outliers, for each other hypothesis.
     spread : float
-        Standard deviation of a wild cycle, in the unit of the response.
+        Standard deviation of an outlier, in the unit of the response.
     odds : float
         Prior odds of a wild cycle.
     """

@@ -1,8 +1,8 @@
 """The reading of the force sensor, divided into the force of the air and the friction of the seal.
 
 While the piston drags, it pumps air through ports, lines and regulators: pressure falls in the chamber that grows and
-rises in the other one. That force opposes the motion like friction and rises with speed. If pressures are
-measured in the chambers, it is known and subtracted; if they are measured at the regulator, it is unknown.
+rises in the other one. The force opposes the motion like friction and rises with speed. If pressures are measured in
+the chambers, it is known and subtracted; if they are measured at the regulator, it is unknown.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def _repeated(fits: Fits) -> bool:
 
 
 def repeatability(fits: Fits) -> Repeatability:
-    """Return the standard deviations of a cycle's friction, from repeats and sentinels if there are any."""
+    """Return the standard deviations of a cycle's friction, from repeats and control runs if there are any."""
     fit, pure = fits.friction, pure_scatter(fits)
     scale = pure.level_n if pure is not None and fit.logarithmic else fits.scale_n
     if pure is not None:
@@ -149,7 +149,7 @@ class Pure:
 
 
 def pure_scatter(fits: Fits) -> Pure | None:
-    """Estimate the standard deviation of a cycle from repeats and sentinels alone, independent of the curves.
+    """Estimate the standard deviation of a cycle only from repeats and control runs, independent of the curves.
 
     Residuals of cycles at one condition and speed without their mean, a line over the campaign and the means of the
     blocks. A point of several cycles scatters less, and has their weight. None if nothing

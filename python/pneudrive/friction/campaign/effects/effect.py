@@ -147,11 +147,11 @@ class Asymmetry:
     ----------
     condition : Condition
     speed_m_s, half_difference_n, low_n, high_n : ndarray, shape (m,)
-        (F(+x) - F(-x)) / 2, without the zero of the sensor if there are tare cycles.
+        (F(+x) - F(-x)) / 2, without the zero of the sensor if there are zero runs.
     mean : Estimate
         Over all speeds; its p tests symmetry.
     basis : str
-        "tare", or "not separable": without tare cycles it includes the zero of the sensor.
+        "tare", or "not separable": without zero runs it includes the zero of the sensor.
     """
 
     condition: Condition
@@ -207,8 +207,8 @@ class Drift:
     basis : str
         sentinels, repeats, smooth curve, not determined.
     spread_n : float
-        Standard deviation of the drift over the cycles: how friction in other states of this campaign differs from the
-        curves, which are those of its mean state. The bands of the curves do not cover it.
+        Standard deviation of the drift over the cycles. It shows how friction in other states of this campaign differs
+        from the curves, which belong to its mean state. The bands of the curves do not cover it.
     """
 
     time_s: Array

@@ -54,7 +54,7 @@ def thresholds(points: Points) -> tuple[StickSlipThreshold, ...]:
         for level, speed in enumerate(points.level_speeds_m_s.tolist()):
             members = _members(points, index, level)
             if members:
-                # An uneven speed alone may come from the axis or its encoder: it shows neither.
+                # An uneven speed may come from the axis or its encoder, and is therefore not sufficient evidence.
                 slips = sum(points.reasons[i] in STICK_SLIP for i in members)
                 steady = sum(points.reasons[i] not in NAMES for i in members)
                 if slips > 0.5 * len(members):

@@ -1,4 +1,4 @@
-"""Zero of the force sensor from tares, and the difference between the directions without it."""
+"""Zero of the force sensor from zero runs, and the difference between the directions without it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FEWEST_TARES = 3  # least number of tares for a drift
 
 
 def sensor_zero(tares: Sequence[CycleData]) -> SensorZero:
-    """Return the zero of each tare and its drift."""
+    """Return the zero of each zero run and its drift."""
     if not tares:
         return SensorZero(np.zeros(0), np.zeros(0), np.zeros(0), None, "not measured")
     time = np.array([t.plan.elapsed_s for t in tares])
@@ -46,7 +46,7 @@ def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
         speeds = at.speed_m_s[at.measured]
         offset = fits.offset.at(at.number, speeds)
         friction = np.full(speeds.size, fits.points.reduced.friction_n[fits.points.condition == at.index].mean())
-        # Without tares it includes the zero, and no statement on symmetry is possible.
+        # Without zero runs it includes the zero, and no statement on symmetry is possible.
         shared = systematic(fits, friction, offset.mean if fits.has_zero else np.zeros(speeds.size), at.index)
         u = shared.zero_n
         half = np.hypot(offset.half_width(), NORMAL_95 * u)

@@ -2,8 +2,8 @@
 
 The largest of many noisy samples is too high, and the largest of smoothed ones is too low. Here one half of the samples
 gives the place of the peak and the other half its height, and the reverse. The noise that selected the place does not
-enter the height. Samples are smoothed by local parabolas. Their width is the largest whose peak agrees with those of
-all narrower ones within noise. A sharp peak is therefore smoothed little and a flat one much.
+enter the height. Samples are smoothed by local parabolas. Their width is the largest whose peak agrees within noise
+with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little and a flat one much.
 """
 
 from __future__ import annotations
@@ -180,7 +180,10 @@ class Noise:
         return float(np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory)))
 
     def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
-        """Return the deviation of a weighted sum of samples `spacing` apart; `share` is that of the white variance."""
+        """Return the deviation of a weighted sum of samples `spacing` apart.
+
+        `share` is the fraction of white variance.
+        """
         variance = share * self.white**2 * float(weights @ weights)
         if self.slow > 0.0:
             lags = np.arange(weights.size) * spacing
@@ -236,7 +239,7 @@ def _search_end(
 
 
 def _even(time: Array, friction: Array) -> tuple[Array, Array]:
-    """Return samples of one rate around the highest; if the rate changes there, thin the denser ones."""
+    """Return samples of one rate around the highest one. If the rate changes there, thin the denser samples."""
     steps = np.diff(time)
     if steps.size < 2:
         return time, friction

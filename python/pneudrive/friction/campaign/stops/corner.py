@@ -56,7 +56,7 @@ def corner_height(
     one_n : float
         Standard deviation of one sample.
     many_n : float
-        The same for a mean of many samples: larger for correlated noise.
+        The same for a mean of many samples. The value is larger for correlated noise.
 
     Returns
     -------

@@ -248,7 +248,7 @@ def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect,
 
 
 def _first_scatter(data: DwellData, x: Array) -> float:
-    """Return a first estimate of the scatter beyond noise: within equal stops, else about lines."""
+    """Return a first estimate of the scatter beyond noise: within equal stops, otherwise about lines."""
     y = data.increment_n
     cell = cells(data.condition, levels(data.log_s, SAME_DURATION))
     counts = np.bincount(cell)
@@ -263,7 +263,7 @@ def _first_scatter(data: DwellData, x: Array) -> float:
 
 
 def _standardised(curve: DwellCurve) -> Array:
-    """Return the distance of each stop from curve and blocks, in its own standard deviations."""
+    """Return the distance of each stop from curve and blocks, in standard deviations of the stop."""
     model, weight = curve.fit.model, curve.weight
     scatter = model.components[0]
     own = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight

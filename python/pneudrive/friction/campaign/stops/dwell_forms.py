@@ -2,8 +2,8 @@
 
   y = a_c + B_c psi(t; shape)      at each condition c; the shape is common to all of them
 
-psi is a growth of the core, named as in drive files, with a time and an exponent. The shape's interval is that of its
-profile: open if the data set no bound.
+psi is a growth of the core, named as in drive files, with a time and an exponent. The shape's interval comes from its
+profile, and is open if the data set no bound.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class DwellLawFit(Shown):
     ----------
     form : DwellForm
     shape : dict
-        Shape parameter -> estimate; one whose interval is open on a side is not determined on that side.
+        Shape parameter -> estimate. A parameter with an open side of its interval is not determined on that side.
     shape_intervals : dict
         Shape parameter -> (low, high), 95 %; 0 or inf where open.
     level_n, amplitude_n : ndarray, shape (C,)

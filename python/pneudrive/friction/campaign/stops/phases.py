@@ -1,4 +1,4 @@
-"""The stop within a cycle: approach, rest, restart; from its steps, else from motion."""
+"""The stop within a cycle: approach, rest, restart. It is found from the cycle's steps, otherwise from motion."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def stop_step(cycle: Cycle) -> int | None:
 
 
 def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[np.int64]) -> int | None:
-    """Find the stop by the numbers of the samples' steps alone: a rest before a move, as long as planned."""
+    """Find the stop only from the steps of the samples: a rest before a move, with the planned duration."""
     if not cycle.stop_s or not cycle.speed_m_s:
         return None
     found: list[tuple[float, int]] = []
@@ -153,7 +153,7 @@ def mean_velocity(recording: Recording, part: slice) -> float:
 
 
 def _by_motion(cycle: Cycle, time_s: Array, position_m: Array) -> Phases | str:
-    """Find the rest that is as long as planned, or the longest one between two moves in one direction."""
+    """Find the rest with the planned duration, or the longest one between two moves in one direction."""
     if time_s.size < 4 * FEWEST or np.ptp(position_m) <= 20 * noise_level(position_m):
         return "nothing moves"
     planned = [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]

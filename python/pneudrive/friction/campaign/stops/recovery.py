@@ -2,8 +2,8 @@
 
   excess(s) = E exp(-s/L) + c        s: travel since the breakaway peak
 
-c is the rest at the end of the move. Friction counts as back when the excess over c has fallen to 5 % of its
-start: this distance does not depend on noise, unlike "no longer distinguishable".
+c is the rest at the end of the move. Friction counts as restored when the excess over c has fallen to 5 % of its start.
+This distance does not depend on noise, unlike "no longer distinguishable".
 """
 
 from __future__ import annotations

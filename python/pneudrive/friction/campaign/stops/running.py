@@ -1,4 +1,4 @@
-"""Uninterrupted sliding as the reference of a stop: strokes without a stop, level at the stop, and along the way."""
+"""Uninterrupted sliding as the reference of a stop: its level at the stop, and its course over the travel."""
 
 from __future__ import annotations
 
@@ -122,13 +122,13 @@ class Running:
     level_n, stderr_n : float
         Level at the stop; NaN if unknown.
     texture_n : float
-        Scatter of friction along the way about that level, beyond noise.
+        Scatter of friction over the travel about that level, beyond noise.
     basis : str
         approach, approach and reference, reference, none.
     stop_m : float
         Position of the level.
     reference_m, reference_n : ndarray, shape (m,)
-        Uninterrupted friction along the way; empty if unknown.
+        Uninterrupted friction over the travel. Empty if unknown.
     """
 
     level_n: float
@@ -218,7 +218,7 @@ def _approach(recording: Recording, phases: Phases, speed: float) -> slice | Non
 def _references(
     strokes: Sequence[UninterruptedStroke], direction: int, speed: float, low: float, high: float, condition: Condition
 ) -> list[UninterruptedStroke]:
-    """Return the strokes in the same direction, speed and condition that cover the way."""
+    """Return the strokes in the same direction, speed and condition that cover the travel."""
     out = []
     for s in strokes:
         alike = s.direction == direction and s.condition == condition
@@ -229,7 +229,7 @@ def _references(
 
 
 def _averaged(strokes: Sequence[UninterruptedStroke]) -> tuple[Array, Array, float]:
-    """Return the mean friction of the strokes along the way, smoothed over three points, and its noise."""
+    """Return the mean friction of the strokes over the travel, smoothed over three points, and its noise."""
     if not strokes:
         return np.zeros(0), np.zeros(0), 0.0
     ends = max(float(s.position_m[0]) for s in strokes), min(float(s.position_m[-1]) for s in strokes)

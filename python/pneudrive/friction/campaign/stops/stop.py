@@ -74,7 +74,7 @@ class Stop(Shown):
     Attributes
     ----------
     index, key, block, repeat
-        As in the header of its file.
+        Values in the header of its file.
     condition : Condition
     direction : int
         Speed of the restart.
@@ -106,7 +106,7 @@ class Stop(Shown):
         None if the peak cannot be separated from running friction.
     trace : StopTrace
     flags : tuple of str
-        Those of `SPOILING`, and inertia, slow_samples, long_loading, duration, reversed, by_motion.
+        Flags of `SPOILING`, and inertia, slow_samples, long_loading, duration, reversed, by_motion.
     """
 
     index: int
@@ -245,7 +245,8 @@ def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_
         ends = [float(channel[max(i - 20, 0) : i + 20].mean()) for i in (begin, at_peak)]
         noise = noise_level(channel, quantisation=False) / np.sqrt(20.0)
         moved += max(abs(ends[1] - ends[0]) - 3.0 * noise, 0.0) * getattr(recording, f"area_{side}_m2")
-    # A force of the air measured in the chambers is corrected; it spoils the result only if it is as large.
+    # A force of the air measured in the chambers is corrected. It spoils the result only if it is as large as the
+    # result.
     if moved > (1.0 if in_chamber else SPOILS) * size:
         yield "pressure_transient"
     if stop.inertia_n > SPOILS * size:
@@ -287,7 +288,7 @@ def find_stops(
     Returns
     -------
     tuple of Stop, tuple of Skipped
-        Stops in running order; and unreadable ones with reasons.
+        Stops in the order of execution, and unreadable ones with reasons.
     """
     known = campaign.scan()[0] if files is None else files
     files = [CycleFile(f.path, replace(f.head, memory={})) for f in known]
