@@ -127,8 +127,7 @@ def _sensor_entries(
     left = common * change / reference if reference else 0.0
     hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
     note = f"{note}; cancels in the pair except for the change of the reading with direction".lstrip("; ")
-    turns = "a third of the accuracy is assumed to change with direction"
-    lost = u * ASSUMED_DIRECTION_SHARE
+    turns, lost = "a third of the accuracy is assumed to change with direction", u * ASSUMED_DIRECTION_SHARE
     return [
         BudgetEntry(f"{name}: common error", u, unit, basis, "B", left, common, note),
         BudgetEntry(f"{name}: hysteresis", lost, unit, "assumed", "B", hysteresis, hysteresis, turns),
@@ -217,10 +216,8 @@ def chance_n(
 
     Parameters
     ----------
-    spreads : mapping
-        Direction -> spread of its strokes' means.
-    rows : mapping
-        Present direction -> balance of each stroke in each bin.
+    spreads, rows : mapping
+        Direction -> spread of its strokes' means; present direction -> balance of each stroke in each bin.
     bins : ndarray of bool
         Bins that enter the mean.
     profile : Profile
@@ -312,10 +309,7 @@ class CycleTerms(SharedTerms):
 
 def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
     """Return the standard uncertainty of friction and of offset, sources taken as independent."""
-    return (
-        float(np.sqrt(sum(e.friction_n**2 for e in entries))),
-        float(np.sqrt(sum(e.offset_n**2 for e in entries))),
-    )
+    return _root(e.friction_n for e in entries), _root(e.offset_n for e in entries)
 
 
 def expanded(stderr_n: float, u_systematic_n: float) -> float:
