@@ -30,7 +30,7 @@ export const isShown = signal(typeof matchMedia === "undefined" || matchMedia("(
 /** Files of some kinds in the folder. */
 export const filesOf = (...kinds: string[]): Listed[] => (studies.value?.files ?? []).filter((one) => kinds.includes(one.kind));
 
-/** The kind of an object; empty while the folder is not read, or where there is no such file. */
+/** Return the kind of an object. Empty while the folder is not read, or for a missing file. */
 export const kindOf = (path: string): string => (inCatalogue(path) ? "drive" : (studies.value?.files.find((one) => one.path === path)?.kind ?? ""));
 
 /** The name of a file in its folder. */

@@ -47,7 +47,7 @@ impl<'a, T> Lifted<'a, T> {
         Some(self.table(|table| f(table).expect("indices have the shape of the value")))
     }
 
-    /// Returns the table, and the table of its shape that has a number wherever one is free.
+    /// Returns the table, and the table of the same shape with the indices of the free numbers.
     pub fn tables(&self) -> impl Iterator<Item = &'a T> {
         std::iter::once(self.value).chain(self.index)
     }

@@ -138,7 +138,7 @@ function columns(u: uPlot, series: number): void {
     if (y[i] === undefined) continue; // a time of another curve
     const [next, to] = [Math.floor((x[i]! - first) * perX), (most - (y[i] ?? Number.NaN)) * perY];
     if (to === to) put(next, to);
-    // The line from the value before: half a step belongs to the column it leaves, half to the one it enters.
+    /* Half of the line from the previous value belongs to the previous column, half to this column. */
     if (to === to && at === at && next !== column) {
       const step = (to - at) / (next - column);
       for (let k = Math.max(column, -1); k < Math.min(next, width); k++) {

@@ -181,7 +181,7 @@ export function Plot(props: PlotProps) {
   const over = props.log ? "frequency" : "time";
   const xUnit = props.xUnit ?? "s";
 
-  // Layout effects: an effect would run behind the next frame, and the curves would come a frame later.
+  /* Layout effects: an effect would run after the next frame, and the curves would come one frame late. */
   useLayoutEffect(() => {
     const at = place.current!;
     const made = new uPlot(

@@ -48,7 +48,7 @@ def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: A
 def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times: float = 1.0) -> float:  # noqa: ANN401
     """Return the stiffness of gas without heat, N/m, at the natural frequency of a mass, times the moving one.
 
-    Gas in lines follows as far as they let it.
+    Gas in lines contributes as far as the lines pass its flow.
     """
     found = dynamic_stiffness(_at(plant, position, pressures), plant.piston, 1j * FAST).real
     if len(plant.nodes) == CHAMBERS:

@@ -186,7 +186,7 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
 def jumps_back(position: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return the samples before jumps over most of the travel, against the motion before and behind them.
 
-    A counter that wraps makes them, and so does one that is reset. No piston moves so.
+    They come from a counter that wraps or is reset. A piston cannot move in this way.
     """
     mask = np.zeros(position.size, dtype=bool)
     steps = np.diff(position)

@@ -1,4 +1,4 @@
-"""Notes on recordings: what was measured, what is in doubt, what is assumed."""
+"""Notes on recordings: measured values, doubts and assumptions."""
 
 from __future__ import annotations
 

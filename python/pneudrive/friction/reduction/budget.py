@@ -117,10 +117,10 @@ def _parallel_entries(recording: Recording, up: DirectionMeans, down: DirectionM
 def _sensor_entries(
     name: str, unit: str, known: tuple[float, str, str], newton_per_unit: float, change: float, reference: float
 ) -> list[BudgetEntry]:
-    """Return the common error, of which only the change with direction remains in the pair, and hysteresis.
+    """Return the entries of a common error and of hysteresis. A pair keeps only the change with direction.
 
     ``known`` is the standard uncertainty with its basis and a note. ``change`` is half the difference of the mean
-    readings of both directions, ``reference`` the reading at which the whole accuracy may be an error of gain.
+    readings of both directions. ``reference`` is the reading at which the whole accuracy may be an error of gain.
     """
     u, basis, note = known
     common = u * newton_per_unit
@@ -258,11 +258,11 @@ class SharedTerms:
     zero_n: Array
 
     def friction_n(self) -> Array:
-        """Return that of half the difference of both directions, in the mean state of the campaign."""
+        """Return the uncertainty of half the difference of both directions, in the mean state of the campaign."""
         return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
 
     def direction_n(self) -> Array:
-        """Return that of one direction."""
+        """Return the uncertainty of one direction."""
         return np.hypot(self.friction_n(), self.zero_n)
 
 

@@ -1,4 +1,4 @@
-"""Comparability of two campaigns: what rig and protocol should share (checks.toml)."""
+"""Comparability of two campaigns: required common properties of rig and protocol (checks.toml)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sentences on what the stops of a series determine, and what they do not."""
+"""Sentences on determined and undetermined values of the stops of a series."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 
 
 def dwell_statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Statement]:
-    """Return statements on what the stops of a series determine."""
+    """Return statements on the values that the stops of a series determine."""
     where = f"Stops ({series.name})"
     yield from _spoiled(where, stops)
     durations = series.curve.data.durations if series.curve is not None else 0
