@@ -61,6 +61,7 @@ interface Sizing {
   said: string[];
   assumed: string[];
   asked: { least: number; draws: number } | null;
+  provisional: string;
 }
 
 interface Task {
@@ -81,12 +82,15 @@ const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
 const file = signal("task.toml");
 const name = signal("sizing");
-const least = signal(100);
+const least = signal(10);
 const draws = signal(256);
 const found = signal<(Sizing & { folder: string }) | null>(null);
 const chosen = signal("");
 const pinned = signal<string[]>([]);
-const order = signal<{ by: string; down: boolean }>({ by: "air", down: false });
+const order = signal<{ by: string; down: boolean }>({ by: "place", down: false });
+
+/** Whether the table shows every choice, or the best of each cylinder. */
+const isWhole = signal(false);
 
 const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
 const isFile = computed(() => isToml(path.value));
@@ -289,7 +293,7 @@ function TaskView() {
 
 const Least = () => (
   <label>
-    Choices to simulate at least <NumberField low={1} high={1000} whole value={least.value} put={(one) => (least.value = one)} />
+    Choices to simulate at least <NumberField low={1} high={100} whole value={least.value} put={(one) => (least.value = one)} />
   </label>
 );
 
@@ -311,6 +315,8 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
   const meets = now.candidates.filter((one) => one.meets).length;
   return (
     <>
+      {(now.said[0] || now.provisional) && <p class="answer" data-answer><b>{now.said[0] ?? now.provisional}</b></p>}
+      {now.candidates.some((one) => one.file) && <DataSheet folder={folder} />}
       <p class="banner">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
       <p data-state={running || now.searched ? "running" : now.done ? "done" : "stopped"} data-simulated={now.candidates.length}>
         {now.candidates.length} candidates simulated, {meets} meet the task; {now.short} choices are short of it even in the nominal case.{" "}
@@ -346,9 +352,9 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       {done && <p>{copy}</p>}
       {done && copied}
       {now.said.length > 0 && (
-        <details>
-          <summary>How the search went</summary>
-          <ul>{now.said.map((one) => <li key={one}>{one}</li>)}</ul>
+        <details open>
+          <summary>Reasons, savings, checks, and the size of the search</summary>
+          <ul>{now.said.slice(1).map((one) => <li key={one}>{one}</li>)}</ul>
         </details>
       )}
       {now.candidates.length > 0 && (
@@ -358,11 +364,34 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
             <Candidates now={now} way="back" />
           </div>
           <p class="note">Times, speeds, energies and load ratios are those that 1 % of the draws pass; below each the values between which 98 % lie. Air: the mean. Circle: meets the task. Cross: misses a limit. Ring: chosen or pinned.</p>
+          <p class="row">
+            <label>
+              <input type="checkbox" checked={isWhole.value} onChange={(event) => (isWhole.value = event.currentTarget.checked)} /> Every simulated choice, not only the best of each cylinder
+            </label>
+          </p>
           <Table now={now} />
           <Chosen now={now} />
         </>
       )}
     </>
+  );
+}
+
+/** Button that writes the data sheet of the best, and the link to it. */
+function DataSheet({ folder }: { folder: string }) {
+  const own = `${folder.slice(folder.lastIndexOf("/") + 1)}-sheet`;
+  const job = jobs.value.find((one) => one.out === `results/${own}`);
+  const start = () =>
+    attempt(async () => {
+      await ask("/api/jobs", { kind: "datasheet", file: `${folder}/01.toml`, name: own });
+      void follow();
+    });
+  return (
+    <div class="row" data-sheet={job?.state ?? "none"}>
+      <button type="button" disabled={job?.state === "running"} onClick={() => void start()}>Data sheet of the best</button>
+      {job?.state === "running" && "The data sheet is being written."}
+      <ReportOf folder={`results/${own}`} changed={job?.state} />
+    </div>
   );
 }
 
@@ -430,12 +459,21 @@ const COLUMNS: Column[] = [
 ];
 const MOST_ROWS = 200;
 
+/** The best of each cylinder and pinned choices; all choices as long as nothing is ranked. */
+function bestOfEach(every: Candidate[]): Candidate[] {
+  const ranked = every.filter((one) => one.place !== null).sort((a, b) => a.place! - b.place!);
+  if (!ranked.length) return [...every];
+  const first = new Map<string, Candidate>();
+  for (const one of ranked) if (!first.has(one.parts["cylinder"]!)) first.set(one.parts["cylinder"]!, one);
+  return every.filter((one) => pinned.value.includes(one.name) || first.get(one.parts["cylinder"]!) === one);
+}
+
 /** Candidates in the order of a column, pinned ones first. Values that miss their limit are marked. */
 function Table({ now }: { now: Sizing }) {
   const { by, down } = order.value;
   const value = COLUMNS.find((one) => one[1] === by)![2];
   const at = (one: Candidate) => value(one) ?? (down ? -Infinity : Infinity); // without a value: last either way
-  const rows = [...now.candidates].sort((a, b) => {
+  const rows = (isWhole.value ? [...now.candidates] : bestOfEach(now.candidates)).sort((a, b) => {
     const pins = Number(pinned.value.includes(b.name)) - Number(pinned.value.includes(a.name));
     return pins || (down ? -1 : 1) * (at(a) === at(b) ? 0 : at(a) - at(b));
   });

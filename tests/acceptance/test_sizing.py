@@ -26,7 +26,7 @@ from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune
 
 SMALL = ["parker*", "pneumax*", "smc-c[my]*", "ckd*", "festo-[dm]*", "smc-sy[79]*", "smc-tu0[48]*", "smc-tu1*"]
-SMALL += ["festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4"]
+SMALL += ["smc-cd8*", "smc-cp*", "smc-c5*", "smc-mg*", "festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4"]
 TASK: dict[str, Any] = {
     "name": "push",
     "mass": "2 kg",

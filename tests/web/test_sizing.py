@@ -29,7 +29,7 @@ return_time = "0.6 s"
 impact_energy = "0.25 J"
 exclude = [
   "parker*", "pneumax*", "smc-c[my]*", "ckd*", "festo-[dm]*", "smc-sy[79]*", "smc-tu0[48]*", "smc-tu1*",
-  "festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4",
+  "festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4", "smc-cd8*", "smc-cp*", "smc-c5*", "smc-mg*",
 ]
 
 [supply]

@@ -34,6 +34,7 @@ def datasheet(
     from pneudrive.report.datasheet import SUFFIXES, write_datasheet
     from pneudrive.trajectory import check_target
 
+    out.parent.mkdir(parents=True, exist_ok=True)
     check_target(out, SUFFIXES)
     found = build(load_described(drive), recordings or [], layout, on_terminal(), intervals=intervals)
     show_lines(found.headlines)

@@ -115,7 +115,7 @@ def size(
     --------
     >>> import pneudrive as pn
     >>> task = {"mass": "2 kg", "stroke": "100 mm", "time": "0.5 s", "supply": {"pressure": "6 bar gauge"}}
-    >>> task["exclude"] = ["parker*", "pneumax*", "smc-c*", "ckd*", "festo-gr*", "smc-tu0[48]*", "smc-tu1*"]
+    >>> task["exclude"] = ["parker*", "pneumax*", "smc-[cm]*", "ckd*", "festo-gr*", "smc-tu0[48]*", "smc-tu1*"]
     >>> found = pn.size(task, draws=16, draws_best=16)
     >>> found.best.parts["cylinder"]
     'festo-dsbg-32-100'
@@ -237,7 +237,8 @@ class Search:
         miss = None
         if not ranked and (self.shortages or short or simulated) and (complete or not self.provisional):
             miss = nearest_miss(self.task, simulated, short, self.shortages)
-            miss = replace(miss, possible=tuple(nearest_possible(self.task, self.found, self.bounds)))
+            if not left:
+                miss = replace(miss, possible=tuple(nearest_possible(self.task, self.found, self.bounds)))
         lost = [Dropped(one.choice.parts, 1, *one.lost.partition(": ")[::2]) for one in self.candidates if one.lost]
         return SizingResult(
             *(self.task, self.enumerated, left, counts, self.tuned, tuple(simulated), tuple(ranked)),

@@ -66,6 +66,7 @@ JOBS = {
     "identify": "validation",
     "apply": "validation",
     "size": "sizing",
+    "datasheet": "sizing",
     "export": "handover",
     "datasheet": "datasheet",
 }
