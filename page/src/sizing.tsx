@@ -380,10 +380,10 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
 /** Button that writes the data sheet of the best, and the link to it. */
 function DataSheet({ folder }: { folder: string }) {
   const own = `${folder.slice(folder.lastIndexOf("/") + 1)}-sheet`;
-  const job = jobs.value.find((one) => one.out === `results/${own}`);
+  const job = jobs.value.find((one) => one.out === `results/${own}/report.html`);
   const start = () =>
     attempt(async () => {
-      await ask("/api/jobs", { kind: "datasheet", file: `${folder}/01.toml`, name: own });
+      await ask("/api/jobs", { kind: "datasheet", drive: `${folder}/01.toml`, name: own });
       void follow();
     });
   return (

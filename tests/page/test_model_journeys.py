@@ -234,7 +234,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     page.wait_for_selector("[data-sheet=done]", timeout=LONG)
     with page.context.expect_page() as opened:
         page.click("[data-sheet] >> text=Open the report")
-    opened.value.wait_for_selector("text=air per full cycle")
+    opened.value.wait_for_selector("#numbers td")
     opened.value.close()
     page.click(f"{row} >> a")
     page.wait_for_selector("g[data-key=cylinder]")

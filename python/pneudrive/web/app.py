@@ -66,7 +66,6 @@ JOBS = {
     "identify": "validation",
     "apply": "validation",
     "size": "sizing",
-    "datasheet": "sizing",
     "export": "handover",
     "datasheet": "datasheet",
 }

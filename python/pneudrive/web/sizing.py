@@ -60,21 +60,6 @@ def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     return AskedJob(("size", safe(str(task)), *counts, "--out", out), out, is_new=is_new, python=python)
 
 
-def datasheet_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that writes the data sheet of a drive or circuit file as the report of a folder.
-
-    Raises
-    ------
-    CommandError
-        The file is not in the workspace.
-    """
-    file = given.get("file")
-    if not workspace.path(file, DESCRIPTIONS).is_file():  # type: ignore[arg-type]
-        raise CommandError(f"there is no file {file}", remedy="Save it first.")
-    out = f"{RESULTS}/{folder_name(given.get('name'))}"
-    return AskedJob(("datasheet", safe(str(file)), "--out", f"{out}/report.html"), out, is_new=False)
-
-
 def checked_task(text: str) -> dict[str, Any]:
     """Check the text of a task and return its problems, or its full content."""
     try:
