@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 from pneudrive.datasheet.air import losses
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.errors import PneudriveWarning
+from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
 from pneudrive.simulate import run
 from pneudrive.start import circuit_of, is_circuit, read_initial
@@ -59,11 +60,11 @@ class EnergyBalance(Shown):
 
     def _card(self) -> Card:
         rows = [
-            ("over the boundary, positive inward", name, f"{value:.5g} J") for name, value in self.accounts_j.items()
+            ("over the boundary, positive inward", name, f"{plain(value)} J") for name, value in self.accounts_j.items()
         ]
-        rows += [("exergy lost", name, f"{value:.5g} J") for name, value in self.lost_j.items()]
-        rows += [("exergy lost", "all", f"{sum(self.lost_j.values()):.5g} J")]
-        rows += [("air given", name, f"{value:.5g} l ANR") for name, value in self.air_litres_anr.items()]
+        rows += [("exergy lost", name, f"{plain(value)} J") for name, value in self.lost_j.items()]
+        rows += [("exergy lost", "all", f"{plain(sum(self.lost_j.values()))} J")]
+        rows += [("air given", name, f"{plain(value)} l ANR") for name, value in self.air_litres_anr.items()]
         notes = [f"Not explained: {self.open_share:.1e} of the energy turned over. Simulated."]
         return Card("Energy of the run", ("what", "where", "value"), rows, notes)
 

@@ -11,6 +11,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.errors import CommandError, DescriptionError, SimulationError
+from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
@@ -68,12 +69,12 @@ class Equilibrium(Shown):
     def _card(self) -> Card:
         rows = [
             ("command", f"{self.command:g}"),
-            ("position, velocity", f"{1e3 * self.position_m:.5g} mm, {self.velocity_m_s:.5g} m/s"),
-            ("pressures", f"{1e-5 * self.pressure_a_pa:.5g}, {1e-5 * self.pressure_b_pa:.5g} bar abs"),
-            ("temperatures", f"{self.temperature_a_k:.5g}, {self.temperature_b_k:.5g} K"),
-            ("force without friction", f"{self.gas_force_n:.5g} N"),
-            ("friction", f"{self.friction_n:.5g} N"),
-            ("load that balances it", f"{self.load_n:.5g} N"),
+            ("position, velocity", f"{plain(1e3 * self.position_m)} mm, {plain(self.velocity_m_s)} m/s"),
+            ("pressures", f"{plain(1e-5 * self.pressure_a_pa)}, {plain(1e-5 * self.pressure_b_pa)} bar abs"),
+            ("temperatures", f"{plain(self.temperature_a_k)}, {plain(self.temperature_b_k)} K"),
+            ("force without friction", f"{plain(self.gas_force_n)} N"),
+            ("friction", f"{plain(self.friction_n)} N"),
+            ("load that balances it", f"{plain(self.load_n)} N"),
         ]
         return Card("equilibrium", rows=rows)
 

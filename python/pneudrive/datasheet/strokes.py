@@ -10,6 +10,7 @@ import numpy as np
 
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import CommandError
+from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
 from pneudrive.signals.motion import straight_line
 from pneudrive.trajectory import columns as columns_of
@@ -93,7 +94,9 @@ class StrokeNumbers(Shown):
     def _card(self) -> Card:
         where = "b" if self.direction > 0 else "a"
         units = {name: unit for name, (unit, _) in STROKE_MEANING.items()}
-        rows = [(name, f"{value:.5g} {units[name]}") for name, value in self.to_dict().items() if not math.isnan(value)]
+        rows = [
+            (name, f"{plain(value)} {units[name]}") for name, value in self.to_dict().items() if not math.isnan(value)
+        ]
         late = f"times from the command may be longer by up to {self.begin_within:.3g} s, the interval of the samples"
         return Card(f"stroke towards the end of chamber {where}", rows=rows, notes=[late] if self.begin_within else [])
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from pneudrive.numbers import plain
+
 NARROWEST = 1e-6  # relative width of an interval that is not shown: rounding
 #: Unit in SI -> factor and unit in which it is shown.
 SHOWN_UNITS = {
@@ -29,16 +31,16 @@ def written_value(value: float, unit: str, low: float | None = None, high: float
     Examples
     --------
     >>> written_value(5.3005e5, "Pa"), written_value(0.209, "s", 0.2, 0.215), written_value(math.nan, "s")
-    ('5.3005 bar', '0.209 s (0.2 .. 0.215)', 'none')
+    ('5.30 bar', '0.209 s (0.200 .. 0.215)', 'none')
     """
     factor, shown = shown_unit(unit)
     if math.isnan(value):
         return "none"
     if math.isinf(value):
         return "infinite"
-    text = f"{factor * value:.5g}{'' if shown == '1' else f' {shown}'}"
+    text = f"{plain(factor * value)}{'' if shown == '1' else f' {shown}'}"
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return text
-    ends = [f"{factor * end:.4g}" for end in (low, high)]
+    ends = [plain(factor * end) for end in (low, high)]
     narrow = ends[0] == ends[1] or high - low <= NARROWEST * max(abs(value), 1e-6)
     return text if narrow else f"{text} ({ends[0]} .. {ends[1]})"

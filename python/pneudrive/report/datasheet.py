@@ -9,6 +9,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.datasheet.registry import characteristics
 from pneudrive.datasheet.words import written_value
+from pneudrive.numbers import plain
 from pneudrive.report import style
 from pneudrive.report.axes import TINT
 from pneudrive.report.circuit_drawing import draw_circuit
@@ -129,7 +130,7 @@ def _published(found: Datasheet) -> PageTable | None:
     columns = [100.0 * table.difference.to_numpy(), table.computed.to_numpy(), table.printed.to_numpy()]
     rows = []
     for name, more, computed, printed in zip(table["figure"].to_numpy(), *columns, strict=True):
-        rows.append((str(name), f"{printed:.5g}", f"{computed:.5g}", f"{more:+.2g} %"))
+        rows.append((str(name), plain(printed), plain(computed), f"{more:+.2g} %"))
     head = ("printed figure, SI", "printed", "of this drive", "difference")
     return PageTable(head, tuple(rows), "Published figures of the parts")
 

@@ -228,7 +228,7 @@ def test_every_characteristic_says_what_it_is(tmp_path, capsys):
     step = ["characteristic", "catalogue:reference", "step-response", "--set", "command = 0.6"]
     start = ["--set", "position = 0.05", "--set", "pressures = 3 bar abs"]
     assert run([*step, *start]) == 0
-    assert "0.20843 s" in capsys.readouterr().out
+    assert "0.208 s" in capsys.readouterr().out
     for wrong in ("command = abc", "command = 3", "position = 3", "position = 3 bar"):
         assert run(["characteristic", "catalogue:reference", "step-response", "--set", wrong]) in (1, 2), wrong
     for wrong in ("points = 2.5", "points = 3, 4", "pressure = 1", "points"):

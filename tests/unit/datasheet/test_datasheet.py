@@ -58,7 +58,7 @@ def test_a_datasheet_beside_an_independent_model(tmp_path, monkeypatch, capsys):
     said = capsys.readouterr().out
     assert "22 of 22 numbers agree" in said.replace("\n", " ")
     text = page.read_text(encoding="utf-8")
-    assert re.search(r"end energy</td>.*?11\.84 J", text, re.DOTALL)
+    assert re.search(r"end energy</td>.*?11\.8 J", text, re.DOTALL)
     assert text.count("<svg") == 3
     assert not re.search(r'(src|href)="(?!#|data:)', text)
     assert "assumed: reference drive" in text
