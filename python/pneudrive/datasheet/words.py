@@ -34,10 +34,8 @@ def written_value(value: float, unit: str, low: float | None = None, high: float
     ('5.30 bar', '0.209 s (0.200 .. 0.215)', 'none')
     """
     factor, shown = shown_unit(unit)
-    if math.isnan(value):
-        return "none"
-    if math.isinf(value):
-        return "infinite"
+    if not math.isfinite(value):
+        return "none" if math.isnan(value) else "infinite"
     text = f"{plain(factor * value)}{'' if shown == '1' else f' {shown}'}"
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return text
