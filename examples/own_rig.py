@@ -1,4 +1,4 @@
-"""A laboratory's own bench as a rig: pneudrive campaign run quick-look --rig own_rig.py:make_rig --into DIR.
+"""A laboratory's own bench as a rig: pneudrive campaign run quick-look --rig own_rig.py:make_rig --out DIR.
 
 `Bench` is the binding; `Axis`, `Regulator` and `Daq` stand for the drivers that come with the hardware.
 """

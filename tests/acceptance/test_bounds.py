@@ -65,7 +65,7 @@ def test_a_protocol_that_asks_for_too_much(case, tmp_path, capfd):
     path = tmp_path / "protocol.toml"
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     refused(["campaign", "plan", str(path)], said, tmp_path, capfd)
-    refused(["campaign", "run", str(path), "--into", str(tmp_path / "new"), "--yes"], said, tmp_path, capfd)
+    refused(["campaign", "run", str(path), "--out", str(tmp_path / "new"), "--yes"], said, tmp_path, capfd)
 
 
 @pytest.fixture(scope="module")

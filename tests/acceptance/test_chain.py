@@ -146,7 +146,7 @@ def chain(tmp_path_factory):
     at = {
         name: str(folder / name) for name in ("rig.toml", "protocol.toml", "drive.toml", "c", "results", "applied.toml")
     }
-    assert run(["campaign", "run", at["protocol.toml"], "--rig", at["rig.toml"], "--into", at["c"], "--yes"]) == 0
+    assert run(["campaign", "run", at["protocol.toml"], "--rig", at["rig.toml"], "--out", at["c"], "--yes"]) == 0
     assert run(["characterise", at["c"], "--out", at["results"]]) == 0
     assert run(["apply", str(folder / "results/fit.toml"), at["drive.toml"], "--out", at["applied.toml"]]) == 0
     return folder

@@ -59,5 +59,5 @@ def run(folder: str, protocol: str) -> None:
         contextlib.redirect_stdout(nowhere),
         contextlib.redirect_stderr(nowhere),
     ):
-        status = pneudrive(["campaign", "run", protocol, "--into", folder, "--operator", "anna", "--yes"])
+        status = pneudrive(["campaign", "run", protocol, "--out", folder, "--operator", "anna", "--yes"])
     sys.exit(status)

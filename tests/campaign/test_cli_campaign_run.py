@@ -37,7 +37,7 @@ def asked(tmp_path):
 
 
 def test_run_and_status(folder, asked, capsys):
-    assert run(["campaign", "run", asked, "--into", str(folder), "--operator", "anna", "--label", "seal=B"]) == 0
+    assert run(["campaign", "run", asked, "--out", str(folder), "--operator", "anna", "--label", "seal=B"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("Small campaign: 10 cycles, ")
     assert any(line.startswith("1/10 b1/warm-up") for line in lines)
@@ -63,10 +63,10 @@ def test_run_and_status(folder, asked, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["run", "nothing.toml", "--into", "c"], "nothing.toml"),
-        (["run", "quick-look", "--into", "c", "--rig", "nothing"], "'nothing' is not a rig"),
-        (["run", "quick-look", "--into", "c", "--label", "seal"], "--label seal has no value"),
-        (["run", "quick-look", "--into", "c", "--patience", "long"], "--patience long is not a time"),
+        (["run", "nothing.toml", "--out", "c"], "nothing.toml"),
+        (["run", "quick-look", "--out", "c", "--rig", "nothing"], "'nothing' is not a rig"),
+        (["run", "quick-look", "--out", "c", "--label", "seal"], "--label seal has no value"),
+        (["run", "quick-look", "--out", "c", "--timeout", "long"], "--timeout long is not a time"),
         (["resume", "c"], "this is not a campaign folder"),
         (["status", "c"], "this is not a campaign folder"),
         (["pause", "c"], "no process works in this campaign folder"),
@@ -82,7 +82,7 @@ def test_what_cannot_be_done_is_one_clear_message(tmp_path, monkeypatch, capsys,
 
 def test_a_fault_while_running_is_status_1_and_says_how_to_go_on(folder, asked, capsys, monkeypatch):
     monkeypatch.setattr(FakeRig, "set_pressure", lambda self, a, b: (_ for _ in ()).throw(OSError("valve stuck")))
-    assert run(["campaign", "run", asked, "--into", str(folder), "--rig", "campaign.fake_rig:FakeRig"]) == 1
+    assert run(["campaign", "run", asked, "--out", str(folder), "--rig", "campaign.fake_rig:FakeRig"]) == 1
     error = capsys.readouterr().err
     assert "the rig's own code failed: OSError: valve stuck" in error
     assert f"pneudrive campaign resume {folder}" in error
@@ -91,7 +91,7 @@ def test_a_fault_while_running_is_status_1_and_says_how_to_go_on(folder, asked, 
 def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys):
     """One process runs in real time, this one talks to it."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "pneudrive", "campaign", "run", asked, "--into", str(folder), "--pace", "20"],
+        [sys.executable, "-m", "pneudrive", "campaign", "run", asked, "--out", str(folder), "--speed", "20"],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         text=True,
@@ -106,7 +106,7 @@ def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys):
     while holder(folder).state != "paused":
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    assert run(["campaign", "run", asked, "--into", str(folder)]) == 2
+    assert run(["campaign", "run", asked, "--out", str(folder)]) == 2
     assert "another process works in this campaign folder" in capsys.readouterr().err
     run(["campaign", "status", str(folder)])
     assert f"in work by process {process.pid}" in capsys.readouterr().out

@@ -65,7 +65,7 @@ class Server:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
-        self.options = ["default", "--port", str(self.port), "--pace", str(PACE), "--seed", str(seed)]
+        self.options = ["default", "--port", str(self.port), "--speed", str(PACE), "--seed", str(seed)]
         self.context = multiprocessing.get_context("forkserver")
         self.context.set_forkserver_preload(["connect.served_child"])
         self.kills, self.over = 0, threading.Event()

@@ -32,7 +32,7 @@ settled_time = "0 s"
 def test_a_campaign_on_the_example(tmp_path):
     (tmp_path / "two.toml").write_text(PROTOCOL)
     arguments = ["campaign", "run", str(tmp_path / "two.toml"), "--rig", f"{EXAMPLE}:make_rig"]
-    assert run([*arguments, "--into", str(tmp_path / "there")]) == 0
+    assert run([*arguments, "--out", str(tmp_path / "there")]) == 0
     files = list(Campaign.open(tmp_path / "there").cycles())
     assert [file.head.cycle.speed_m_s for file in files] == pytest.approx([0.1, 0.3])
     assert all(not file.head.flags for file in files)

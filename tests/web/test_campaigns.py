@@ -54,7 +54,7 @@ def bits(folder: Path) -> dict[str, np.ndarray]:
 def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
     (served.folder / "speeds.toml").write_text(PROTOCOL)
     job = post(served, "/api/campaigns", {"protocol": "speeds.toml", "name": "first", "pace": 1})
-    line = "pneudrive campaign run speeds.toml --rig default --into campaigns/first --yes --pace 1"
+    line = "pneudrive campaign run speeds.toml --rig default --out campaigns/first --yes --speed 1"
     assert job["command"].splitlines()[-1] == line
     seen = until(served, 1)
     assert seen["synthetic"]

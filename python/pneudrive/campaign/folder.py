@@ -301,7 +301,7 @@ class Campaign(Shown):
                 where=str(folder),
                 value=f"there is no {missing[0]}",
                 rule=f"it has {RIG}, {ABOUT} and {CYCLES}/",
-                remedy=f"Was a campaign killed before its start? pneudrive campaign run PROTOCOL --into {folder}",
+                remedy=f"Was a campaign killed before its start? pneudrive campaign run PROTOCOL --out {folder}",
             )
         if exists(folder / CYCLES) and not (folder / CYCLES).is_dir():
             raise CampaignError(

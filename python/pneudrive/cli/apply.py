@@ -26,7 +26,10 @@ def apply(
     out: Annotated[Path | None, typer.Option(help="Drive file to write; default: standard output.")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Put the determined values of a fit into a drive, each with its interval and its recordings; or into a tank."""
+    """Put the determined values of a fit into a drive or a tank.
+
+    Each value keeps its interval and its recordings.
+    """
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tank import Tank
     from pneudrive.errors import CommandError

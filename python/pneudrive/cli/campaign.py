@@ -26,7 +26,7 @@ campaign = group(
 
 @campaign.callback()
 def _campaign() -> None:
-    """Friction campaigns: plan, run on a rig, watch, resume after an interruption."""
+    """Plan, run, watch and resume friction campaigns."""
 
 
 def plan(

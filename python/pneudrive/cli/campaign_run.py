@@ -28,17 +28,19 @@ Operator = Annotated[
 Yes = Annotated[bool, typer.Option("--yes", help="Treat every step of the operator as done, without asking.")]
 Pace = Annotated[
     float | None,
-    typer.Option(help="Speed of a simulated rig relative to real time; 1: real time. Absent: as fast as possible."),
+    typer.Option("--speed", help="Speed of a simulated rig; 1: real time. Default: as fast as possible."),
 ]
 Patience = Annotated[
     str,
-    typer.Option(help="Longest wait until conditions (supply pressure, temperature, force, a fault) are normal again."),
+    typer.Option(
+        "--timeout", help="Longest wait for normal conditions (supply pressure, temperature, force, no fault)."
+    ),
 ]
 
 
 def run(
     protocol: Protocol,
-    into: Annotated[Path, typer.Option(help="Campaign folder.", metavar="DIR")],
+    into: Annotated[Path, typer.Option("--out", help="Campaign folder.", metavar="DIR")],
     rig: BenchRig = "default",
     operator: Operator = "",
     label: Annotated[
@@ -48,7 +50,10 @@ def run(
     pace: Pace = None,
     patience: Patience = "10 min",
 ) -> None:
-    """Run a campaign on a rig into a folder; Ctrl-C pauses after the cycle, a second Ctrl-C stops the axis now."""
+    """Run a campaign on a rig into a folder.
+
+    Ctrl-C pauses after the cycle. A second Ctrl-C stops the axis now.
+    """
     from pneudrive.campaign.run import run_campaign
 
     labels = _labels(label or [])
@@ -167,9 +172,9 @@ def _options(operator: str, yes: bool, patience: str) -> Options:
     try:
         seconds = units.parse(patience, "s")
     except PneudriveError as error:
-        raise CommandError(f"--patience {patience} is not a time", value=str(error)) from None
+        raise CommandError(f"--timeout {patience} is not a time", value=str(error)) from None
     if seconds < 0.0:
-        raise CommandError(f"--patience {patience} is out of bounds", rule="zero or more")
+        raise CommandError(f"--timeout {patience} is out of bounds", rule="zero or more")
     return Options(operator=operator, yes=yes, patience_s=seconds)
 
 

@@ -36,7 +36,7 @@ def catalogue(
         ),
     ] = None,
 ) -> None:
-    """List parts and drives; with a name, each of its values with its source or the reason of an assumption."""
+    """List parts and drives, or the values and sources of one of them."""
     from pneudrive.describe.catalogue import entries, entry
 
     search = {"kind": kind, "bore": bore, "stroke": stroke, "flow": flow}

@@ -40,7 +40,9 @@ def characterise(
     protocol: Samples = "settled",
     law: Annotated[str, typer.Option(help="Friction law of fit.toml: coulomb or stribeck.")] = "stribeck",
 ) -> None:
-    """Characterise recordings: friction map (map.parquet, map.csv), fit (fit.toml), report.html.
+    """Evaluate recordings or a campaign: friction with uncertainty.
+
+    The files are map.parquet, map.csv, fit.toml and report.html.
 
     Also writes curves.parquet, effects.toml, and statements on the data.
     Each seal and mounting has its own curves and fit.

@@ -32,7 +32,7 @@ def characteristic(
     intervals: Annotated[bool, typer.Option(help="Carry intervals of identified values through.")] = True,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Show a characteristic of a drive: definition, results with units and intervals, standard."""
+    """Show a characteristic of a drive, with definition and standard."""
     from pneudrive.datasheet.registry import characteristics
 
     if not name:

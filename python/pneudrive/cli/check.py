@@ -16,7 +16,7 @@ def check(
     drive: Described,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Check a drive or a circuit, and list assumed values and values with a source."""
+    """Check a drive or a circuit, and list the sources of its values."""
     from pneudrive.describe.load import load_described
     from pneudrive.start import circuit_of
 

@@ -27,8 +27,9 @@ def compare(
     out: Results = Path("comparison"),
     protocol: Samples = "settled",
 ) -> None:
-    """Compare two campaigns (new and worn, two seals): report.html, comparison.toml. Or two drives or fits: a table.
+    """Compare two campaigns, two drives or two fits.
 
+    Two campaigns (new and worn, two seals) give report.html and comparison.toml.
     Two drive files, or two fits of one kind, are compared value by value; nothing is written.
     """
     from pneudrive.errors import CommandError

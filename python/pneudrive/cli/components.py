@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def components(
     kind: Annotated[str | None, typer.Argument(help="Kind to show.", metavar="KIND")] = None,
 ) -> None:
-    """List the components of circuits; with a kind, its ports, parameters and sources."""
+    """List the components of circuits, or the parameters of one kind."""
     from pneudrive.describe.components import component_kinds
     from pneudrive.errors import CommandError, nearest
 

@@ -27,7 +27,7 @@ def datasheet(
     intervals: Annotated[bool, typer.Option(help="Carry intervals of identified values through.")] = True,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Write a datasheet: circuit, numbers with standard and interval, curves, values with source, and recordings."""
+    """Write a data sheet of a drive, with standards and sources."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.datasheet.sheet import build
     from pneudrive.describe.load import load_described

@@ -34,7 +34,10 @@ def design(
     scale: Annotated[str, typer.Option(help="With --stops: estimated time constant of the law.")] = "1 s",
     out: Annotated[Path | None, typer.Option(help="Protocol file to write.")] = None,
 ) -> None:
-    """Propose the next points for a fit, with expected intervals, as a protocol for `pneudrive campaign plan`."""
+    """Propose the next measurements for a fit.
+
+    The file is a protocol for pneudrive campaign plan. The expected intervals are printed.
+    """
     from pneudrive.campaign.live import duration
     from pneudrive.campaign.next_points import protocol_of
     from pneudrive.campaign.plan import lay_out

@@ -15,7 +15,7 @@ def draw(
     out: Annotated[Path, typer.Option(help="Picture: .svg, .png or .pdf.")] = Path("circuit.svg"),
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Draw a drive or a circuit: supply below, actuators above, symbols after ISO 1219."""
+    """Draw a drive or a circuit with symbols after ISO 1219."""
     from pneudrive.describe import toml
     from pneudrive.describe.load import load_described
     from pneudrive.errors import DescriptionError

@@ -52,7 +52,7 @@ def export(
         str | None, typer.Option(help='Start state of a drive, e.g. "position = 50 mm, pressure_a = 3 bar abs".')
     ] = None,
 ) -> None:
-    """Write friction as another tool's law, with its error and losses; or a drive as an FMU or for C."""
+    """Write a drive as an FMU or for C, or friction for another tool."""
     if to in _WHOLE:
         check_used(context, to, _USED)
         _export_whole(source, to, out, fmi, actuator, initial)

@@ -57,7 +57,7 @@ def fit(
     report: Page = None,
     out: Annotated[Path, typer.Option(help="Fit file to write; with --by one file for each value.")] = Path("fit.toml"),
 ) -> None:
-    """Fit friction laws to a map and recommend one: fit.toml.
+    """Fit friction laws to a friction map and recommend one.
 
     Laws are compared by AICc, BIC and, decisively, by cross-validation over conditions.
     """

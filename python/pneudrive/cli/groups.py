@@ -2,16 +2,37 @@
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
-from pneudrive.errors import CommandError, nearest
+from pneudrive.cli.examples import EXAMPLES
+from pneudrive.errors import CommandError, PneudriveWarning, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
+
+
+#: Options under their old names, which are accepted for one release.
+RENAMED = {"--into": "--out", "--beside": "--compare-with", "--patience": "--timeout", "--pace": "--speed"}
+
+
+class Command(TyperCommand):
+    """Command that accepts the old names of its options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401
+        """Parse the arguments; warn about an old name."""
+        known = {name for parameter in self.params for name in parameter.opts}
+        for place, argument in enumerate(args):
+            old, equals, value = argument.partition("=")
+            new = RENAMED.get(old)
+            if new in known and old not in known:
+                warnings.warn(f"{old} is now {new}", PneudriveWarning, stacklevel=2)
+                args[place] = f"{new}{equals}{value}"
+        return super().parse_args(ctx, args)
 
 
 class LazyGroup(TyperGroup):
@@ -21,6 +42,7 @@ class LazyGroup(TyperGroup):
     """
 
     table: ClassVar[Mapping[str, str]] = {}
+    sections: ClassVar[Mapping[str, Sequence[str]]] = {}
     hidden_names: ClassVar[frozenset[str]] = frozenset()
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401
@@ -41,9 +63,20 @@ class LazyGroup(TyperGroup):
             group = typer.main.get_command(found)
             group.name, group.hidden = cmd_name, hidden
             return group
-        single = typer.Typer(add_completion=False, rich_markup_mode="markdown")
-        single.command(name=cmd_name, hidden=hidden)(found)
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
+        lines = EXAMPLES.get(f"{ctx.command_path} {cmd_name}".removeprefix("pneudrive "), ())
+        epilog = "\n  ".join(("\b\nExamples:", *lines)) if lines else None  # \b: click keeps the lines
+        single.command(name=cmd_name, cls=Command, hidden=hidden, epilog=epilog)(found)
         return typer.main.get_command(single)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401
+        """Write the commands with the first sentence of their help, by section."""
+        for section, names in (self.sections or {"Commands": list(self.table)}).items():
+            commands = [(name, self.get_command(ctx, name)) for name in names]
+            rows = [(name, found.get_short_help_str(200)) for name, found in commands if not found.hidden]
+            if rows:
+                with formatter.section(section):
+                    formatter.write_dl(rows)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401
         """Find the command at the beginning of the arguments.
@@ -72,7 +105,13 @@ def command_paths(table: Mapping[str, str], hidden: frozenset[str] = frozenset()
             yield from ((name, *rest) for rest in command_paths(kind.table, kind.hidden_names))  # type: ignore[union-attr]
 
 
-def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset(), *, completion: bool = False) -> typer.Typer:
+def group(
+    table: Mapping[str, str],
+    hidden: frozenset[str] = frozenset(),
+    *,
+    sections: Mapping[str, Sequence[str]] | None = None,
+    completion: bool = False,
+) -> typer.Typer:
     """Return a group of lazily imported commands.
 
     Parameters
@@ -81,6 +120,8 @@ def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset(), *, com
         Command -> module, which has a function or a group with the command's name.
     hidden : frozenset of str
         Commands that the help leaves out.
+    sections : mapping, optional
+        Title -> commands, for the help of the group.
     completion : bool
         Offer ``--install-completion`` and ``--show-completion``; only for the root.
 
@@ -88,10 +129,10 @@ def group(table: Mapping[str, str], hidden: frozenset[str] = frozenset(), *, com
     -------
     typer.Typer
     """
-    kind = type("Group", (LazyGroup,), {"table": table, "hidden_names": hidden})
+    kind = type("Group", (LazyGroup,), {"table": table, "hidden_names": hidden, "sections": sections or {}})
     return typer.Typer(
         cls=kind,
         pretty_exceptions_enable=False,
         add_completion=completion,
-        rich_markup_mode="markdown",
+        rich_markup_mode=None,
     )

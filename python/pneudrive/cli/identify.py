@@ -30,39 +30,39 @@ def identify(
     free: Annotated[
         str,
         typer.Option(
-            help="Free parameters, separated by commas: friction.coulomb, ... Default for a tank: all.",
+            help="Free numbers, separated by commas. Default for a tank: all.",
             metavar="NAMES",
         ),
     ] = "",
     sensor: Annotated[
         list[str] | None,
         typer.Option(
-            help='A sensor: "position: noise = 2 um, offset = free". Keys: noise, offset, offset_uncertainty, gain, '
-            "lag, resolution. For the command its delay: 'command: delay = free'.",
-            metavar="CHANNEL: KEY = VALUE, ...",
+            help='Sensor: "position: noise = 2 um, offset = free", with noise, offset, offset_uncertainty, gain, lag, '
+            'resolution. "command: delay = free".',
+            metavar="CHANNEL:KEY=VALUE",
         ),
     ] = None,
-    segment: Annotated[str, typer.Option(help='Length of the segments; "whole" is single shooting.')] = "0.4 s",
+    segment: Annotated[str, typer.Option(help='Length of a segment, or "whole".')] = "0.4 s",
     robust: Annotated[bool, typer.Option(help="Reduce the weight of outliers.")] = False,
     follow: Annotated[
         str | None,
         typer.Option(
-            help="motion: a circuit follows the recorded position; free are volumes, heat, wall, leak, leak_a, leak_b, "
-            "barrel, or names such as upper.volume.",
+            help="A circuit follows the recorded position. Free: volumes, heat, wall, leak, leak_a, leak_b, barrel, "
+            "or names such as upper.volume.",
             metavar="motion",
         ),
     ] = None,
     profile: Profile = False,
     report: Page = None,
     layout: Annotated[Path | None, typer.Option(help="Layout of foreign files.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Fit file to write (TOML).", metavar="FIT.toml")] = None,
+    out: Annotated[Path | None, typer.Option(help="Fit file to write (TOML).")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Identify parameters of a drive from recordings by output error, with intervals; list undetermined ones.
+    """Identify the numbers of a drive from recordings of its motion.
 
-    Ctrl-C ends the search with the best values so far. A file with a table [volume] describes a tank, a fixed volume:
-    its line, heat transfer and leak are identified from its pressure. A file with a table [regulator] describes a
-    pressure regulator: its gain and lag are identified from command and pressure.
+    Ctrl-C keeps the best values so far. A file with a table [volume] describes a tank, whose line, heat
+    transfer and leak follow from its pressure. A file with a table [regulator] describes a pressure
+    regulator, whose gain and lag follow from command and pressure.
     """
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tank import Tank

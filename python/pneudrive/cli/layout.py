@@ -19,7 +19,7 @@ def layout(
         ),
     ] = None,
 ) -> None:
-    """Propose a layout for a foreign recording, with a picture of the result."""
+    """Propose how to read a foreign recording, with a picture."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.errors import RecordingError
     from pneudrive.report.layout_figure import write_layout_figure

@@ -36,7 +36,7 @@ def lines(
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Show speed and stroke time of a drive over length and bore of the tubes at its cylinder."""
+    """Show speed and stroke time over length and bore of the tubes."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.describe.load import load_described
     from pneudrive.lines import study

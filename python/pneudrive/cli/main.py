@@ -18,27 +18,28 @@ from pneudrive.errors import Cancelled, OwnLawError, PneudriveError, PneudriveWa
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-#: Commands; each is a function or a group in the module of its name, imported on use.
-COMMANDS = {
-    name: f"pneudrive.cli.{name}"
-    for name in (
-        *("simulate", "sweep", "check", "draw", "lines", "size", "characteristic", "datasheet", "measure"),
-        *("characterise", "identify", "apply", "fit"),
-        *("report", "design", "compare", "validate", "control", "export", "campaign", "rig", "layout", "reproduce"),
-        *("catalogue", "components", "schema", "web", "demo"),
-    )
+#: Commands in the order of a user's work. Each is a function or a group in the module of its name, imported on use.
+SECTIONS = {
+    "Describe": ("catalogue", "components", "check", "draw", "schema"),
+    "Simulate": ("simulate", "sweep", "lines", "web"),
+    "Measure": ("layout", "measure", "characterise", "campaign", "rig", "compare", "reproduce"),
+    "Identify": ("fit", "identify", "apply", "validate", "design", "report"),
+    "Size": ("size", "datasheet", "characteristic"),
+    "Control": ("control",),
+    "Hand over": ("export", "demo"),
 }
+COMMANDS = {name: f"pneudrive.cli.{name}" for names in SECTIONS.values() for name in names}
 HIDDEN = frozenset({"demo"})  # called by `make demo`
 
 EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
 
-app = group(COMMANDS, HIDDEN, completion=True)
+app = group(COMMANDS, HIDDEN, sections=SECTIONS, completion=True)
 
 
 @app.callback(invoke_without_command=True)
 def _root(version: bool = typer.Option(False, "--version", help="Show the version.")) -> None:
-    """Simulate pneumatic piston drives and characterise their friction from recordings."""
+    """Simulate, measure, identify, size and control pneumatic piston drives."""
     if version:
         typer.echo(__version__)
         raise typer.Exit

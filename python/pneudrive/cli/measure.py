@@ -13,13 +13,17 @@ def measure(
     at: Annotated[str, typer.Option(help='First time, "1.2 s"; the nearest sample counts.')],
     to: Annotated[str, typer.Option(help='Second time, "1.5 s".')],
     beside: Annotated[
-        Path | None, typer.Option(help="Another recording, measured at the same times.", metavar="RECORDING")
+        Path | None,
+        typer.Option("--compare-with", help="Another recording, measured at the same times.", metavar="RECORDING"),
     ] = None,
     strokes: Annotated[
         str, typer.Option(help="Strokes of the two recordings that begin together.", metavar="N,N")
     ] = "1,1",
 ) -> None:
-    """Measure between two times of a recording: value, difference and slope of each channel; count its faults."""
+    """Measure between two times of a recording.
+
+    The table has value, difference and slope of each channel. Faulty samples are counted.
+    """
     from pneudrive.errors import CommandError
     from pneudrive.signals.measuring import measure as measured
 

@@ -30,7 +30,7 @@ CatalogueFolders = Annotated[
     list[Path] | None,
     typer.Option(
         "--catalogue",
-        help="Folder of your own parts and drives, in addition to the catalogue; repeatable.",
+        help="Folder of your own parts and drives; repeatable.",
         metavar="DIR",
         callback=_open_catalogue,
     ),
@@ -48,9 +48,7 @@ Layout = Annotated[
 ]
 Results = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 Profile = Annotated[bool, typer.Option(help="Also compute intervals by profile likelihood.")]
-Page = Annotated[
-    Path | None, typer.Option("--report", help="Folder for a page of the fit with its residuals.", metavar="FOLDER")
-]
+Page = Annotated[Path | None, typer.Option("--report", help="Folder for a report with residuals.", metavar="FOLDER")]
 Samples = Annotated[
     str,
     typer.Option("--protocol", help="Samples used: settled, or source-paper (first 5 % dropped)."),

@@ -21,7 +21,7 @@ def report(
     ] = None,
     out: Results = Path("report"),
 ) -> None:
-    """Write a page of a fit: values with intervals, recordings, undetermined values.
+    """Write a report of a fit, with intervals and undetermined values.
 
     Residuals need the data: --map for the fit of a friction map; `pneudrive identify --report` for that of a drive.
     """

@@ -19,14 +19,16 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 @rig.callback()
 def _rig() -> None:
-    """Rigs behind OPC UA: serve a rig, make certificates, add users."""
+    """Serve a rig over OPC UA, with certificates and users."""
 
 
 def serve(
     rig: Annotated[str, typer.Argument(help="Ready rig, rig file, or own code as own_rig.py:make_rig.")] = "default",
     port: Annotated[int, typer.Option(help="Port; 0: a free one.", min=0, max=65535)] = 4840,
     bind: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    pace: Annotated[float, typer.Option(help="1: real time; 10: ten times faster; 0: as fast as possible.")] = 1.0,
+    pace: Annotated[
+        float, typer.Option("--speed", help="1: real time; 10: ten times faster; 0: as fast as possible.")
+    ] = 1.0,
     seed: Annotated[int, typer.Option(help="Seed of all noise of a simulated rig.")] = 0,
     map: Annotated[Path | None, typer.Option(help="Node map; default: the one of the package.")] = None,  # noqa: A002
     heartbeat: Annotated[
@@ -65,7 +67,7 @@ def serve(
             remedy="Give certificates (pneudrive rig certificate), or add --unprotected.",
         )
     if pace < 0.0 or 0.0 < pace < 1.0:
-        raise CommandError(f"--pace {pace:g} is out of bounds", rule="0, or at least 1")
+        raise CommandError(f"--speed {pace:g} is out of bounds", rule="0, or at least 1")
     with option("--heartbeat"):
         heartbeat_s = parse(heartbeat, "s") if heartbeat else None
     if heartbeat_s is not None and heartbeat_s <= 0.0:

@@ -53,7 +53,7 @@ def simulate(
     energy: Annotated[bool, typer.Option("--energy", help="Print accounts of energy, lost exergy, air given.")] = False,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Simulate a drive or a circuit and write its trajectory."""
+    """Simulate a drive or a circuit, and write or plot the run."""
     from pneudrive.cli.described import changed, command_of
     from pneudrive.cli.progress import on_terminal
     from pneudrive.simulate import run

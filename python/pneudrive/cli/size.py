@@ -23,7 +23,9 @@ def size(
     draws: Annotated[int, typer.Option(help="Draws of each choice; the ten best have four times as many.")] = 256,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Find the drives of the catalogue that do a task: simulated over given spreads, ranked by air and margin.
+    """Find the drives of the catalogue that do a task.
+
+    Candidates are simulated over given spreads and ranked by air and margin.
 
     A provisional answer by nominal runs comes first. Ctrl-C ends the search and keeps its results; the same command
     with --out continues. If nothing does the task, the nearest possible value of each quantity is shown.

@@ -26,62 +26,56 @@ TABLES = (".parquet", ".csv", ".nc")
 
 def sweep(
     drive: Described,
-    duration: Annotated[str, typer.Option(help='How long, e.g. "2 s".')],
+    duration: Annotated[str, typer.Option(help='Duration, such as "2 s".')],
     vary: Annotated[
         list[str],
         typer.Option(
-            help='What varies, several times: "cylinder.bore = uniform(20 mm, 30 mm)", of a circuit "left.bore = ..."; '
-            "normal(30 N, 10 %), triangular, lognormal; "
-            '"cylinder.bore = grid(20 mm .. 32 mm, 7)"; "cylinder.bore = 20 mm, 25 mm". Or a table (.csv, .parquet) '
-            "with a column in SI for each number, or the fit.toml of a fit: its posterior.",
-            metavar="NAME = VALUES|FILE",
+            help='Varied number, repeatable: "load.mass = uniform(1 kg, 2 kg)", normal, triangular, lognormal, '
+            '"grid(20 mm .. 32 mm, 7)", "20 mm, 25 mm". Or a table (.csv, .parquet) in SI, or a fit.toml.',
+            metavar="NAME=VALUES|FILE",
         ),
     ],
     out: Annotated[
         Path,
-        typer.Option(help="Table of results: .parquet, .csv or .nc; or a folder, for a Parquet file of each chunk."),
+        typer.Option(help="Table (.parquet, .csv, .nc) or folder."),
     ],
     command: Annotated[
         list[str] | None,
         typer.Option(
-            help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. For a circuit with the name of '
-            'the valve in front, repeatable: "valve_l: 0 s: 1, 0.5 s: -1".',
+            help='Valve command, -1 to 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. In a circuit: "VALVE: 0 s: 1".',
             metavar="STEPS",
         ),
     ] = None,
     members: Annotated[
-        int | None, typer.Option(help="Number of members, for distributions or a fit.", metavar="N")
+        int | None, typer.Option(help="Number of members of distributions or of a fit.", metavar="N")
     ] = None,
-    design: Annotated[str, typer.Option(help="Sampling of members: sobol, latin-hypercube or random.")] = "sobol",
-    seed: Annotated[int, typer.Option(help="Random seed of the design.")] = 0,
+    design: Annotated[str, typer.Option(help="sobol, latin-hypercube or random.")] = "sobol",
+    seed: Annotated[int, typer.Option(help="Random seed of the sampling.")] = 0,
     correlation: Annotated[
         list[str] | None,
-        typer.Option(help='Correlation of two numbers: "cylinder.bore, friction.coulomb = 0.6".', metavar="A, B = R"),
+        typer.Option(help='Such as "cylinder.bore, friction.coulomb = 0.6".', metavar="A,B=R"),
     ] = None,
     output: Annotated[
         list[str] | None,
         typer.Option(
-            help="What is kept of each run, several times: final(position), max(velocity), min, mean, "
-            'integral(mass_flow_a), "time_when(position > 0.45 m)", "settling(position, 0.5 mm)", stroke_time, '
-            '"samples(position, 100 Hz)"; with a name in front: "top = max(velocity)". Default: the state at the end '
-            "and the stroke time.",
+            help="Output of each run, repeatable: final(position), max(velocity), min, mean, integral, "
+            '"time_when(position > 0.45 m)", "settling(position, 0.5 mm)", stroke_time, "samples(position, 100 Hz)". '
+            "Default: final state, stroke time.",
             metavar="OUTPUT",
         ),
     ] = None,
     set: Annotated[  # noqa: A002 - the name of the option
         list[str] | None,
-        typer.Option(
-            help='Changed value of all members, "friction.coulomb = 31 N"; repeatable.', metavar="KEY = VALUE"
-        ),
+        typer.Option(help='Value, "friction.coulomb = 31 N"; repeatable.', metavar="KEY=VALUE"),
     ] = None,
-    initial: Annotated[str | None, typer.Option(help='Start state, e.g. "position = 50 mm".')] = None,
-    rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
-    chunk: Annotated[int | None, typer.Option(help="Members that are run and kept together.", metavar="N")] = None,
+    initial: Annotated[str | None, typer.Option(help='Start, such as "position = 50 mm".')] = None,
+    rtol: Annotated[float, typer.Option(help="Relative tolerance.")] = 1e-6,
+    chunk: Annotated[int | None, typer.Option(help="Size of a chunk.", metavar="N")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Simulate a drive or a circuit in many variants and write what each run gave.
+    """Simulate many variants and write a table of results.
 
-    Finished chunks are kept. After Ctrl-C, a crash or a full disk, the same command continues from there.
+    Finished chunks are kept. The same command continues after an interruption.
     """
     from pneudrive.cli.described import changed, command_of
     from pneudrive.cli.progress import on_terminal

@@ -45,7 +45,7 @@ def validate(
     out: Results = Path("validation"),
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Simulate recorded commands and compare: report.html, validation.toml, with a diagnosis of the model.
+    """Compare a drive with recordings, and diagnose differences.
 
     A friction map (map.parquet, map.csv) or a campaign folder is compared with the drive's friction law.
     """

@@ -34,9 +34,9 @@ def web(
     user_file: Annotated[str, typer.Option(hidden=True, callback=_removed)] = "",
     unprotected: Annotated[bool, typer.Option("--unprotected", hidden=True, callback=_removed)] = False,
 ) -> None:
-    """Show a folder in the browser: circuits, sliders on running simulations, recordings. For this machine alone.
+    """Open a folder in the browser, with live simulations.
 
-    From another machine, use ssh -L.
+    The server answers this machine only. From another machine, use ssh -L.
     """
     import sys
     import threading

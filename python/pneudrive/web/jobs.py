@@ -110,13 +110,13 @@ def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     folder, pace = given.get("resume"), given.get("pace")
     if not (pace is None or (isinstance(pace, int | float) and 1.0 <= pace <= FASTEST)):
         raise CommandError(f"pace = {pace} is out of bounds", rule=f"1 to {FASTEST:.0e}, or none")
-    options = ("--yes", *(() if pace is None else ("--pace", f"{pace:g}")))
+    options = ("--yes", *(() if pace is None else ("--speed", f"{pace:g}")))
     if isinstance(folder, str):
         if not workspace.folder(folder).is_dir():
             raise CommandError(f"there is no folder {folder}")
         return AskedJob(("campaign", "resume", safe(folder), *options), folder, is_new=False)
     protocol, out = protocol_named(given, workspace), f"{CAMPAIGNS}/{folder_name(given.get('name'))}"
-    return AskedJob(("campaign", "run", safe(protocol), "--rig", RIG, "--into", out, *options), out)
+    return AskedJob(("campaign", "run", safe(protocol), "--rig", RIG, "--out", out, *options), out)
 
 
 def protocol_named(given: Mapping[str, Any], workspace: Workspace) -> str:

@@ -77,7 +77,7 @@ class MeasureRequest(PageRequest):
         for option, at in zip(("--at", "--to"), self.at, strict=True):
             words += [option, f"{at!r} s" if timed else repr(at)]
         if self.beside:
-            words += ["--beside", safe(self.beside), "--strokes", ",".join(map(str, self.strokes))]
+            words += ["--compare-with", safe(self.beside), "--strokes", ",".join(map(str, self.strokes))]
         return shlex.join(words)
 
     def as_python(self) -> str:

@@ -1,0 +1,51 @@
+"""Examples at the end of the help of each command."""
+
+#: Command -> its examples.
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "catalogue": (
+        "pneudrive catalogue --kind valve --flow '500 l/min ANR .. 800 l/min ANR'",
+        "pneudrive catalogue starter --out drive.toml",
+    ),
+    "components": ("pneudrive components flow-control",),
+    "check": ("pneudrive check drive.toml",),
+    "draw": ("pneudrive draw drive.toml --out circuit.svg",),
+    "schema": ("pneudrive schema drive",),
+    "simulate": (
+        "pneudrive simulate catalogue:reference --command '0 s: 0.6, 1 s: -0.6' --duration '2 s' --plot run.png",
+    ),
+    "sweep": (
+        "pneudrive sweep drive.toml --command 1 --duration '0.5 s' --members 1000 --out many.parquet \\",
+        "    --vary 'load.mass = uniform(1 kg, 4 kg)' --output stroke_time",
+    ),
+    "lines": ("pneudrive lines catalogue:reference --length '0.5 m, 2 m' --diameter '4 mm, 6 mm'",),
+    "web": ("pneudrive web my-studies", "ssh -L 8123:127.0.0.1:8123 HOST   # with --port 8123 on HOST"),
+    "layout": ("pneudrive layout bench.csv --out layout.toml",),
+    "measure": ("pneudrive measure bench.csv --at '8 s' --to '10.5 s'",),
+    "characterise": (
+        "pneudrive characterise bench/*.csv --layout layout.toml --out results",
+        "pneudrive characterise my-campaign --out results",
+    ),
+    "campaign plan": ("pneudrive campaign plan quick-look --rig default",),
+    "campaign run": ("pneudrive campaign run quick-look --rig default --out first-look",),
+    "campaign resume": ("pneudrive campaign resume first-look",),
+    "campaign status": ("pneudrive campaign status first-look",),
+    "campaign pause": ("pneudrive campaign pause first-look --now",),
+    "campaign abort": ("pneudrive campaign abort first-look",),
+    "rig serve": ("pneudrive rig serve default",),
+    "rig certificate": ("pneudrive rig certificate server --out certificates",),
+    "rig user": ("pneudrive rig user anna --user-file certificates/users",),
+    "compare": ("pneudrive compare before after --out compared", "pneudrive compare old.toml new.toml"),
+    "fit": ("pneudrive fit map.parquet --hold-out pressure --out fit.toml",),
+    "identify": ("pneudrive identify drive.toml run.parquet --free friction.coulomb,friction.viscous --out fit.toml",),
+    "apply": ("pneudrive apply fit.toml drive.toml --out measured.toml",),
+    "validate": ("pneudrive validate measured.toml other.parquet --out check",),
+    "design": ("pneudrive design fit.toml --rig my-rig.toml --out next.toml",),
+    "report": ("pneudrive report fit.toml --map map.parquet --out page",),
+    "size": ("pneudrive size task.toml --out sized",),
+    "datasheet": ("pneudrive datasheet drive.toml --out sheet",),
+    "characteristic": ("pneudrive characteristic drive.toml stiffness",),
+    "export": (
+        "pneudrive export drive.toml --to fmu --out drive.fmu",
+        "pneudrive export fit.toml --to modelica --out friction.mo",
+    ),
+}
