@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 RENAMED = {"--into": "--out", "--beside": "--compare-with", "--patience": "--timeout", "--pace": "--speed"}
 
 
-class Command(TyperCommand):
+class RenamedOptions(TyperCommand):
     """Command that accepts the old names of its options."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401
@@ -66,7 +66,7 @@ class LazyGroup(TyperGroup):
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
         lines = EXAMPLES.get(f"{ctx.command_path} {cmd_name}".removeprefix("pneudrive "), ())
         epilog = "\n  ".join(("\b\nExamples:", *lines)) if lines else None  # \b: click keeps the lines
-        single.command(name=cmd_name, cls=Command, hidden=hidden, epilog=epilog)(found)
+        single.command(name=cmd_name, cls=RenamedOptions, hidden=hidden, epilog=epilog)(found)
         return typer.main.get_command(single)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401
