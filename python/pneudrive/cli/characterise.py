@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneudrive.cli.options import Results, Samples, one_of
-from pneudrive.cli.output import file_name, show_view, tell, writable_folder
+from pneudrive.cli.output import file_name, show_lines, show_view, tell, writable_folder
 from pneudrive.cli.progress import on_terminal
 from pneudrive.errors import Cancelled
 
@@ -56,6 +56,7 @@ def characterise(
     from pneudrive.identify.fit import LAWS
     from pneudrive.identify.seals import fit_characterisation
     from pneudrive.report import write_report
+    from pneudrive.validate.closure import close_balance
 
     choice = one_of("--protocol", protocol, SAMPLE_CHOICES)()
     one_of("--law", law, dict.fromkeys(LAWS))
@@ -74,6 +75,8 @@ def characterise(
     for problem in problems:
         sys.stderr.write(f"Note: no fit of {problem}\n")
     show_view(found.view())
+    balances = [close_balance(one) for one in found.recordings if one.force_n.any()]
+    show_lines(f"- {balance}." for balance in balances if balance.gains)
     if curves is not None:
         show_view(replace(curves.view(), rows=()))
     tell(written)
