@@ -163,7 +163,7 @@ def page(
         f"{100 * vented.share:.2f} % | gain of the ram below | friction over speed depends on the ram |",
         f"| joints | five runs | the sixth run | {worst_joint:.2f} % | spread of six runs | the moving joint |",
         f"| seals | run 1 | run 3 of the same seal | {inside} of {len(seals)} inside U | U (k = 2) of each run | "
-        "wear between runs |",
+        "differences between runs |",
         "",
         "The project has one charged recording. Predictions are therefore tested on its halves.",
         "Tanks and tubes are tested on synthetic recordings only.",
@@ -220,6 +220,7 @@ def page(
         "",
         f"Found: {counts}. The friction of one recording does not predict that of the other one.",
         "The stated area of the ram is uncertain by 5 %. This dominates U at high speed.",
+        "A level is missing if its strokes have too few settled samples.",
         "",
         "## Joints",
         "",
