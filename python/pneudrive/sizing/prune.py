@@ -73,7 +73,7 @@ class SafeBounds:
     def cylinder(self, part: PartChoice) -> Shortage | None:
         """Return what a cylinder cannot do with any valve, tube and flow control."""
         choice = DriveChoice(part, NO_FLOW_CONTROL, NO_FLOW_CONTROL, NO_FLOW_CONTROL)
-        for find in (self._stroke, self._sheet, self._force, self._thrust):
+        for find in (self._stroke, self._force, self._sheet, self._thrust):
             if (found := find(choice)) is not None:
                 return found
         return None
