@@ -42,6 +42,7 @@ function Described() {
     <div class="drive">
       <section aria-label="Circuit">
         <h2>{valid.value?.name ?? now.path}</h2>
+        {!drawing.value && !problems.value.length && <p class="canvas waits" role="status">Drawing the circuit.</p>}
         {drawing.value && (
           <ZoomedCircuit key={now.path} drawing={drawing.value} chosen={chosen.value} onChoose={(one) => (chosen.value = chosen.value === one ? "" : one)} />
         )}
@@ -112,7 +113,7 @@ function Fields() {
           {fields.map((one) => (
             <tr key={one.key}>
               <th scope="row">
-                {one.key}
+                {one.key.split(/(?<=[._])/).map((part) => <>{part}<wbr /></>)}
                 <span class={`kind ${one.kind}`}>{[KINDS[one.kind], one.origin.replace(/^assumed: /, ""), one.copies && `one value for ${one.copies.join(", ")}`].filter(Boolean).join(", ")}</span>
               </th>
               <td>

@@ -26,6 +26,7 @@ interface Fmu {
   sha256: string;
   size: number;
   fmpy: string;
+  platforms: string[];
 }
 
 /** Forms of an export: arguments of the command, and title. */
@@ -80,6 +81,7 @@ function Start() {
   return (
     <>
       <h2>A drive for other tools</h2>
+      <p>The file runs on {studies.value?.platform ?? "the system of the server"} only, the system of this server. For another system, export the drive there.</p>
       <p>The whole drive, compiled: the other tool needs neither Python nor a compiler nor a licence.</p>
       <p class="row">
         <DriveChoice label="Drive or circuit" drives={drives} chosen={drive} />
@@ -127,6 +129,9 @@ function Seen({ now }: { now: Fmu }) {
       </p>
       <p class="note">
         {digits(now.size / 1e6, 3)} MB, SHA-256 <code data-sha256={now.sha256}>{now.sha256}</code>, token <code>{now.token}</code>. Pressures are absolute.
+      </p>
+      <p class="note">
+        Compiled for {now.platforms.join(", ")} only. For another system, export the drive there.
       </p>
       <h2>Three lines run it in FMPy</h2>
       <pre data-copy="fmpy" tabIndex={0} aria-label="Python with FMPy, in the folder of the workspace">{now.fmpy}</pre>

@@ -22,6 +22,7 @@ export interface Listed {
 export interface Studies {
   folder: string;
   version: string;
+  platform: string; // of the server
   build: string;
   protocols: string[];
   control: boolean;

@@ -222,7 +222,7 @@ function Notes() {
       {head?.assumed !== undefined && <p class="note">Simulated. {head.assumed} values are assumed: Drive lists them.</p>}
       {head?.warnings?.map((one) => <p class="note" key={one}>{one}.</p>)}
       {head?.impacts?.map((one, index) => (
-        <p key={index}>
+        <p class="note" key={index}>
           Impact at {digits(one.time_s)} s on the end of chamber {one.end}{one.cylinder && ` of ${one.cylinder}`}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
         </p>
       ))}

@@ -10,6 +10,7 @@ import asyncio
 import json
 import math
 import os
+import platform
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from pneudrive.web.campaigns import WatchedCampaign
     from pneudrive.web.recordings import OpenRecording, Recordings
 
+PLATFORM = f"{platform.system()} {platform.machine()}"
 BUILD_FILE, FRAME = "build.json", "application/octet-stream"
 #: Jobs that a page may start, by the command that does them: the module that has them as `COMMAND_job`.
 JOBS = {
@@ -218,7 +220,12 @@ class _Views:
         drives = [{"path": f"{PREFIX}{name}", "title": one.title} for name, one in entries().items() if one.is_drive]
         files, left_out = self.workspace.listed()
         folder = self.workspace.root
-        about: dict[str, Any] = {"folder": folder.name or str(folder), "version": __version__, "build": self.build}
+        about: dict[str, Any] = {
+            "folder": folder.name or str(folder),
+            "version": __version__,
+            "platform": PLATFORM,
+            "build": self.build,
+        }
         about |= {"protocols": READY, "control": self.control, "left_out": left_out, "is_cut": len(files) == MOST_FILES}
         return {**about, "files": [vars(one) for one in files], "catalogue": drives}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import zipfile
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
@@ -75,7 +76,10 @@ def shown_fmu(workspace: Workspace, name: str) -> dict[str, Any]:
         f"run = simulate_fmu({name!r}{given}, stop_time=0.5, output_interval=1e-3)",
         f'print(run["{outputs[0]}"][-1])' if outputs else "print(run[-1])",
     ]
+    with zipfile.ZipFile(path) as archive:
+        systems = sorted({one.split("/")[1] for one in archive.namelist() if one.startswith("binaries/")} - {""})
     return {
+        "platforms": systems,
         "title": found.title,
         "tool": found.tool,
         "version": found.version,
