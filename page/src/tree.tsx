@@ -53,7 +53,7 @@ function Group({ title, view, rows }: { title: string; view: string; rows: { pat
   return (
     <li class="group">
       <div class="head">
-        <button type="button" class="fold" aria-expanded={isOpen} aria-label={`Files: ${title}`} onClick={toggle}>{isOpen ? "▾" : "▸"}</button>
+        {rows.length ? <button type="button" class="fold" aria-expanded={isOpen} aria-label={`Files: ${title}`} onClick={toggle}>{isOpen ? "▾" : "▸"}</button> : <span class="fold" />}
         {view ? <a href={link(view)} aria-current={route.value.view === view && !route.value.path ? "page" : undefined}>{title}</a> : <span>{title}</span>}
         <span class="count">{rows.length || ""}</span>
       </div>

@@ -55,7 +55,7 @@ def test_a_text_is_kept_and_the_disk_is_told(server: Server, open_tab: Open) -> 
     unsaved = at_end(tab, "position_m")
     assert len({saved, unsaved, with_20}) == 3
     page.click("text=Copy as command or Python")
-    page.wait_for_selector(".problem >> text=not saved")
+    page.wait_for_selector(".problem >> text=unsaved changes")
     assert page.locator("[data-copy=python]").count() == 0
     # Another file in between, and the file on disk another one by now: what was not saved is there again, and is told.
     go("other.toml")

@@ -175,7 +175,7 @@ def test_a_name_that_is_refused_is_forgotten_with_the_next(server: Server, open_
     page = tab.page
     page.goto(f"{tab.origin}/#/drive/catalogue:reference")  # as people write it
     name = page.locator("input[placeholder='axis.toml']")
-    for wrong, said in (("../x.toml", "no file of this workspace"), ("axis.toml", "axis.toml is there already")):
+    for wrong, said in (("../x.toml", "not a file of this workspace"), ("axis.toml", "axis.toml is there already")):
         name.fill(wrong)
         page.click("text=Save as a new file")
         page.wait_for_selector(f"[role=status] >> text={said}")

@@ -163,7 +163,7 @@ def test_a_job_writes_into_folders_of_the_workspace_alone(validated: Served) -> 
     outside.mkdir()
     (validated.folder / "linked").symlink_to(outside)
     identify = ASKED | {"kind": "identify", "free": "valve.conductance"}
-    for out, told in (("linked/fit.toml", "no file of this workspace"), ("axis.toml/fit.toml", "cannot be made")):
+    for out, told in (("linked/fit.toml", "not a file of this workspace"), ("axis.toml/fit.toml", "cannot be made")):
         refused = post(validated, "/api/jobs", identify | {"out": out}, 400)
         assert told in refused["problems"][0]["what"]
     (validated.folder / "results").rename(validated.folder / "old")
