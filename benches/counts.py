@@ -11,7 +11,7 @@ import warnings
 from pathlib import Path
 
 import pneudrive as pn
-from pneudrive import _core
+from pneudrive.describe.system import System
 from pneudrive.errors import PneudriveWarning
 
 HERE = Path(__file__).resolve().parent
@@ -32,13 +32,14 @@ CASES = {
 def count(name: str, tol: float) -> dict[str, int]:
     """Solve a golden case and return the solver's statistics."""
     case = json.loads((GOLDEN / f"{name}.json").read_text())
-    drive = _core.Drive(json.dumps(case["drive"]))
+    drive = System.of_drive(case["drive"]).compiled()
     if "servo" in case:
         servo = (case["servo"][key] for key in ("kp", "kd", "amplitude_m", "frequency_hz"))
         run = drive.servo(*servo, case["duration_s"], case["servo"]["sample_rate_hz"], case["initial"], tol)
     else:
         times, commands = (list(column) for column in zip(*case["commands"], strict=True))
-        run = drive.simulate(times, commands, case["duration_s"], case["sample_rate_hz"], case["initial"], tol)
+        plans = [("command", times, commands)]
+        run = drive.simulate(plans, case["duration_s"], case["sample_rate_hz"], case["initial"], tol)
     return dict(run["statistics"])
 
 

@@ -27,7 +27,6 @@ import numpy as np
 
 import pneudrive as pn
 from benches.tables import text
-from pneudrive import _core
 
 START = {"position_m": 0.25, "velocity_m_s": 0.0} | {f"pressure_{c}_pa": 3e5 for c in "ab"}
 START |= {f"temperature_{c}_k": 293.15 for c in "ab"}
@@ -49,7 +48,7 @@ NOISE, SHARE = (1e-6, 200.0), 0.2
 
 def servo(drive: Any, seconds: float, noise: tuple[float, float], seed: int) -> dict[str, np.ndarray]:
     """Record a servo that follows a sine, at 1 kHz."""
-    core = _core.Drive(drive.core_json())
+    core = drive.system.compiled()
     run = core.servo(8.0, 0.25, 0.1, 0.5, seconds, 1000.0, START, 1e-8)
     gas, n = core.chambers(run["states"]), len(run["commands"])
     rng = np.random.default_rng(seed)
@@ -104,9 +103,9 @@ def our_run(drive: Any, columns: dict[str, np.ndarray], rtol: float, share: floa
     n = round(share * (len(columns["time_s"]) - 1)) + 1
     times, start = columns["time_s"][:n], np.array([[0.25, 0.0, 3e5, 293.15, 3e5, 293.15, 0.0]])
     outputs = ["position_m", "pressure_a_pa", "pressure_b_pa"]
-    core = _core.Drive(drive.core_json())
+    core = drive.system.compiled()
     asked = {"times": times, "commands": columns["command"][:n], "sample_times": times, "starts": [0]}
-    return core.shoot(asked | {"initial": start, "outputs": outputs, "rtol": rtol})["values"]
+    return core.shoot("command", asked | {"initial": start, "outputs": outputs, "rtol": rtol})["values"]
 
 
 class Compared(NamedTuple):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 
 from benches.problem import COLUMNS, A, Case
-from pneudrive import _core
+from pneudrive.describe.system import System
 
 
 class Pneudrive:
@@ -18,7 +17,7 @@ class Pneudrive:
     slow = False
 
     def __init__(self) -> None:
-        self.drive = _core.Drive(json.dumps(A.data["drive"]))
+        self.drive = System.of_drive(A.data["drive"]).compiled()
 
     def solve(self, case: Case, tol: float) -> np.ndarray:
         """Return the states of a case at its samples, shape (n, 6)."""
@@ -28,7 +27,7 @@ class Pneudrive:
     def bare(self, case: Case, tol: float) -> Any:
         """Solve a case for the solver's own states: mass and energy of the gas in place of p and T."""
         if case.servo is None:
-            return self.drive.states(*motion(case), tol)
+            return self.drive.sampled_states(*motion(case), tol)
         servo = case.servo
         gains = (servo.kp, servo.kd, servo.amplitude_m, servo.frequency_hz)
         return self.drive.servo(*gains, case.data["duration_s"], servo.sample_rate_hz, case.data["initial"], tol)[
@@ -53,6 +52,6 @@ class Columns(Pneudrive):
 
 
 def motion(case: Case) -> tuple[Any, ...]:
-    """Return times and values of the command, duration, sample rate and start of a case of command steps."""
+    """Return the plan of the command, duration, sample rate and start of a case of command steps."""
     times, commands = (list(column) for column in zip(*case.data["commands"], strict=True))
-    return times, commands, case.data["duration_s"], case.data["sample_rate_hz"], case.data["initial"]
+    return [("command", times, commands)], case.data["duration_s"], case.data["sample_rate_hz"], case.data["initial"]

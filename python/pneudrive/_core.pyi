@@ -12,7 +12,6 @@ __all__ = [
     "Column",
     "ControlLoop",
     "ControlReference",
-    "Drive",
     "Ensemble",
     "Members",
     "Session",
@@ -123,7 +122,9 @@ class Outcome(TypedDict):
 
 @final
 class Ensemble:
-    def __new__(cls, kind: Literal["drive", "circuit"], json: str, vary: Sequence[str]) -> Ensemble: ...
+    def __new__(
+        cls, json: str, vary: Sequence[str], names: tuple[str, Sequence[tuple[str, str]], bool] | None = None
+    ) -> Ensemble: ...
     @property
     def names(self) -> list[str]: ...
     @property
@@ -164,75 +165,6 @@ class ControlLoop:
     def columns(self) -> dict[str, NDArray[float64]]: ...
 
 @final
-class Drive:
-    def __new__(cls, json: str) -> Drive: ...
-    @property
-    def warnings(self) -> list[str]: ...
-    @property
-    def citations(self) -> list[str]: ...
-    @property
-    def end_stop(self) -> tuple[float, float, float]: ...
-    @property
-    def end_stop_takes(self) -> tuple[float, float, float, float]: ...
-    def simulate(
-        self,
-        times: Sequence[float],
-        commands: Sequence[float],
-        duration: float,
-        sample_rate: float,
-        initial: Mapping[str, float],
-        rtol: float,
-        ledger: bool = False,
-        budget: int | None = None,
-        look: Callable[[float], object] | None = None,
-        arrays: bool = True,
-    ) -> SimulationResult: ...
-    def start(self, initial: Mapping[str, float], rtol: float) -> Session: ...
-    def states(
-        self,
-        times: Sequence[float],
-        commands: Sequence[float],
-        duration: float,
-        sample_rate: float,
-        initial: Mapping[str, float],
-        rtol: float,
-    ) -> NDArray[float64]: ...
-    def servo(
-        self,
-        kp: float,
-        kd: float,
-        amplitude_m: float,
-        frequency_hz: float,
-        duration_s: float,
-        sample_rate_hz: float,
-        initial: Mapping[str, float],
-        rtol: float,
-    ) -> ServoResult: ...
-    @property
-    def start_names(self) -> list[str]: ...
-    def shoot(self, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
-    def chambers(self, states: NDArray[float64]) -> NDArray[float64]: ...
-    def along(
-        self,
-        times: NDArray[float64],
-        position: NDArray[float64],
-        velocity: NDArray[float64],
-        pressure_a: NDArray[float64],
-        pressure_b: NDArray[float64],
-        openings: NDArray[float64],
-        temperatures: Sequence[float],
-    ) -> dict[str, NDArray[float64]]: ...
-    def restarted(
-        self,
-        times: Sequence[float] | NDArray[float64],
-        commands: Sequence[float] | NDArray[float64],
-        duration: float,
-        sample_rate: float,
-        restarts: NDArray[float64],
-        temperatures: Sequence[float],
-        rtol: float,
-    ) -> tuple[dict[str, NDArray[float64]], list[str]]: ...
-
 @type_check_only
 class Linear(TypedDict):
     a: NDArray[float64]
@@ -357,7 +289,7 @@ def components() -> list[Component]: ...
 
 @final
 class Circuit:
-    def __new__(cls, json: str) -> Circuit: ...
+    def __new__(cls, json: str, names: tuple[str, Sequence[tuple[str, str]], bool] | None = None) -> Circuit: ...
     @property
     def inputs(self) -> list[tuple[str, str, str, str]]: ...
     @property
@@ -377,6 +309,46 @@ class Circuit:
     def citations(self) -> list[str]: ...
     def start(self, start: Mapping[str, float] | Sequence[float], rtol: float) -> Session: ...
     def members(self, names: Sequence[str], values: NDArray[float64]) -> Members: ...
+    def chambers(self, states: NDArray[float64]) -> NDArray[float64]: ...
+    def along(
+        self,
+        times: NDArray[float64],
+        position: NDArray[float64],
+        velocity: NDArray[float64],
+        pressure_a: NDArray[float64],
+        pressure_b: NDArray[float64],
+        openings: NDArray[float64],
+        temperatures: Sequence[float],
+    ) -> dict[str, NDArray[float64]]: ...
+    def restarted(
+        self,
+        times: Sequence[float] | NDArray[float64],
+        commands: Sequence[float] | NDArray[float64],
+        duration: float,
+        sample_rate: float,
+        restarts: NDArray[float64],
+        temperatures: Sequence[float],
+        rtol: float,
+    ) -> tuple[dict[str, NDArray[float64]], list[str]]: ...
+    def sampled_states(
+        self,
+        plans: Sequence[tuple[str, Sequence[float], Sequence[float]]],
+        duration: float,
+        sample_rate: float,
+        start: Mapping[str, float],
+        rtol: float,
+    ) -> NDArray[float64]: ...
+    def servo(
+        self,
+        kp: float,
+        kd: float,
+        amplitude_m: float,
+        frequency_hz: float,
+        duration_s: float,
+        sample_rate_hz: float,
+        start: Mapping[str, float],
+        rtol: float,
+    ) -> ServoResult: ...
     def shoot(self, command: str, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
     def simulate(
         self,

@@ -113,6 +113,8 @@ def plans(
     >>> plans(["left: 0 s: 1, 0.5 s: -1", "right: 0.4"], {"left": None, "right": None})
     [('left', ((0.0, 0.5), (1.0, -1.0))), ('right', ((0.0,), (0.4,)))]
     """
+    if "" in commandable and not isinstance(given, Mapping):
+        return [("", steps(cast("Command", given), times, commandable[""]))]
     if given is None:
         return []
     if isinstance(given, Mapping):
@@ -132,6 +134,24 @@ def plans(
             what = f"{own}: {error.what}"
             raise CommandError(what, where=error.where, rule=error.rule, remedy=error.remedy) from None
     return list(out.items())
+
+
+def inputs(
+    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
+) -> list[tuple[str, Steps]]:
+    """Read the commands of a drive or a circuit as `plans` does, by the names of the inputs.
+
+    Examples
+    --------
+    >>> inputs(0.5, {"": None}), inputs({"left": 0.5}, {"left": None})
+    ([('command', ((0.0,), (0.5,)))], [('left.command', ((0.0,), (0.5,)))])
+    """
+    return [(input_of(name), own) for name, own in plans(given, commandable, times)]
+
+
+def input_of(component: str) -> str:
+    """Return the name of the input that is a component's command; that of a drive's valve for an empty name."""
+    return f"{component}.command" if component else "command"
 
 
 def are_named(given: object) -> bool:

@@ -13,7 +13,7 @@ from pneudrive.constants import (
     ANR_TEMPERATURE_K,
     STANDARD_ATMOSPHERE_PA,
 )
-from pneudrive.session import short_name
+from pneudrive.describe.system import short_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.constants import ZERO_CELSIUS_K as FREEZING_K
-from pneudrive.start import is_circuit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -99,13 +98,13 @@ def _places(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> Iterat
         if temperature is None or "pressure" not in column:
             continue
         wall: Any
-        if is_circuit(drive):
+        if "." in column:
             name, own = column.removesuffix(".pressure_pa"), column.partition(".")[0]
             wall = columns.get(f"{own}.wall_temperature_k")  # of a wall that stores heat
-            wall = getattr(drive.components[own], "wall_temperature_k", None) if wall is None else wall
+            wall = getattr(drive.circuit.components[own], "wall_temperature_k", None) if wall is None else wall
         else:
             name = f"chamber {column.removeprefix('pressure_').removesuffix('_pa')}"
-            wall = drive.cylinder.wall_temperature_k
+            wall = drive.circuit.components["cylinder"].wall_temperature_k  # type: ignore[attr-defined] - a cylinder
         yield _Place(name, pressure, temperature, drive.ambient.temperature_k if wall is None else wall)
 
 

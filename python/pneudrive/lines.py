@@ -98,7 +98,7 @@ def study(drive: Drive, lengths: Sequence[str | float], diameters: Sequence[str 
     import numpy as np
     import xarray as xr
 
-    if not hasattr(drive, "has_lines"):
+    if not hasattr(drive, "tubing"):
         remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
         raise DescriptionError(f"lines needs a drive, but got a {type(drive).__name__}", remedy=remedy)
     long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
 from pneudrive.describe.parts import VIRIAL
-from pneudrive.start import is_circuit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -49,7 +48,7 @@ def warnings(described: Drive | Circuit, columns: Mapping[str, Any]) -> list[str
     places = list(_places(described, columns))
     found = [*_pressures(places, time), *_temperatures(places, time), *_gas(described, places, time)]
     found += _masses(described, places, time)
-    return found + (list(_pistons(described, columns)) if is_circuit(described) else [])
+    return [*found, *_pistons(described, columns)]
 
 
 def _places(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[_GasVolume]:
@@ -57,9 +56,7 @@ def _places(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[
         temperature = columns.get(column.replace("pressure", "temperature").removesuffix("_pa") + "_k")
         if temperature is not None and "pressure" in column:
             chamber = column.removeprefix("pressure_").removesuffix("_pa")
-            name = (
-                column.removesuffix(".pressure_pa") if "." in column or is_circuit(described) else f"chamber {chamber}"
-            )
+            name = column.removesuffix(".pressure_pa") if "." in column else f"chamber {chamber}"
             yield _GasVolume(name, pressure, temperature)
 
 
@@ -143,17 +140,7 @@ def _second_share(coefficients: tuple[float, float, float], pressure_pa: float, 
 
 def _masses(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a warning for each piston whose mass is negligible compared with the pressure on it."""
-    if is_circuit(described):
-        loads = sum(getattr(one, "mass_kg", 0.0) for one in described.components.values())
-        pistons = [
-            (f"{name}.moving_mass", float(vars(one)["moving_mass_kg"]) + loads, _area(one))
-            for name, one in described.components.items()
-            if hasattr(one, "moving_mass_kg")
-        ]
-    else:
-        cylinder = described.cylinder
-        pistons = [("cylinder.moving_mass", cylinder.moving_mass_kg + described.carried.mass_kg, cylinder.area_a_m2)]
-    for key, mass, area in pistons:
+    for key, mass, area in described.movers:
         place = max(places, key=lambda place: float(place.pressure_pa.max()), default=None)
         if place is not None and area * float(place.pressure_pa.max()) > mass * FASTEST_M_S2:
             row = int(place.pressure_pa.argmax())
@@ -164,15 +151,9 @@ def _masses(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -
             )
 
 
-def _area(component: Any) -> float:  # noqa: ANN401 - a component with a piston
-    """Return the area of a piston on the side of chamber a, m2."""
-    area = getattr(component, "area_a_m2", None)
-    return 0.25 * math.pi * component.bore_m**2 if area is None else float(area)
-
-
-def _pistons(circuit: Circuit, columns: Mapping[str, Any]) -> Iterator[str]:
+def _pistons(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[str]:
     """Yield a warning for each piston without end stops that leaves its stroke."""
-    for name, component in circuit.components.items():
+    for name, component in getattr(described, "components", {}).items():
         position = columns.get(f"{name}.position_m")
         if component.kind != "piston" or position is None:
             continue

@@ -19,12 +19,6 @@ if TYPE_CHECKING:
     from pneudrive.watch import Flag
 
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
-#: Names in a drive of inputs of its circuit that do not belong to the cylinder.
-_OF_A_DRIVE = {
-    "valve.command": "command",
-    "supply.pressure_pa": "supply_pressure_pa",
-    "supply.temperature_k": "supply_temperature_k",
-}
 _RULE, _ENDED = ": it must be ", "the session cannot go on"
 
 
@@ -319,21 +313,3 @@ class Session:
             raise SimulationError(what, remedy="Restore a saved state, or start another session.") from None
         kind: type[PneudriveError] = CommandError if isinstance(error, ValueError) else SimulationError
         raise kind(what, rule=rule or None) from None
-
-
-def short_name(name: str, piston: str = "cylinder") -> str:
-    """Return a drive's name for a variable of its circuit, unchanged if a drive does not have this variable.
-
-    Examples
-    --------
-    >>> short_name("cylinder.a.pressure_pa"), short_name("valve.command"), short_name("tube_a.mass_flow_kg_s")
-    ('pressure_a_pa', 'command', 'tube_a.mass_flow_kg_s')
-    """
-    of, _, last = name.partition(".")
-    if of == piston:
-        chamber, dot, rest = last.partition(".")
-        if not dot:
-            return last
-        quantity, _, unit = rest.rpartition("_") if not rest.endswith("_kg_s") else (rest[:-5], "", "kg_s")
-        return f"{quantity}_{chamber}_{unit}"
-    return _OF_A_DRIVE.get(name, name)

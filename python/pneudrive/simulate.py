@@ -13,11 +13,9 @@ from pneudrive import command as commands
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
 from pneudrive.lazy import upper
 from pneudrive.references import bibtex
-from pneudrive.session import short_name
 from pneudrive.show import Shown
-from pneudrive.start import check_tolerance, is_circuit, ready
-from pneudrive.start import compiled as compiled
-from pneudrive.trajectory import MEANING, meaning
+from pneudrive.start import check_tolerance, ready
+from pneudrive.trajectory import meaning
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
@@ -225,21 +223,25 @@ def run(
     check_tolerance(rtol)
     if budget is not None and (isinstance(budget, bool) or not 1 <= budget <= MOST_BUDGET):
         raise CommandError(f"budget = {budget} is out of bounds", rule=f"1 to {MOST_BUDGET:.0e} attempts at a step")
-    plan = _plan(drive, command, asked)
-    core: Any
+    plans = commands.inputs(command, drive.commandable, asked)
     core, start = ready(drive, initial)
     watch.look()
     try:
         result: SimulationResult = core.simulate(
-            *(*plan, seconds, rate, start, rtol, ledger, budget),
+            *(
+                [(name, list(times), list(values)) for name, (times, values) in plans],
+                seconds,
+                rate,
+                start,
+                rtol,
+                ledger,
+                budget,
+            ),
             lambda t: watch.tell(t, seconds, "seconds simulated"),
             **({} if arrays or drive.gas.dew_point_k is not None else {"arrays": False}),
         )
     except (ValueError, RuntimeError) as error:
         raise SimulationError(str(error)) from None
-    meanings = drive.meanings if is_circuit(drive) else drive.circuit.meanings if drive.runs_as_circuit else {}
-    if meanings and not is_circuit(drive):
-        _in_short(result)
     result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.warnings(drive, result["columns"])
     result["warnings"] += run_limits.warnings(drive, result["columns"])
     for message in result["warnings"]:
@@ -252,32 +254,14 @@ def run(
         values = [one.value for one in differentiator.parameters]
         columns = [name for name in result["columns"] if name not in UNDIFFERENTIATED]
         by_numbers = differentiator.run(values, result["columns"]["time_s"], columns, watch=watch)
-    known = {} if is_circuit(drive) else _steps(*(plan[0][0][1:] if drive.runs_as_circuit else plan))
-    return Run(result["columns"], _provenance(drive, result, rtol) | known, meanings, by_numbers)
-
-
-def _plan(drive: Drive | Circuit, command: Any, asked: list[float] | None) -> tuple[Any, ...]:  # noqa: ANN401
-    """Read the command into the core's form: steps of a drive, or plans by the names of a circuit's inputs."""
-    if is_circuit(drive):
-        named = commands.plans(command, drive.commandable, asked)
-        return ([(f"{name}.command", list(times), list(values)) for name, (times, values) in named],)
-    steps = commands.steps(command, asked, drive.valve.command)
-    return ([("valve.command", *map(list, steps))],) if drive.runs_as_circuit else steps
+    known = {} if drive.system.names is None else _steps(*plans[0][1])
+    return Run(result["columns"], _provenance(drive, result, rtol) | known, drive.meanings, by_numbers)
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
     """Return the changes of a command for the provenance, which the samples show only at the next one."""
     found = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
     return {"command_steps": found} if len(found) <= MOST_STEPS else {}
-
-
-def _in_short(result: SimulationResult) -> None:
-    """Rename columns of a drive's circuit to those of a drive. The drive's columns come first."""
-    columns = {short_name(name): values for name, values in result["columns"].items()}
-    order = [name for name in MEANING if name in columns] + [name for name in columns if name not in MEANING]
-    result["columns"] = {name: columns[name] for name in order}
-    for impact in result["impacts"]:
-        impact.pop("cylinder", None)
 
 
 def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:

@@ -66,11 +66,11 @@ def test_a_piston_that_sticks_has_exactly_no_velocity():
 
 def test_servo_control_follows_the_independent_model():
     """Case C: 10,000 samples of position control, each with its own command."""
-    from pneudrive import _core
+    from pneudrive.describe.system import System
 
     case, want = CASES["case_c"], golden("case_c")
     servo = case["servo"]
-    drive = _core.Drive(json.dumps(case["drive"]))
+    drive = System.of_drive(case["drive"]).compiled()
     run = drive.servo(
         servo["kp"],
         servo["kd"],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,11 +29,13 @@ class Difference:
 
 def simulated(case: Json, rtol: float) -> tuple[np.ndarray, Json]:
     """Return the core's states, shape (n, 6) in the order of `COLUMNS`, and its statistics."""
-    from pneudrive import _core
+    from pneudrive.describe.system import System
 
-    drive = _core.Drive(json.dumps(case["drive"]))
+    drive = System.of_drive(case["drive"]).compiled()
     times, commands = (list(column) for column in zip(*case["commands"], strict=True))
-    run = drive.simulate(times, commands, case["duration_s"], case["sample_rate_hz"], case["initial"], rtol)
+    run = drive.simulate(
+        [("command", times, commands)], case["duration_s"], case["sample_rate_hz"], case["initial"], rtol
+    )
     return np.stack([run["columns"][c] for c in COLUMNS], axis=1), run["statistics"]
 
 

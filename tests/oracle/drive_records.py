@@ -30,10 +30,8 @@ def drive(**changes):
 
 def commands(seed: int, duration_s: float, truth) -> np.ndarray:
     """Return a command for each sample: what a sampled servo gives on a sine, with stick and slip on its way."""
-    from pneudrive.simulate import compiled
-
     random = np.random.default_rng(seed)
-    core = compiled(truth.core_json())
+    core = truth.system.compiled()
     start = truth.core_initial(pn.Initial(pressure_a="4 bar abs", pressure_b="4 bar abs"))
     done = core.servo(
         float(random.uniform(15.0, 25.0)),

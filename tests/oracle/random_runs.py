@@ -443,7 +443,7 @@ def oracle_case(drawn: Case) -> dict[str, Any] | None:
     if friction["law"] not in ORACLE_LAWS or "leakage" in drawn.drive["cylinder"] or "velocity" in drawn.initial:
         return None
     drive = Drive.model_validate(drawn.drive)
-    core = json.loads(drive.core_json())
+    core = json.loads(json.dumps(drive.short_form()))
     core["cylinder"]["end_stop"] = drive.end_stop
     for table in ("dwell", "relaxation", "pressure", "position", "direction", "side_load"):
         core["friction"].pop(table, None)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive.describe.circuit import compiled
+from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError, SimulationError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"

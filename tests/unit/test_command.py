@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive import command, start
+from pneudrive import command
+from pneudrive.describe.starts import read_initial
 from pneudrive.errors import CommandError, DescriptionError
 
 
@@ -98,14 +99,14 @@ def test_a_valve_may_say_what_its_voltage_means():
 
 
 def test_the_start_state():
-    made = start.read_initial("position = 50 mm, pressure_a = 2 bar gauge")
+    made = read_initial("position = 50 mm, pressure_a = 2 bar gauge")
     assert (made.position_m, made.pressure_a.gauge, made.pressure_b) == (0.05, True, None)
-    assert start.read_initial({"position": "50 mm", "pressure_a": "2 bar gauge"}) == start.read_initial(made) == made
+    assert read_initial({"position": "50 mm", "pressure_a": "2 bar gauge"}) == read_initial(made) == made
     with pytest.raises(DescriptionError, match=r"Did you mean 'position'"):
-        start.read_initial("positon = 50 mm")
+        read_initial("positon = 50 mm")
     with pytest.raises(CommandError, match=r'Give \{"position": "50 mm"\}'):
-        start.read_initial(0.05)
+        read_initial(0.05)
     with pytest.raises(CommandError, match="is not key = quantity"):
-        start.read_initial("50 mm")
+        read_initial("50 mm")
     with pytest.raises(CommandError, match="given twice"):
-        start.read_initial("position = 50 mm, position = 60 mm")
+        read_initial("position = 50 mm, position = 60 mm")

@@ -77,7 +77,7 @@ def load(tmp_path, text):
 
 def test_tables_reach_the_core_in_si(tmp_path, text):
     drive = load(tmp_path, text)
-    friction = json.loads(drive.core_json())["friction"]
+    friction = drive.short_form()["friction"]
     assert friction["law"] == "elasto-plastic"
     assert friction["parameters"]["breakaway_share"] == 0.85
     assert friction["pressure"]["coulomb_a"] == 1e-5
@@ -107,7 +107,7 @@ def test_tables_reach_the_core_in_si(tmp_path, text):
         "time_s": 300.0,
     }
     assert friction["wear"] == {"run_in": 0.2, "run_in_distance_m": 2000.0, "rate_per_m": 5e-6, "slid_m": 300.0}
-    _core.Drive(drive.core_json())
+    drive.system.compiled()
 
 
 def test_a_drive_with_tables_is_written_and_read_to_the_same_bits(tmp_path, text):
@@ -131,7 +131,7 @@ def test_another_law_keeps_what_acts_on_it(tmp_path, text):
 
 
 def test_a_drive_without_tables_is_the_same_to_the_core_as_ever(drive_file, tmp_path):
-    friction = json.loads(load(tmp_path, drive_file).core_json())["friction"]
+    friction = load(tmp_path, drive_file).short_form()["friction"]
     assert set(friction) == {"law", "parameters", "pressure"}
 
 

@@ -1,7 +1,6 @@
 """A drive file becomes SI, is refused with one message that names file, line, rule and remedy, and is written back."""
 
 import copy
-import json
 import math
 import pickle
 import re
@@ -20,7 +19,7 @@ def load(tmp_path, text):
 
 
 def test_values_reach_the_core_in_si(tmp_path, drive_file):
-    core = json.loads(load(tmp_path, drive_file).core_json())
+    core = load(tmp_path, drive_file).short_form()
     assert core["cylinder"]["bore_m"] == 0.025
     assert core["cylinder"]["dead_volume_b_m3"] == 1e-5
     assert core["supply"] == {"pressure_pa": 7e5, "temperature_k": 293.15}
@@ -39,7 +38,7 @@ def test_values_reach_the_core_in_si(tmp_path, drive_file):
 def test_what_is_left_out_follows_the_ambient_air(tmp_path, drive_file):
     text = drive_file.replace('wall_temperature = "293.15 K"\n', "").replace('"293.15 K"              #', '"50 degC" #')
     text = text.replace('pressure = "7 bar abs"\ntemperature = "293.15 K"', 'pressure = "6 bar gauge"')
-    core = json.loads(load(tmp_path, text).core_json())
+    core = load(tmp_path, text).short_form()
     assert core["supply"] == {"pressure_pa": 701300.0, "temperature_k": 323.15}
     assert core["cylinder"]["wall_temperature_k"] == 323.15
     assumed = load(tmp_path, text.replace("end_stop = {", "#")).assumed()

@@ -77,15 +77,18 @@ def test_lugre_from_a_file_is_lugre(folder, more):
 
 def test_exact_sensitivities_go_through_formulas(folder):
     """By parameters that are levels, that are folded into constants, and by the start: those of the built-in law."""
-    names = [f"friction.parameters.{key}" for key in ("coulomb", "breakaway", "stribeck_velocity", "bristle_stiffness")]
+    names = [
+        f"cylinder.friction.parameters.{key}"
+        for key in ("coulomb", "breakaway", "stribeck_velocity", "bristle_stiffness")
+    ]
     start = np.array([[0.25, 0.0, 3e5, 293.15, 3e5, 293.15, 0.0]])
     outputs = ["position_m", "velocity_m_s", "pressure_a_pa", "friction_force_n"]
 
     def shoot(text):
-        core = _core.Drive(load(folder, text).core_json())
+        core = load(folder, text).system.compiled()
         asked = {"times": [0.0, 0.15], "commands": [0.3, -0.3], "sample_times": np.linspace(0.0, 0.3, 31)}
         asked |= {"starts": [0], "initial": start, "parameters": names, "with_initial": True}
-        return core.shoot(asked | {"outputs": outputs, "rtol": 1e-8})
+        return core.shoot("command", asked | {"outputs": outputs, "rtol": 1e-8})
 
     built_in, own = shoot(BUILT_IN), shoot(FRICTION)
     assert not any(own["failures"])
@@ -225,7 +228,7 @@ def test_a_law_that_cannot_be_friction_is_refused(own, what):
 
 def messages(own):
     drive = pn.Drive.load("catalogue:reference").replace({"friction": pn.Friction(law=own)})
-    return _core.Drive(drive.core_json()).warnings
+    return drive.system.compiled().warnings
 
 
 def test_what_may_be_a_mistake_is_said():

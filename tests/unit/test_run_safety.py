@@ -10,7 +10,6 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.errors import Cancelled, CommandError, PneudriveWarning, SimulationError
-from pneudrive.simulate import compiled
 
 SOFT = {
     "cylinder.stroke": "100 mm",
@@ -125,10 +124,10 @@ def test_a_mass_that_creeps_on_a_stiff_stop_leaves_it():
 
 
 def test_shooting_and_measured_records_meet_the_same_covers():
-    core = compiled(soft().core_json())
+    core = soft().system.compiled()
     start = np.array([[0.099, 1000.0, 1.013e5, 293.15, 1.013e5, 293.15, 0.0]])
     asked = {"times": [0.0], "commands": [1.0], "sample_times": np.linspace(0.0, 0.5, 26), "starts": [0]}
-    shot = core.shoot(asked | {"initial": start, "outputs": ["pressure_b_pa"], "rtol": 1e-6})
+    shot = core.shoot("command", asked | {"initial": start, "outputs": ["pressure_b_pa"], "rtol": 1e-6})
     assert "cover of chamber b" in str(shot["failures"][0])
     given = shot["values"][np.isfinite(shot["values"])]
     assert 0 < given.size < 26

@@ -1,6 +1,6 @@
 //! Cases A and C in a loop, for a profiler: `cargo run --release --example cases -- a 2000`, or `c 20`.
 
-use circuit::{Drive, Servo, specification};
+use circuit::{Drive, Driven, Servo, specification};
 
 fn main() {
     let spec: specification::Drive = serde_json::from_str(include_str!("case_a.json")).expect("valid");
@@ -24,9 +24,11 @@ fn main() {
     for _ in 0..runs {
         let start = std::time::Instant::now();
         let rows = if servo_loop {
-            drive.servo(&servo, (10.0, rate), &initial, options, &mut |_| false).map(|run| run.0)
+            Driven::servo(&servo, drive.session(&initial, options), (10.0, rate), &mut |_| false)
+                .map(|run| run.0)
         } else {
-            drive.states(&[0.0, 1.0], &[0.6, -0.6], (2.0, rate), &initial, options, &mut |_| false)
+            let plan = (&[0.0, 1.0][..], &[0.6, -0.6][..]);
+            Driven::states(drive.planned(plan, 2.0, &initial, options), (2.0, rate), &mut |_| false)
         };
         best = best.min(start.elapsed().as_secs_f64());
         std::hint::black_box(rows.expect("runs"));

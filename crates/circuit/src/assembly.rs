@@ -2,6 +2,7 @@
 
 mod along;
 mod drive;
+mod driven;
 pub(crate) mod end_stop;
 mod exchange;
 mod foresight;
@@ -10,21 +11,25 @@ mod gas;
 pub(crate) mod glances;
 pub(crate) mod leak;
 mod members;
+mod names;
 mod network;
 mod numbers;
 mod own_law;
 mod session;
 mod shoot;
+mod starts;
 mod tank;
 mod timing;
 mod variables;
 mod wiring;
 
 pub use along::{ALONG, Record, Restart};
-pub use drive::{Drive, Servo};
+pub use drive::Drive;
+pub use driven::{Driven, Servo};
 pub use foresight::Foresight;
 pub use friction::{friction_law, steady_sensitivity};
 pub use members::Members;
+pub use names::Names;
 pub use network::Network;
 pub use own_law::own_law;
 pub(crate) use own_law::parameter_text;

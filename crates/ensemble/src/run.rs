@@ -3,7 +3,7 @@
 use crate::lanes;
 use crate::reduction::{Follower, Reduction, What};
 use circuit::{
-    Assembly, Circuit, Drive, Error, Look, Members, Network, Session, Starting, budget, run_jobs,
+    Assembly, Circuit, Drive, Error, Look, Members, Names, Network, Session, Starting, budget, run_jobs,
     sample_times,
     specification::{self, FromJson},
 };
@@ -11,6 +11,7 @@ use math::{Lane, Task, has_eight, with_eight};
 use ode::{Options, System};
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Largest number of members that a thread takes at once.
@@ -168,8 +169,13 @@ impl Ensemble {
 
     /// Creates an ensemble of a circuit in the same way. Names have the form "left.bore".
     pub fn of_circuit(json: &str, names: &[String]) -> Result<Self, Error> {
+        Ensemble::called(json, names, Arc::default())
+    }
+
+    /// The same under short names.
+    pub fn called(json: &str, names: &[String], short: Arc<Names>) -> Result<Self, Error> {
         let spec: specification::Circuit = read(json)?;
-        Ok(Ensemble { members: Network::assemble(&spec, false)?.members(json, names)?.general()? })
+        Ok(Ensemble { members: Network::called(&spec, false, short)?.members(json, names)?.general()? })
     }
 
     /// Circuit that all members share.

@@ -1,6 +1,7 @@
-//! `Ensemble`: many members of one drive or circuit, run side by side and reduced while they run.
+//! `Ensemble`: many members of one circuit, run side by side and reduced while they run.
 
 use crate::convert::{Teller, to_python, watched};
+use crate::network::{ShortNames, called};
 use ensemble::{Asked, Column, Ensemble, Kernel, Plan, Reduction, What};
 use numpy::{
     PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods,
@@ -8,14 +9,13 @@ use numpy::{
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::Arc;
 
-/// Members of one drive or circuit that differ in the numbers listed in `vary`.
+/// Members of one circuit that differ in the numbers called `vary`.
 ///
-/// `kind` is "drive" or "circuit", `json` its description in SI. Names are paths of a drive's JSON
-/// ("cylinder.bore_m", "friction.parameters.coulomb"), or of a circuit's components ("left.bore",
-/// "left.friction.parameters.coulomb"); "ambient.pressure_pa" and "ambient.temperature_k" of either. Raises
-/// ValueError for an unknown name, a repeated name, or a number in which members cannot differ. The
-/// description is assembled once, here. Members only set their numbers.
+/// `json` is its description in SI, `names` as of a `Circuit`. Numbers are those of components ("left.bore",
+/// "left.friction.parameters.coulomb"), "ambient.pressure_pa" and "ambient.temperature_k". An unknown name, one given twice, or one that members
+/// cannot differ in is a ValueError. The description is assembled here, once; members only set their numbers.
 #[pyclass(name = "Ensemble", frozen)]
 pub struct PyEnsemble {
     ensemble: Ensemble,
@@ -101,12 +101,9 @@ impl PyEnsemble {
 #[pymethods]
 impl PyEnsemble {
     #[new]
-    fn new(kind: &str, json: &str, vary: Vec<String>) -> PyResult<Self> {
-        let ensemble = match kind {
-            "drive" => Ensemble::of_drive(json, &vary),
-            "circuit" => Ensemble::of_circuit(json, &vary),
-            other => return refuse(format!("kind = \"{other}\": it must be \"drive\" or \"circuit\"")),
-        };
+    #[pyo3(signature = (json, vary, names=None))]
+    fn new(json: &str, vary: Vec<String>, names: Option<ShortNames>) -> PyResult<Self> {
+        let ensemble = Ensemble::called(json, &vary, Arc::new(called(names)));
         Ok(PyEnsemble { ensemble: ensemble.map_err(to_python)? })
     }
 

@@ -2,9 +2,9 @@
 
 mod control;
 mod convert;
-mod drive;
 mod ensemble;
 mod friction;
+mod kinds;
 mod network;
 mod parquet;
 mod session;
@@ -60,7 +60,6 @@ fn constants() -> BTreeMap<&'static str, f64> {
 
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
-    m.add_class::<drive::PyDrive>()?;
     m.add_class::<ensemble::PyEnsemble>()?;
     m.add_class::<network::PyCircuit>()?;
     m.add_class::<network::PyMembers>()?;
@@ -70,8 +69,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(table::write_parquet, m)?)?;
     m.add_function(wrap_pyfunction!(signals::turning_points, m)?)?;
     m.add_function(wrap_pyfunction!(signals::bin_means, m)?)?;
-    m.add_function(wrap_pyfunction!(network::components, m)?)?;
-    m.add_function(wrap_pyfunction!(network::formula_component, m)?)?;
+    m.add_function(wrap_pyfunction!(kinds::components, m)?)?;
+    m.add_function(wrap_pyfunction!(kinds::formula_component, m)?)?;
     m.add_function(wrap_pyfunction!(friction::friction_laws, m)?)?;
     m.add_function(wrap_pyfunction!(friction::formula_law, m)?)?;
     m.add_function(wrap_pyfunction!(friction::dwell_growth, m)?)?;

@@ -1,30 +1,34 @@
-//! `Circuit`: components and joints; `components`: all kinds of component.
+//! `Circuit`: components and joints.
 
-use crate::convert::{Teller, options, parse, run_to_dict, to_python, watched};
-use crate::friction::refused;
+use crate::convert::{Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched};
 use crate::session::PySession;
 use crate::shooting::{Asked, shot_to_dict};
-use circuit::{
-    Assembly, ComponentKind, Extra, Holds, Network, PortKind, Shooting, Stroke, formula_kind, kinds,
-    specification,
-};
-use numpy::PyReadonlyArray2;
+use circuit::{ALONG, Assembly, Driven, Names, Network, Record, Restart, Servo, Shooting, specification};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use ode::Options;
-use physics::Parameter;
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// A circuit of components, assembled from its description in SI (JSON).
 #[pyclass(name = "Circuit", frozen)]
 pub struct PyCircuit {
     json: String,
     spec: specification::Circuit,
+    names: Arc<Names>,
     network: Network,
     /// The same circuit with its balances, made on first use.
     accounted: OnceLock<Network>,
+}
+
+/// Names as they come from Python.
+pub type ShortNames = (String, Vec<(String, String)>, bool);
+
+/// Names for the core.
+pub fn called(names: Option<ShortNames>) -> Names {
+    names.map(|(of, table, only)| Names { of, table, only }).unwrap_or_default()
 }
 
 impl PyCircuit {
@@ -36,7 +40,7 @@ impl PyCircuit {
         if let Some(known) = self.accounted.get() {
             return Ok(known);
         }
-        let made = Network::assemble(&self.spec, true)?;
+        let made = Network::called(&self.spec, true, self.names.clone())?;
         Ok(self.accounted.get_or_init(|| made))
     }
 }
@@ -50,11 +54,15 @@ enum Start {
 
 #[pymethods]
 impl PyCircuit {
+    /// `names`, where they are given: the component whose name is left out, short and full names in their order, and
+    /// whether columns without a short name are left out.
     #[new]
-    fn new(json: String) -> PyResult<Self> {
+    #[pyo3(signature = (json, names=None))]
+    fn new(json: String, names: Option<ShortNames>) -> PyResult<Self> {
         let spec: specification::Circuit = parse(&json)?;
-        let network = Network::assemble(&spec, false).map_err(to_python)?;
-        Ok(PyCircuit { json, spec, network, accounted: OnceLock::new() })
+        let names = Arc::new(called(names));
+        let network = Network::called(&spec, false, names.clone()).map_err(to_python)?;
+        Ok(PyCircuit { json, spec, names, network, accounted: OnceLock::new() })
     }
 
     /// Returns name, unit, bounds as text and meaning of each input.
@@ -156,7 +164,149 @@ impl PyCircuit {
         shot_to_dict(py, &asked, shot, self.network.assembly().start_names())
     }
 
-    /// Runs from a start under plans. A plan has an input, times, and a value from each time on.
+    /// Pressure Pa and temperature K in chambers a and b (four columns) at states as `states` gives them.
+    fn chambers<'py>(&self, py: Python<'py>, states: PyReadonlyArray2<'py, f64>) -> PyResult<Table<'py>> {
+        let states = states.as_array();
+        let n = self.network.assembly().circuit.n_states();
+        if states.ncols() != n {
+            let message = format!("states have {} columns; this circuit has {n} states", states.ncols());
+            return Err(PyValueError::new_err(message));
+        }
+        let driven = self.network.driven().map_err(to_python)?;
+        let gas = driven.gas(states.rows().into_iter().map(|row| row.to_vec()));
+        PyArray1::from_vec(py, gas).reshape([states.nrows(), 4])
+    }
+
+    /// Forces, steady friction and pressure rates along a measured record: columns by name. `openings` has
+    /// a row for each sample: supply to a, a to exhaust, supply to b, b to exhaust.
+    #[allow(clippy::too_many_arguments)]
+    fn along<'py>(
+        &self,
+        py: Python<'py>,
+        times: PyReadonlyArray1<'py, f64>,
+        position: PyReadonlyArray1<'py, f64>,
+        velocity: PyReadonlyArray1<'py, f64>,
+        pressure_a: PyReadonlyArray1<'py, f64>,
+        pressure_b: PyReadonlyArray1<'py, f64>,
+        openings: PyReadonlyArray2<'py, f64>,
+        temperatures: [f64; 2],
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let shares: Vec<[f64; 4]> =
+            openings.as_array().rows().into_iter().map(|row| std::array::from_fn(|i| row[i])).collect();
+        let record = Record {
+            times: times.as_slice()?,
+            position: position.as_slice()?,
+            velocity: velocity.as_slice()?,
+            pressure: [pressure_a.as_slice()?, pressure_b.as_slice()?],
+            openings: &shares,
+            temperature: temperatures,
+        };
+        let n = record.times.len();
+        if [record.position, record.velocity, record.pressure[0], record.pressure[1]]
+            .iter()
+            .any(|column| column.len() != n)
+            || shares.len() != n
+            || openings.as_array().ncols() != 4
+        {
+            return Err(PyValueError::new_err(
+                "the columns of a record have one length, openings four columns",
+            ));
+        }
+        let driven = self.network.driven().map_err(to_python)?;
+        let rows = py.detach(|| driven.along(&record)).map_err(to_python)?;
+        let out = PyDict::new(py);
+        for (i, name) in ALONG.iter().enumerate() {
+            let column = rows.iter().skip(i).step_by(ALONG.len()).copied().collect();
+            out.set_item(*name, PyArray1::from_vec(py, column))?;
+        }
+        Ok(out)
+    }
+
+    /// Simulates a command, put back at each of the restarts (rows of t, position, velocity, pressure a and b)
+    /// to a measured state: columns by name, and the runs that failed.
+    #[allow(clippy::too_many_arguments)]
+    fn restarted<'py>(
+        &self,
+        py: Python<'py>,
+        times: Vec<f64>,
+        commands: Vec<f64>,
+        duration: f64,
+        sample_rate: f64,
+        restarts: PyReadonlyArray2<'py, f64>,
+        temperatures: [f64; 2],
+        rtol: f64,
+    ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
+        if restarts.as_array().ncols() != 5 || restarts.as_array().nrows() == 0 {
+            return Err(PyValueError::new_err("restarts have five columns and at least one row"));
+        }
+        let restarts: Vec<Restart> = restarts
+            .as_array()
+            .rows()
+            .into_iter()
+            .map(|r| Restart { t: r[0], position: r[1], velocity: r[2], pressure: [r[3], r[4]] })
+            .collect();
+        let driven = self.network.driven().map_err(to_python)?;
+        let options =
+            options(rtol, duration, commands.len(), self.network.assembly().circuit.n_states(), None);
+        let (columns, failures) = detached(py, |interrupted| {
+            let plan = (&times[..], &commands[..]);
+            driven.restarted(plan, (duration, sample_rate), &restarts, temperatures, options, interrupted)
+        })?;
+        let out = PyDict::new(py);
+        for (name, column) in self.network.assembly().columns().iter().zip(columns) {
+            out.set_item(name, PyArray1::from_vec(py, column))?;
+        }
+        Ok((out, failures))
+    }
+
+    /// The states of a run under plans, as they are integrated, shape (samples, states).
+    fn sampled_states<'py>(
+        &self,
+        py: Python<'py>,
+        plans: Vec<(String, Vec<f64>, Vec<f64>)>,
+        duration: f64,
+        sample_rate: f64,
+        start: BTreeMap<String, f64>,
+        rtol: f64,
+    ) -> PyResult<Table<'py>> {
+        let commands = plans.iter().map(|(_, times, _)| times.len()).sum();
+        let options = options(rtol, duration, commands, self.network.assembly().circuit.n_states(), None);
+        let session = self.network.planned(&plans, duration, &start, options).map_err(to_python)?;
+        let rows = detached(py, |interrupted| Driven::states(session, (duration, sample_rate), interrupted))?;
+        self.table(py, rows)
+    }
+
+    /// A sampled servo loop tracking a sine around mid stroke.
+    #[allow(clippy::too_many_arguments)]
+    fn servo<'py>(
+        &self,
+        py: Python<'py>,
+        kp: f64,
+        kd: f64,
+        amplitude_m: f64,
+        frequency_hz: f64,
+        duration_s: f64,
+        sample_rate_hz: f64,
+        start: BTreeMap<String, f64>,
+        rtol: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let middle = 0.5 * self.network.driven().map_err(to_python)?.stroke();
+        let servo = Servo { kp, kd, middle, amplitude: amplitude_m, frequency: frequency_hz };
+        let samples = (duration_s * sample_rate_hz) as usize;
+        let assembly = self.network.assembly();
+        let options = options(rtol, duration_s, samples, assembly.circuit.n_states(), None);
+        let session = assembly.session(&start, options).map_err(to_python)?;
+        let (rows, commands, work) = detached(py, |interrupted| {
+            Driven::servo(&servo, session, (duration_s, sample_rate_hz), interrupted)
+        })?;
+        let out = PyDict::new(py);
+        out.set_item("states", self.table(py, rows)?)?;
+        out.set_item("commands", PyArray1::from_vec(py, commands))?;
+        out.set_item("statistics", statistics(py, &work)?)?;
+        Ok(out)
+    }
+
+    /// Runs from a start under plans: an input, times and the values from each of them on.
     #[pyo3(signature = (plans, duration, sample_rate, start, rtol, ledger=false, budget=None, look=None, arrays=true))]
     #[allow(clippy::too_many_arguments)] // The seam: named in Python, checked there.
     fn simulate<'py>(
@@ -185,7 +335,9 @@ impl PyCircuit {
         let out = run_to_dict(py, network.assembly().columns(), run, arrays)?;
         let impacts = out.get_item("impacts")?.expect("impacts of a run").cast_into::<PyList>()?;
         for (impact, cylinder) in impacts.iter().zip(cylinders) {
-            impact.set_item("cylinder", cylinder)?;
+            if cylinder.as_ref() != Some(&self.names.of) {
+                impact.set_item("cylinder", cylinder)?;
+            }
         }
         out.set_item("warnings", warnings)?;
         out.set_item("citations", network.citations())?;
@@ -193,7 +345,15 @@ impl PyCircuit {
     }
 }
 
+impl PyCircuit {
 /// Circuits of one topology with different numbers.
+    fn table<'py>(&self, py: Python<'py>, rows: Vec<f64>) -> PyResult<Table<'py>> {
+        let n = self.network.assembly().circuit.n_states();
+        let samples = rows.len() / n;
+        PyArray1::from_vec(py, rows).reshape([samples, n])
+    }
+}
+
 #[pyclass(name = "Members", frozen)]
 pub struct PyMembers {
     template: Assembly,
@@ -221,157 +381,4 @@ impl PyMembers {
         let options = Options { rtol, ..Options::default() };
         Ok(PySession::new(own.session(&start, options).map_err(to_python)?))
     }
-}
-
-/// Strokes of a symbol: each has a word, points and numbers.
-fn strokes<'py>(py: Python<'py>, strokes: &[Stroke]) -> PyResult<Vec<Bound<'py, PyAny>>> {
-    let mut out = Vec::new();
-    add_strokes(py, strokes, ([0.0, 0.0], false), &mut out)?;
-    Ok(out)
-}
-
-/// Adds the strokes, optionally mirrored and then moved.
-fn add_strokes<'py>(
-    py: Python<'py>,
-    strokes: &[Stroke],
-    (by, mirrored): ([f64; 2], bool),
-    out: &mut Vec<Bound<'py, PyAny>>,
-) -> PyResult<()> {
-    let place = |[x, y]: [f64; 2]| [by[0] + if mirrored { -x } else { x }, by[1] + y];
-    let places = |points: &[[f64; 2]]| points.iter().copied().map(place).collect::<Vec<_>>();
-    for stroke in strokes {
-        out.push(match *stroke {
-            Stroke::Line(points) => ("line", places(points)).into_pyobject(py)?.into_any(),
-            Stroke::Dashed(points) => ("dashed", places(points)).into_pyobject(py)?.into_any(),
-            Stroke::Arc(centre, radius, [from, to]) => {
-                let angles = if mirrored { [180.0 - to, 180.0 - from] } else { [from, to] };
-                ("arc", place(centre), radius, angles).into_pyobject(py)?.into_any()
-            }
-            Stroke::Dot(centre, radius) => ("dot", place(centre), radius).into_pyobject(py)?.into_any(),
-            Stroke::Triangle(corners) => ("triangle", places(&corners)).into_pyobject(py)?.into_any(),
-            Stroke::Head(corners) => ("head", places(&corners)).into_pyobject(py)?.into_any(),
-            Stroke::Text(at, text) => ("text", place(at), text).into_pyobject(py)?.into_any(),
-            Stroke::Moved(own, at, flipped) => {
-                add_strokes(py, own, (place(at), mirrored != flipped), out)?;
-                continue;
-            }
-        });
-    }
-    Ok(())
-}
-
-/// Returns every kind of component: its ports, parameters, choices, inputs and outputs.
-#[pyfunction]
-pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    kinds().into_iter().map(|kind| kind_entry(py, kind)).collect()
-}
-
-/// Returns the entry, as in `components`, of a kind with a formula (JSON), with `warnings`.
-///
-/// Raises ValueError as `formula_law`.
-#[pyfunction]
-pub fn formula_component<'py>(py: Python<'py>, kind: &str, json: &str) -> PyResult<Bound<'py, PyDict>> {
-    let made = formula_kind(kind, &parse(json)?)
-        .ok_or_else(|| PyValueError::new_err(format!("no component \"{kind}\" takes a formula")))?;
-    let (kind, warnings) = made.map_err(|refusal| refused(&refusal))?;
-    let entry = kind_entry(py, kind)?;
-    entry.set_item("warnings", warnings)?;
-    Ok(entry)
-}
-
-fn kind_entry<'py>(py: Python<'py>, kind: &ComponentKind) -> PyResult<Bound<'py, PyDict>> {
-    let table = |items: &[(&str, Bound<'_, PyAny>)]| {
-        let out = PyDict::new(py);
-        items.iter().try_for_each(|(key, value)| out.set_item(key, value))?;
-        PyResult::Ok(out)
-    };
-    let any = |value: &str| value.into_pyobject(py).map(Bound::into_any);
-    let ports = kind.ports.iter().map(|port| {
-        let out = table(&[("name", any(port.name)?)])?;
-        let kind = match port.kind {
-            PortKind::Gas => "gas",
-            PortKind::Axis => "axis",
-            PortKind::Pilot => "pilot",
-        };
-        out.set_item("kind", kind)?;
-        let holds = match port.holds {
-            Holds::Nothing => "",
-            Holds::Volume => "volume",
-            Holds::Pressure => "pressure",
-            Holds::Set => "set",
-            Holds::Motion => "motion",
-        };
-        out.set_item("holds", holds)?;
-        out.set_item("exhaust", port.exhaust)?;
-        out.set_item("optional", port.optional)?;
-        PyResult::Ok(out)
-    });
-    let number = |own: &Parameter| {
-        let out = table(&[("key", any(own.key)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])?;
-        out.set_item("rule", own.bounds.to_string())?;
-        out.set_item("lower", own.bounds.lower)?;
-        out.set_item("upper", own.bounds.upper)?;
-        out.set_item("open", own.bounds.open)?;
-        out.set_item("open_above", own.bounds.open_above)?;
-        out.set_item("default", own.default)?;
-        PyResult::Ok(out)
-    };
-    let parameters = kind.parameters.iter().map(|own| {
-        let out = number(&own.parameter)?;
-        out.set_item("assumed", own.assumed)?;
-        out.set_item("follows", own.follows)?;
-        out.set_item("unless", own.unless)?;
-        out.set_item("within", own.within)?;
-        out.set_item("only", own.only)?;
-        out.set_item("was", own.was)?;
-        PyResult::Ok(out)
-    });
-    let choices = kind.choices.iter().map(|own| {
-        let out = table(&[("name", any(own.name)?), ("meaning", any(own.meaning)?)])?;
-        out.set_item("options", own.options)?;
-        out.set_item("default", own.options[0])?;
-        PyResult::Ok(out)
-    });
-    let variables = |variables: &'static [(&str, &str, &str)]| {
-        let each = variables.iter().map(|&(name, unit, meaning)| {
-            table(&[("name", any(name)?), ("unit", any(unit)?), ("meaning", any(meaning)?)])
-        });
-        each.collect::<PyResult<Vec<_>>>()
-    };
-    let out = table(&[("kind", any(kind.key)?), ("title", any(kind.title)?), ("doc", any(kind.text)?)])?;
-    out.set_item("sources", kind.sources)?;
-    out.set_item("ports", ports.collect::<PyResult<Vec<_>>>()?)?;
-    out.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
-    out.set_item("choices", choices.collect::<PyResult<Vec<_>>>()?)?;
-    for key in ["formula", "points"] {
-        out.set_item(key, py.None())?;
-    }
-    if let Extra::Formula(role) = kind.extra {
-        let names = role.variables.iter().chain(role.constants).map(|own| {
-            table(&[("name", any(own.name)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])
-        });
-        let formula = table(&[("output", any(role.output.0)?), ("unit", any(role.output.1)?)])?;
-        formula.set_item("names", names.collect::<PyResult<Vec<_>>>()?)?;
-        out.set_item("formula", formula)?;
-    } else if let Extra::Points(own) = kind.extra {
-        let points = PyDict::new(py);
-        points.set_item("key", own.key)?;
-        points.set_item("optional", own.optional)?;
-        points.set_item("columns", own.columns.iter().map(number).collect::<PyResult<Vec<_>>>()?)?;
-        points.set_item("most", Extra::MOST_POINTS)?;
-        out.set_item("points", points)?;
-    }
-    out.set_item("open", kind.open)?;
-    out.set_item("discrete", kind.discrete)?;
-    let friction = if kind.needs_friction { "needed" } else { "optional" };
-    out.set_item("friction", if kind.friction { friction } else { "" })?;
-    out.set_item("inputs", variables(kind.inputs)?)?;
-    out.set_item("outputs", variables(kind.outputs)?)?;
-    let symbol = PyDict::new(py);
-    symbol.set_item("strokes", strokes(py, kind.symbol.strokes)?)?;
-    let when = kind.symbol.when.iter().map(|(option, own)| Ok((option, strokes(py, own)?)));
-    symbol.set_item("when", when.collect::<PyResult<Vec<_>>>()?)?;
-    symbol.set_item("ports", kind.symbol.ports)?;
-    out.set_item("symbol", symbol)?;
-    Ok(out)
 }

@@ -18,10 +18,9 @@ def check(
 ) -> None:
     """Check a drive or a circuit, and list the sources of its values."""
     from pneudrive.describe.load import load_described
-    from pneudrive.start import circuit_of
 
     described = load_described(drive)
-    circuit = circuit_of(described)
+    circuit = described.circuit
     kinds = [f"{name} ({one.kind})" for name, one in circuit.components.items()]
     typer.echo(f"{described.name}: {len(kinds)} components, no errors\n  {', '.join(kinds)}")
     for title, lines in (

@@ -22,11 +22,10 @@ def draw(
     from pneudrive.files.content import read_text
     from pneudrive.report.circuit_drawing import draw_circuit
     from pneudrive.report.written import PICTURES
-    from pneudrive.start import circuit_of
     from pneudrive.trajectory import check_target
 
     check_target(out, PICTURES)
-    circuit = circuit_of(load_described(drive))
+    circuit = load_described(drive).circuit
     try:
         draw_circuit(circuit, out)
     except DescriptionError as error:

@@ -21,8 +21,8 @@ from pneudrive.control.paths import PEAK
 from pneudrive.control.references import reference
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.tuning import tune
-from pneudrive.describe.circuit import compiled
 from pneudrive.describe.drive import Drive
+from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, warn
 from pneudrive.simulate import positive
 

@@ -16,10 +16,11 @@ from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setu
 from pneudrive.control.standard_references import named_or_read
 from pneudrive.control.supervision import told
 from pneudrive.control.tuning import Tuning, alone, supply_of, tune
-from pneudrive.describe.circuit import compiled
+from pneudrive.describe.starts import read_initial, start_table
+from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.simulate import SOLVER, Run, positive, require
-from pneudrive.start import check_tolerance, circuit_of, is_circuit, read_initial, start_table
+from pneudrive.start import check_tolerance, is_circuit
 from pneudrive.trajectory import meaning
 from pneudrive.watch import UNWATCHED, Watch
 
@@ -191,7 +192,7 @@ def prepare(
     else:
         tuning = tune(drive, law, setup=read, controller=controller, believes=believes, allow_code=allow_code)
     _check_jitter(read, tuning.period_s)
-    circuit = circuit_of(drive)
+    circuit = drive.circuit
     to_follow = named_or_read(along, tuning.plant.stroke_m, tuning.plant.speed_m_s)
     is_another = tuning.belief.core_json() != circuit.core_json()
     plant = tune(drive, setup=read).plant if is_another else tuning.plant
@@ -348,7 +349,7 @@ def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
 
 def _start(drive: Drive | Circuit, plant: Plant, position_m: float, initial: Any) -> dict[str, float]:  # noqa: ANN401
     """Return the start state in the core's form: at the reference, the piston in balance, unless given."""
-    circuit, cylinder = circuit_of(drive), plant.cylinder
+    circuit, cylinder = drive.circuit, plant.cylinder
     pressure_a, pressure_b = (f"{pressure!r} Pa abs" for pressure in plant.rest_pressures_pa)
     position = f"{position_m!r} m"
     if not is_circuit(drive):

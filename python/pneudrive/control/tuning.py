@@ -32,7 +32,6 @@ from pneudrive.errors import CommandError, DescriptionError, nearest, warn
 from pneudrive.own_code import COMPILED, split
 from pneudrive.show import Card, Shown
 from pneudrive.simulate import require
-from pneudrive.start import circuit_of
 from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
@@ -445,7 +444,7 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
     if table.drive is not None and not is_told:
         drive, source = _believed(table.drive, folder)
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
-    belief = circuit_of(drive)
+    belief = drive.circuit
     check_valves(belief)
 
     kind, of_observer = _observer(table.observer)

@@ -10,7 +10,7 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
 from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
 from pneudrive.datasheet.motion import cycle
 from pneudrive.datasheet.strokes import litres_anr
-from pneudrive.describe.circuit import compiled
+from pneudrive.describe.system import compiled
 
 if TYPE_CHECKING:
     from pneudrive.datasheet.plant import HeldDrive

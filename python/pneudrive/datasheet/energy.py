@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, cast
 
 from pneudrive.datasheet.air import losses
 from pneudrive.datasheet.strokes import litres_anr
+from pneudrive.describe.starts import read_initial
 from pneudrive.errors import PneudriveWarning
 from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
 from pneudrive.simulate import run
-from pneudrive.start import circuit_of, is_circuit, read_initial
+from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def energy_balance(
     done = run(drive, command, duration, initial=initial, rtol=rtol, ledger=True, watch=Watch(cancel=cancel))
     ledger = done.provenance["ledger"]
     accounts = {name.removesuffix(_JOULE): value for name, value in ledger["accounts"].items() if name.endswith(_JOULE)}
-    circuit = circuit_of(drive)
+    circuit = drive.circuit
     lost = losses(ledger["accounts"], float(circuit.ambient.temperature_k))
     air = _air(drive, command, duration, initial, rtol, cancel)
     return EnergyBalance(accounts, ledger["energy_error"], lost, air, circuit.gas.anr_density_kg_m3)
@@ -124,7 +125,7 @@ def _air(
     """Return the mass that each reservoir supplies: the integral of its flow, in the circuit of the drive."""
     from pneudrive.ensemble.many import simulate_many
 
-    circuit = circuit_of(drive)
+    circuit = drive.circuit
     supplies = [name for name, one in circuit.components.items() if one.kind == _KIND]
     if not supplies:
         return {}

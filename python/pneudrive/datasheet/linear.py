@@ -110,7 +110,7 @@ _SHOWN = ("position_m", "velocity_m_s")
 
 def _short(name: str, plant: HeldDrive) -> str:
     """Return a drive's name in a form for python-control: without dots."""
-    from pneudrive.session import short_name
+    from pneudrive.describe.system import short_name
 
     return short_name(name, plant.piston).replace(f"{plant.valve}.command", "command").replace(".", "_")
 

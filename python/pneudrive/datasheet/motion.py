@@ -10,8 +10,8 @@ import numpy as np
 
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.strokes import StrokeNumbers, stroke_numbers
+from pneudrive.describe.system import short_name
 from pneudrive.errors import CommandError, PneudriveWarning, SimulationError
-from pneudrive.session import short_name
 from pneudrive.simulate import simulate
 from pneudrive.trajectory import columns as columns_of
 

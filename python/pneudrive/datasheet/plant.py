@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.datasheet.actuation import HELD, LOCK, Actuation, held_tables, positions_of
-from pneudrive.describe.circuit import compiled
+from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.friction_curve import steady_friction
 from pneudrive.session import Session
-from pneudrive.start import circuit_of, is_circuit
+from pneudrive.start import is_circuit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,7 +73,7 @@ class HeldDrive:
         if not hasattr(described, "core_json"):
             raise DescriptionError(f"a {type(described).__name__} is not a drive", remedy='pn.Drive.load("drive.toml")')
         self.described = described
-        self.circuit = circuit_of(described)
+        self.circuit = described.circuit
         pistons = [name for name, one in self.circuit.components.items() if one.entry["kind"].startswith("cylinder/")]
         self.valves = list(self.circuit.commandable)
         if len(pistons) != 1 or not self.valves:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -19,7 +20,8 @@ from pneudrive.describe.formula import ComponentFormula, formula_of
 from pneudrive.describe.law import law_of
 from pneudrive.describe.parts import Ambient, Gas
 from pneudrive.describe.short import TABLES, Short, expanded
-from pneudrive.describe.starts import PRESSURE, Starts
+from pneudrive.describe.starts import PRESSURE, Starts, start_values
+from pneudrive.describe.system import System, compiled
 from pneudrive.errors import DescriptionError, Problems, together, warn
 from pneudrive.lazy import upper
 from pneudrive.references import entries as references
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive._core import Circuit as CoreCircuit
     from pneudrive.command import Commands
     from pneudrive.describe.signal import Signal
     from pneudrive.errors import PneudriveError
@@ -209,6 +210,16 @@ class Circuit(Described):
         return {name: getattr(one, COMMAND) for name, one in self.components.items() if name in taking}
 
     @property
+    def movers(self) -> list[tuple[str, float, float]]:
+        """Key of each moving mass, the mass with all loads, kg, and the area of its piston, m2."""
+        loads = sum(getattr(one, "mass_kg", 0.0) for one in self.components.values())
+        return [
+            (f"{name}.moving_mass", float(vars(one)["moving_mass_kg"]) + loads, _area(one))
+            for name, one in self.components.items()
+            if hasattr(one, "moving_mass_kg")
+        ]
+
+    @property
     def meanings(self) -> dict[str, str]:
         """Meaning of the columns of a trajectory, by name."""
         return {
@@ -238,6 +249,20 @@ class Circuit(Described):
     def core_json(self) -> str:
         """Return the description in the core's form, in SI."""
         return self.si_form
+
+    @property
+    def system(self) -> System:
+        """Circuit in the core's form, under the names of its components."""
+        return System(self.si_form)
+
+    @property
+    def circuit(self) -> Circuit:
+        """The circuit itself, as `Drive.circuit` of a drive."""
+        return self
+
+    def read_start(self, given: Mapping[str, Any] | str | None) -> dict[str, float]:
+        """Return the start state in SI, from start values as a dict or a text."""
+        return self.core_initial(start_values(given))
 
     @property
     def description_hash(self) -> str:
@@ -393,26 +418,10 @@ class Circuit(Described):
         return "\n".join([toml.write(tables), "\n\n".join(blocks), ""])
 
 
-@lru_cache(maxsize=64)
-def compiled(core_json: str) -> CoreCircuit:
-    """Return the core's form of a circuit; each description is compiled once.
-
-    Raises
-    ------
-    DescriptionError
-        The core rejects the circuit.
-    """
-    from pneudrive import _core
-
-    try:
-        return _core.Circuit(core_json)
-    except ValueError as error:
-        refusal = DescriptionError(str(error))
-        names = [one["name"] for one in json.loads(core_json)["components"]]
-        named = re.match(rf"({'|'.join(map(re.escape, names))})\b(?:\.(\w+))?", str(error))
-        if named and named[1]:
-            refusal.key = f"components.{named[1]}.{named[2] or ''}".rstrip(".")
-        raise refusal from None
+def _area(component: Any) -> float:  # noqa: ANN401 - a component with a piston
+    """Return the area of a piston on chamber a's side, m2."""
+    area = getattr(component, "area_a_m2", None)
+    return 0.25 * math.pi * component.bore_m**2 if area is None else float(area)
 
 
 def _formula_of(entry: Mapping[str, Any], given: str, folder: Path) -> ComponentFormula:

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
 
 
+_FRICTION = "cylinder.friction.parameters."
+
+
 @dataclass(frozen=True)
 class Derived:
     """Value derived from others.
@@ -26,7 +29,7 @@ class Derived:
     name : str
         Name in the drive file.
     path : str
-        Path in the core's form of the drive.
+        Path in the circuit of the drive.
     sources : tuple of str
         Paths of its sources, which may be derived themselves.
     value : callable
@@ -56,22 +59,22 @@ def derived(drive: Drive) -> list[Derived]:
 
 def _derived(drive: Drive) -> Iterator[Derived]:
     for key, (sources, value) in assumed_from(drive.friction).items():
-        paths = tuple(f"friction.parameters.{source}" for source in sources)
-        yield Derived(f"friction.{key}", f"friction.parameters.{key}", paths, value, ASSUMED_DIGITS)
+        paths = tuple(f"{_FRICTION}{source}" for source in sources)
+        yield Derived(f"friction.{key}", f"{_FRICTION}{key}", paths, value, ASSUMED_DIGITS)
     ambient, supply, valve = "ambient.temperature_k", drive.supply, drive.valve
     if supply.temperature_k is None:
-        yield Derived("supply.temperature", "supply.temperature_k", (ambient,), float)
+        yield Derived("supply.temperature", "supply.temperature", (ambient,), float)
     if drive.cylinder.wall_temperature_k is None:
-        yield Derived("cylinder.wall_temperature", "cylinder.wall_temperature_k", (ambient,), float)
+        yield Derived("cylinder.wall_temperature", "cylinder.wall_temperature", (ambient,), float)
     if supply.pressure.gauge:
-        yield Derived("supply.pressure", "supply.pressure_pa", ("ambient.pressure_pa",), supply.pressure.absolute_pa)
+        yield Derived("supply.pressure", "supply.pressure", ("ambient.pressure_pa",), supply.pressure.absolute_pa)
     flow = valve.nominal_flow_m3_s_anr
     if flow is not None:
         sources = ("valve.critical_pressure_ratio", "valve.subsonic_index")
         given: float = flow
         yield Derived(
             "valve.conductance",
-            "valve.conductance_m3_s_pa",
+            "valve.conductance",
             sources,
             lambda b, m: valve_flow.conductance_from_nominal_flow(given, b, m),
         )

@@ -19,8 +19,9 @@ from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, L
 from pneudrive.describe.provenance import Origin
 from pneudrive.describe.short import TABLES, beside_control
 from pneudrive.describe.sourced import Value, has_origin
+from pneudrive.describe.starts import read_initial
+from pneudrive.describe.system import PISTON, System, drive_names, short_name
 from pneudrive.describe.valve_flow import FLOW_KEYS
-from pneudrive.errors import DescriptionError
 from pneudrive.lazy import upper
 from pneudrive.references import entries as references
 from pneudrive.show import Card
@@ -28,8 +29,8 @@ from pneudrive.show import Card
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pneudrive._core import Drive as CoreDrive
     from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.signal import Signal
     from pneudrive.session import Session
 
 # Defaults without a source: results that use them say so.
@@ -82,7 +83,7 @@ class Drive(Described):
 
     @model_validator(mode="after")
     def _lines_fit(self) -> Drive:
-        if self.runs_as_circuit:
+        if not self.is_plain:
             assert self.circuit  # raises an error if it is wrong
         return self
 
@@ -188,14 +189,23 @@ class Drive(Described):
         return ()
 
     @property
-    def has_lines(self) -> bool:
-        """Whether there are tubes or flow controls between valve and cylinder."""
-        return bool(self.tubing or self.flow_control)
+    def lines(self) -> tuple[str, ...]:
+        """Tables of the tubes and flow controls between valve and cylinder."""
+        tables = {"tubing": self.tubing, "flow_control": self.flow_control}
+        return tuple(f"{table}.{chamber}" for table, own in tables.items() for chamber in own)
 
     @property
-    def runs_as_circuit(self) -> bool:
-        """Whether a run needs the drive's circuit: it has lines, or a valve with overlap or leakage."""
-        return self.has_lines or self.valve.has_shape
+    def is_plain(self) -> bool:
+        """Whether it is supply, valve and cylinder alone, and the valve has neither overlap nor leakage."""
+        return not self.lines and not self.valve.has_shape
+
+    @property
+    def plain(self) -> Drive:
+        """The drive without lines, overlap and leakage."""
+        if self.is_plain:
+            return self
+        valve = self.valve.model_copy(update={"overlap": None, "leakage": None})
+        return self.model_copy(update={"tubing": {}, "flow_control": {}, "valve": valve})
 
     @cached_property
     def circuit(self) -> Circuit:
@@ -209,43 +219,48 @@ class Drive(Described):
         return Circuit.model_validate({"name": self.name} | about | parts | {"friction": self.friction})
 
     @cached_property
-    def si_form(self) -> str:
-        """Cached result of `core_json`."""
-        return json.dumps(self._core(), sort_keys=True)
+    def system(self) -> System:
+        """Circuit of the drive in the core's form, and the names of the drive file."""
+        if self.is_plain:
+            return System.of_drive(self.short_form())
+        return System(self.circuit.core_json(), drive_names(only=False))
 
     def core_json(self) -> str:
-        """Return the description in the core's form, in SI.
+        """Return the circuit of the drive in the core's form, in SI."""
+        return self.system.json
 
-        Raises
-        ------
-        DescriptionError
-            The drive needs its circuit, which callers of this form do not support.
-        """
-        if self.has_lines:
-            key = "tubing" if self.tubing else "flow_control"
-            what = f"a drive with [{key}] can be simulated, drawn and started as a session, but not used here"
-            raise wrong(key, what, remedy=f"Remove [{key}], or describe its volume by cylinder.dead_volume.")
-        if self.runs_as_circuit:
-            key = "valve.leakage" if self.valve.overlap is None else "valve.overlap"
-            what = f"a drive with {key} can be simulated, drawn and started as a session, but not used here"
-            raise wrong(key, what, remedy=f"Remove {key}.")
-        return self.si_form
+    @property
+    def movers(self) -> list[tuple[str, float, float]]:
+        """Key of the moving mass, the mass with its load, kg, and the area of the piston, m2."""
+        mass = self.cylinder.moving_mass_kg + self.carried.mass_kg
+        return [("cylinder.moving_mass", mass, self.cylinder.area_a_m2)]
+
+    @property
+    def commandable(self) -> dict[str, Signal | None]:
+        """The valve, without a name as the drive has one, and its electrical input if one is described."""
+        return {"": self.valve.command}
+
+    @property
+    def meanings(self) -> dict[str, str]:
+        """Meaning of the columns of a trajectory that only a drive with lines has, by name."""
+        return {} if self.is_plain else self.circuit.meanings
 
     def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
         """Copy the drive without its cached values, which `update` may have made wrong."""
         copy = super().model_copy(update=update, deep=deep)
-        for cached in ("si_form", "circuit", "all_assumptions"):
+        for cached in ("system", "circuit", "description_hash", "all_assumptions"):
             vars(copy).pop(cached, None)
         return copy
 
-    @property
+    @cached_property
     def description_hash(self) -> str:
         """SHA-256 of the simulated values: name and labels do not count."""
-        if self.runs_as_circuit:
+        if not self.is_plain:
             return self.circuit.description_hash
-        return hashlib.sha256(self.core_json().encode()).hexdigest()
+        return hashlib.sha256(json.dumps(self.short_form(), sort_keys=True).encode()).hexdigest()
 
-    def _core(self) -> dict[str, Any]:
+    def short_form(self) -> dict[str, Any]:
+        """Return supply, valve, cylinder, friction and load in SI, without lines and the shape of the valve."""
         v, spring = self.valve, self.carried.spring
         return {
             "gas": self.gas.core(),
@@ -263,31 +278,8 @@ class Drive(Described):
             "load": self.carried.stored() | {"spring": None if spring is None else spring.stored()},
         }
 
-    def circuit_initial(self, initial: Initial | None) -> dict[str, float]:
-        """Return the start state of the drive's circuit in SI; tubes start at the pressure of their chamber.
-
-        Raises
-        ------
-        DescriptionError
-            The start state does not fit the drive, or the contact has an age.
-        """
-        self.core_initial(initial)
-        given = (initial or Initial()).to_dict()
-        age = given.pop("contact_age", None)
-        if initial is not None and initial.contact_age_s > 0.0:
-            raise wrong(
-                "initial.contact_age",
-                f"initial contact_age = {age} cannot act here: the circuit of a drive starts with a fresh contact",
-                remedy="Remove contact_age; without tubes pn.simulate takes it, and an FMU of any drive does.",
-            )
-        names = {key: f"cylinder.{key}" for key in ("position", "velocity")}
-        for chamber in "ab":
-            for key in ("pressure", "temperature"):
-                names[f"{key}_{chamber}"] = f"cylinder.{chamber}.{key}"
-        return self.circuit.core_initial({names[k]: v for k, v in given.items()})
-
-    def core_initial(self, initial: Initial | None) -> dict[str, float]:
-        """Return the start state in the core's form, in SI, pressures absolute.
+    def core_initial(self, initial: Initial | None = None) -> dict[str, float]:
+        """Return the start state in SI by the names of the drive, pressures absolute.
 
         Raises
         ------
@@ -307,7 +299,24 @@ class Drive(Described):
             if not state[f"pressure_{chamber}_pa"] > 0.0:
                 pressure = getattr(start, f"pressure_{chamber}")
                 raise wrong(f"initial.pressure_{chamber}", f"initial pressure_{chamber} = {pressure} is below vacuum")
-        return state
+        if self.is_plain:
+            return state
+        whole = {short_name(name): value for name, value in self.circuit_initial(start).items()}
+        return whole | {"contact_age_s": start.contact_age_s}
+
+    def circuit_initial(self, initial: Initial | None = None) -> dict[str, float]:
+        """Return the start state by the names of the circuit; tubes start at the pressure of their chamber."""
+        given = (initial or Initial()).to_dict()
+        given.pop("contact_age", None)
+        names = {key: f"cylinder.{key}" for key in ("position", "velocity")}
+        for chamber in "ab":
+            for key in ("pressure", "temperature"):
+                names[f"{key}_{chamber}"] = f"cylinder.{chamber}.{key}"
+        return self.circuit.core_initial({names[k]: v for k, v in given.items()})
+
+    def read_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]:
+        """Return the start state in SI, from an `Initial` or its keys as a dict or a text."""
+        return self.core_initial(read_initial(given))
 
     def start(self, initial: Initial | Mapping[str, object] | str | None = None, *, rtol: float = 1e-6) -> Session:
         """Start a session of the drive, which its caller advances.
@@ -344,15 +353,11 @@ class Drive(Described):
     @property
     def end_stop(self) -> dict[str, float]:
         """End stops in SI by the names of `EndStop`: as given, or derived from the drive."""
-        return dict(zip(EndStop.model_fields, self._compiled().end_stop, strict=True))
+        return dict(zip(EndStop.model_fields, self._stops()[0], strict=True))
 
-    def _compiled(self) -> CoreDrive:
-        from pneudrive import _core
-
-        try:
-            return _core.Drive(self.si_form)
-        except ValueError as error:
-            raise DescriptionError(str(error)) from None
+    def _stops(self) -> tuple[list[float], list[float]]:
+        """Return the end stops in SI, and what they are designed for."""
+        return self.plain.system.compiled().end_stops(0.0)[PISTON]
 
     def sources(self) -> list[str]:
         """Return the values of the catalogue with a source, as ``key = value [source]``."""
@@ -375,7 +380,7 @@ class Drive(Described):
     def all_assumptions(self) -> list[tuple[str, str]]:
         """Cached result of `assumptions`."""
         out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origins if v.assumed is not None]
-        if self.runs_as_circuit:
+        if not self.is_plain:
             return [(escaped(line), "") for line in out] + self.circuit.assumptions()
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)
@@ -383,8 +388,7 @@ class Drive(Described):
             out += [f"{table}.{key} = {part.default(key)}" for key in keys if key not in given]
         stop = self.cylinder.end_stop
         given = [key for key, name in zip(stop.keys(), type(stop).model_fields, strict=True) if name in stop.stored()]
-        own = self._compiled()
-        out += end_stops.assumed("cylinder.end_stop.", given, (own.end_stop, own.end_stop_takes))
+        out += end_stops.assumed("cylinder.end_stop.", given, self._stops())
         out += [f"friction.{key} = {value}" for key, value in self.friction.assumed]
         return [(escaped(line), "") for line in out]
 

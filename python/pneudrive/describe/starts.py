@@ -1,19 +1,20 @@
-"""Start state of a circuit: given values, and derived values for the rest."""
+"""Start state: given values as users write them, and derived values for the rest."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe.base import Bounds, Quantity, StatedPressure, within, wrong
-from pneudrive.errors import DescriptionError, Problems, nearest
+from pneudrive.errors import CommandError, DescriptionError, Problems, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from pneudrive.describe.components import Component
     from pneudrive.describe.connections import Joint, Port, Wiring
-    from pneudrive.describe.parts import Ambient
+    from pneudrive.describe.parts import Ambient, Initial
 
 PRESSURE, TEMPERATURE, POSITION, VELOCITY = "pressure_pa", "temperature_k", "position_m", "velocity_m_s"
 #: Last part of a start value's name in the core -> its key and its annotation.
@@ -193,3 +194,72 @@ def _flat(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any
 
 def _bar(value: float) -> str:
     return f"{value * 1e-5:.6g} bar abs"
+
+
+def read_initial(given: Initial | Mapping[str, object] | str | None) -> Initial | None:
+    """Read a start state: an `Initial`, its keys as a dict, or ``"position = 50 mm, pressure_a = 3 bar abs"``.
+
+    Raises
+    ------
+    CommandError
+        The argument has another type, or an entry of a text is not ``key = quantity`` or is repeated.
+    DescriptionError
+        Unknown key, or a quantity of another dimension.
+
+    Examples
+    --------
+    >>> read_initial({"position": "50 mm"}) == read_initial("position = 50 mm")
+    True
+    """
+    from pneudrive.describe.parts import Initial
+
+    if given is None or isinstance(given, Initial):
+        return given
+    if isinstance(given, str):
+        given = _entries(given)
+    if not isinstance(given, Mapping):
+        raise CommandError(
+            f"the initial state is a {type(given).__name__}",
+            remedy='Give {"position": "50 mm"}, "position = 50 mm" or pn.Initial(position="50 mm").',
+        )
+    return Initial.model_validate(dict(given))
+
+
+def start_values(given: object) -> Mapping[str, object]:
+    """Read start values of a circuit: a dict, or ``"left.position = 20 mm, tank = 5 bar abs"``.
+
+    Raises
+    ------
+    CommandError
+        The argument has another type, or an entry of a text is not ``key = quantity`` or is repeated.
+
+    Examples
+    --------
+    >>> start_values("tank = 5 bar abs")
+    {'tank': '5 bar abs'}
+    """
+    given = _entries(given) if isinstance(given, str) else given
+    if given is not None and not isinstance(given, Mapping):
+        remedy = 'Give {"left.position": "20 mm"} or "left.position = 20 mm".'
+        raise CommandError(f"the initial state is a {type(given).__name__}", remedy=remedy)
+    return given or {}
+
+
+def start_table(given: object) -> Mapping[str, object]:
+    """Return a start state of a drive or a circuit as the table in which it was given."""
+    return given.to_dict() if hasattr(given, "to_dict") else start_values(given)  # type: ignore[union-attr]
+
+
+def _entries(text: str) -> dict[str, str]:
+    """Read ``key = quantity`` entries into a dict."""
+    given: dict[str, str] = {}
+    for entry in filter(None, map(str.strip, text.split(","))):
+        key, equals, value = (part.strip() for part in entry.partition("="))
+        if not equals or not value:
+            raise CommandError(
+                f'"{entry}" in the initial state is not key = quantity', remedy='For instance "position = 50 mm".'
+            )
+        if key in given:
+            raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
+        given[key] = value
+    return given

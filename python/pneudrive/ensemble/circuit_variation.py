@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.describe.parameters import parameter_quantities
-from pneudrive.describe.starts import start_mark
+from pneudrive.describe.starts import start_mark, start_values
 from pneudrive.ensemble.variation import (
     COUPLED,
     INITIAL,
-    CoreForm,
     CoreMembers,
     Variation,
     Varied,
@@ -23,7 +22,6 @@ from pneudrive.ensemble.variation import (
     mark_unit,
 )
 from pneudrive.errors import DescriptionError
-from pneudrive.start import start_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -85,11 +83,6 @@ class CircuitVariation(Variation):
         self.drive: Circuit = circuit
         self.initial: Mapping[str, Any] | None = start_values(initial) or None
         self.numbers = chosen_numbers("circuit", circuit_numbers(circuit), names)
-
-    @property
-    def form(self) -> CoreForm:
-        """Description in the core's form."""
-        return CoreForm("circuit", self.drive.core_json())
 
     def start_said(self) -> dict[str, str]:
         """Return the start state of all members in words, including that of the circuit file."""

@@ -18,7 +18,6 @@ from pneudrive.identify.dynamic.transforms import transforms_of
 from pneudrive.identify.model import PRESSURE_NAMES
 from pneudrive.identify.result import slope_key
 from pneudrive.show import Shown
-from pneudrive.start import is_circuit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -237,7 +236,7 @@ class EnsembleDesign(Shown):
 
     def _posterior(self, variation: Variation) -> NormalCoordinates:
         assert self.fit is not None
-        if is_circuit(variation.drive):
+        if variation.drive.system.names is None:
             raise CommandError("a fit is of a drive, and a circuit varies", remedy="Give distributions.")
         start = variation.drive.replace(
             {

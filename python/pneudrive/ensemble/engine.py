@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import os
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pneudrive.errors import CommandError, SimulationError
-from pneudrive.session import short_name
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
     from pneudrive._core import Ensemble, Outcome
     from pneudrive._core import Output as CoreOutput
+    from pneudrive.describe.system import System
     from pneudrive.ensemble.outputs import Reduction
     from pneudrive.ensemble.plans import Alike, MemberPlans
-    from pneudrive.ensemble.variation import CoreForm, CoreMembers
+    from pneudrive.ensemble.variation import CoreMembers
 
     Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Kept(NamedTuple):
 
 
 def run(
-    form: CoreForm,
+    system: System,
     members: CoreMembers,
     plans: MemberPlans,
     rtol: float,
@@ -59,7 +59,7 @@ def run(
 
     Parameters
     ----------
-    form : CoreForm
+    system : System
     members : CoreMembers
         n members.
     plans : MemberPlans
@@ -77,7 +77,7 @@ def run(
     CommandError
         The core cannot vary one of the numbers, or a value is out of its bounds.
     """
-    core = _ensemble(form.json, form.kind, *members.paths)
+    core = _ensemble(system, *members.paths)
     every = list(plans.alike())
     if len(every) == 1:
         return _run_alike(core, members, every[0], rtol, kept, threads, look)
@@ -106,12 +106,11 @@ def _run_alike(
     look: Callable[[float], object] | None,
 ) -> Kept:
     """Run members whose commands change at the same times."""
-    names = {short_name(name): name for name in core.columns} | {name: name for name in core.columns}
     rates: list[float | None] = [*sorted({one.rate_hz for one in kept if one.word == "samples"})] or [None]
     found = {}
     for rate in rates:  # the core samples at one rate in a run; what is not sampled comes with the first
         places = [k for k, one in enumerate(kept) if (one.rate_hz if one.word == "samples" else rates[0]) == rate]
-        asked = [_asked(kept[k], names) for k in places]
+        asked = [_asked(kept[k]) for k in places]
         outcome = _run(core, members, alike, rtol, asked, threads, look)
         found |= dict(zip(places, outcome["outputs"], strict=True))
     return Kept([found[k] for k in range(len(kept))], outcome["status"], outcome["reasons"])  # pyright: ignore[reportPossiblyUnboundVariable]
@@ -154,12 +153,12 @@ def processors() -> int:
 
 
 @lru_cache(maxsize=8)
-def _ensemble(json: str, kind: Literal["drive", "circuit"], *paths: str) -> Ensemble:
+def _ensemble(system: System, *paths: str) -> Ensemble:
     """Return the core's ensemble for members that differ in the numbers at these paths. It is made once."""
     from pneudrive import _core
 
     try:
-        return _core.Ensemble(kind, json, list(paths))
+        return _core.Ensemble(system.json, list(paths), system.names)
     except ValueError as error:
         raise CommandError(
             f"vary: {error}",
@@ -168,8 +167,8 @@ def _ensemble(json: str, kind: Literal["drive", "circuit"], *paths: str) -> Ense
         ) from None
 
 
-def _asked(one: Reduction, columns: Mapping[str, str]) -> CoreOutput:
+def _asked(one: Reduction) -> CoreOutput:
     """Return the outputs for the request to the core."""
     what: Any = ("time_above" if one.above else "time_below") if one.word == "time_when" else one.word
     value = {"time_when": one.level, "samples": one.rate_hz}.get(one.word)
-    return {"column": columns[one.columns[0]], "what": what, "value": value}
+    return {"column": one.columns[0], "what": what, "value": value}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -15,14 +15,14 @@ from pneudrive.ensemble.design import EnsembleDesign, design_of
 from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.executors import InProcess
 from pneudrive.ensemble.outputs import SignalNames, reductions
-from pneudrive.ensemble.plans import circuit_plans, drive_plans, parted_starts
+from pneudrive.ensemble.plans import member_plans, parted_starts
 from pneudrive.ensemble.rows import WiderRows
 from pneudrive.ensemble.store import ChunkStore
 from pneudrive.ensemble.study import Chunk, ChunkResult, EnsembleStudy
 from pneudrive.ensemble.variation import INITIAL, Variation, Varied, all_numbers
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.simulate import SOLVER, require
-from pneudrive.start import check_tolerance, is_circuit, ready, start
+from pneudrive.start import check_tolerance, ready, start
 from pneudrive.trajectory import meaning, save, write_frame
 from pneudrive.watch import Watch
 
@@ -216,15 +216,15 @@ def study_of(
     """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
-    plans = _plans(drive, command, duration)
+    plans = member_plans(command, duration, drive.commandable)
     design = design_of(vary, n, seed)
     for_all, each = parted_starts(initial)
-    of = CircuitVariation if is_circuit(drive) else Variation
+    of = variation_of
     begun = {f"{INITIAL}{key}": values for key, values in each.items()}
-    variation = of(drive, [*design.names, *begun], for_all)  # pyright: ignore[reportArgumentType]
-    rows = design.rows(of(drive, design.names, for_all) if begun else variation)  # pyright: ignore[reportArgumentType]
+    variation = of(drive, [*design.names, *begun], for_all)
+    rows = design.rows(of(drive, design.names, for_all) if begun else variation)
     if begun:
-        beside = EnsembleDesign.table(begun).rows(of(drive, [*begun], for_all))  # pyright: ignore[reportArgumentType]
+        beside = EnsembleDesign.table(begun).rows(of(drive, [*begun], for_all))
         if beside.size != rows.size:
             raise CommandError(f"initial has {beside.size} rows, and there are {rows.size} members")
         rows = WiderRows(rows, beside)  # pyright: ignore[reportArgumentType]
@@ -245,18 +245,17 @@ def study_of(
 
 def numbers_of(drive: Drive | Circuit) -> dict[str, Varied]:
     """Return every number of a drive or a circuit and of its start state that may vary, by name."""
-    return circuit_numbers(drive) if is_circuit(drive) else all_numbers(drive)
+    return all_numbers(cast("Drive", drive)) if drive.system.names else circuit_numbers(drive.circuit)
 
 
-def _plans(drive: Drive | Circuit, command: Any, duration: Any) -> MemberPlans:  # noqa: ANN401
-    if is_circuit(drive):
-        return circuit_plans(command, duration, drive.commandable)
-    return drive_plans(command, duration, "valve.command" if drive.runs_as_circuit else "command", drive.valve.command)
+def variation_of(drive: Drive | Circuit, names: Sequence[str], initial: Any = None) -> Variation:  # noqa: ANN401
+    """Return the numbers of a drive or a circuit that a design sets."""
+    return (Variation if drive.system.names else CircuitVariation)(drive, names, initial)  # pyright: ignore[reportArgumentType]
 
 
 def _signals(drive: Drive | Circuit, columns: Sequence[str], plans: MemberPlans) -> SignalNames:
-    if is_circuit(drive):
-        begun = dict.fromkeys(drive.start_names.values())
+    if drive.system.names is None:
+        begun = drive.system.compiled().start_names
         return SignalNames(columns, states=[meaning(name)[0] for name in begun])
     return SignalNames(columns, plans.moves_up)
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import command as commands
+from pneudrive.describe.starts import start_table
 from pneudrive.errors import CommandError
 from pneudrive.simulate import positive
-from pneudrive.start import start_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -138,23 +138,8 @@ def _digest(given: Any) -> dict[str, Any]:  # noqa: ANN401 - plain data
     return {"members": len(given), "sha256": hashlib.sha256(json.dumps(given).encode()).hexdigest()}
 
 
-def drive_plans(command: Any, duration: Any, name: str, signal: Signal | None) -> MemberPlans:  # noqa: ANN401
-    """Read the commands of a drive's members.
-
-    Parameters
-    ----------
-    command : as for `pneudrive.ensemble.simulate_many`
-    duration : as for `pneudrive.ensemble.simulate_many`
-    name : str
-        The core's input.
-    signal : Signal, optional
-        Electrical input of the valve.
-    """
-    return MemberPlans({name: read_rows(command, signal)}, _durations(duration))
-
-
-def circuit_plans(command: Any, duration: Any, commandable: Mapping[str, Signal | None]) -> MemberPlans:  # noqa: ANN401
-    """Read the commands of a circuit's members.
+def member_plans(command: Any, duration: Any, commandable: Mapping[str, Signal | None]) -> MemberPlans:  # noqa: ANN401
+    """Read the commands of the members of a drive or a circuit.
 
     Parameters
     ----------
@@ -164,7 +149,9 @@ def circuit_plans(command: Any, duration: Any, commandable: Mapping[str, Signal 
         Component that takes a command -> its electrical input.
     """
     rows: dict[str, EachSteps] = {}
-    if isinstance(command, Mapping):
+    if "" in commandable and not isinstance(command, Mapping):
+        rows[""] = read_rows(command, commandable[""])
+    elif isinstance(command, Mapping):
         for name, given in command.items():
             # Check with a placeholder for the steps that the component exists and does not have two commands.
             ((own, _),) = commands.plans({name: 0.0}, commandable)
@@ -182,7 +169,7 @@ def circuit_plans(command: Any, duration: Any, commandable: Mapping[str, Signal 
         rows[own] = read_rows(command, commandable[own])
     else:
         rows = {name: [steps] for name, steps in commands.plans(command, commandable)}
-    return MemberPlans({f"{name}.command": each for name, each in rows.items()}, _durations(duration))
+    return MemberPlans({commands.input_of(name): each for name, each in rows.items()}, _durations(duration))
 
 
 def read_rows(given: Any, signal: Signal | None) -> EachSteps:  # noqa: ANN401

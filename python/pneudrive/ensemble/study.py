@@ -147,7 +147,7 @@ class EnsembleStudy:
             asked += self._seen(output) if output.function is not None else [output]
         plans = self.plans.part(chunk.first - self.begin, chunk.last - self.begin)
         members = self.variation.members(rows)
-        found = engine.run(self.variation.form, members, plans, self.rtol, asked, self.threads, look)
+        found = engine.run(self.variation.drive.system, members, plans, self.rtol, asked, self.threads, look)
         given = iter(found.values)
         values = [
             next(given)

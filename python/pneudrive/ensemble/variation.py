@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from pneudrive.describe.base import Quantity, StatedPressure
 from pneudrive.describe.drive import start_state
 from pneudrive.describe.parts import Initial
 from pneudrive.describe.provenance import marks
+from pneudrive.describe.starts import read_initial
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, nearest
 from pneudrive.free.parameters import family_of, numbers_of
-from pneudrive.start import read_initial
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -86,13 +86,6 @@ def chosen_numbers(what: str, known: Mapping[str, Varied], names: Sequence[str])
     return [known[name] for name in names]
 
 
-class CoreForm(NamedTuple):
-    """A description in the core's form: its kind, ``"drive"`` or ``"circuit"``, and its JSON."""
-
-    kind: Literal["drive", "circuit"]
-    json: str
-
-
 class CoreMembers(NamedTuple):
     """Members in the form of the core.
 
@@ -145,14 +138,6 @@ class Variation:
         """Names of the numbers that vary."""
         return [number.name for number in self.numbers]
 
-    @property
-    def form(self) -> CoreForm:
-        """The description in the core's form."""
-        drive = self.drive
-        if drive.runs_as_circuit:
-            return CoreForm("circuit", drive.circuit.core_json())
-        return CoreForm("drive", drive.core_json())
-
     def start_said(self) -> dict[str, str]:
         """Return the start state of all members in words. Studies with the same words have the same start."""
         return {key: str(value) for key, value in self._start_table().items()}
@@ -193,7 +178,7 @@ class Variation:
             It is not valid.
         """
         drive, initial = self.single(row)
-        drive.circuit_initial(initial) if drive.runs_as_circuit else drive.core_initial(initial)
+        drive.core_initial(initial)
 
     def coupled(self) -> Iterator[tuple[str, str]]:
         """Yield the pairs of numbers of which the first must not exceed the second."""
@@ -230,13 +215,12 @@ class Variation:
     def _starts(self, rows: Array) -> dict[str, float | Array]:
         columns = dict(zip(self.names, rows.T, strict=True))
         moved = [name for name in columns if name.startswith(INITIAL) or name in STARTS_FROM]
-        if self.drive.runs_as_circuit:
-            if not moved:
-                return dict(self.drive.circuit_initial(self.initial))
-            each = [self._lines_start(row) for row in rows]
-            return {name: np.array([one[name] for one in each]) for name in each[0]}
         state: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
         if not moved:
+            return state
+        if not self.drive.is_plain:
+            each = [drive.core_initial(initial) for drive, initial in map(self.single, rows)]
+            state |= {name: np.array([one[name] for one in each]) for name in state if name != "contact_age_s"}
             return state
         nominal = (self.drive.cylinder.stroke_m, self.drive.ambient.pressure_pa, self.drive.ambient.temperature_k)
         by = [columns.get(name, at) for name, at in zip(STARTS_FROM, nominal, strict=True)]
@@ -246,10 +230,6 @@ class Variation:
                 key = name.removeprefix(INITIAL)
                 state[next(own for own in state if own.startswith(f"{key}_"))] = columns[name]
         return state
-
-    def _lines_start(self, row: Array) -> dict[str, float]:
-        drive, initial = self.single(row)
-        return drive.circuit_initial(initial)
 
 
 class QuantityReader:

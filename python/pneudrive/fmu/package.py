@@ -63,7 +63,7 @@ def complete_plan(
     actuator: bool = False,
 ) -> FmuPlan:
     """Return the plan of a drive with its event indicators, checked by the library."""
-    require(drive, "core_json" if not hasattr(drive, "si_form") else "si_form", "drive", 'pn.Drive.load("drive.toml")')
+    require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
     plan = plan_of(drive, initial, rtol=rtol, actuator=actuator)
     states = [one.rate_of for one in plan.variables if one.rate_of]

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.components import STATED, component_kinds, parameter_quantity
+from pneudrive.describe.starts import read_initial, start_values
+from pneudrive.describe.system import short_name
 from pneudrive.errors import DescriptionError
 from pneudrive.free.lines import beside, numbers
-from pneudrive.session import short_name
-from pneudrive.start import circuit_of, is_circuit, read_initial, start_values
+from pneudrive.start import is_circuit
 from pneudrive.trajectory import meaning
 
 if TYPE_CHECKING:
@@ -145,12 +146,12 @@ def plan_of(
     DescriptionError
         The start does not fit, or the description cannot be an actuator.
     """
-    from pneudrive.describe.circuit import compiled
     from pneudrive.describe.parts import Initial
+    from pneudrive.describe.system import compiled
 
     if actuator:
         described = _as_actuator(described)
-    form = json.loads(circuit_of(described).core_json())
+    form = json.loads(described.circuit.core_json())
     if actuator:
         next(one for one in form["components"] if one["name"] == "cylinder")["numbers"].pop("incline", None)
     age_s = 0.0
@@ -180,9 +181,9 @@ def plan_of(
 
 def session_notes(described: Drive | Circuit) -> list[str]:
     """Return the warnings of the core about a description."""
-    from pneudrive.describe.circuit import compiled
+    from pneudrive.describe.system import compiled
 
-    return list(compiled(circuit_of(described).core_json()).warnings)
+    return list(compiled(described.circuit.core_json()).warnings)
 
 
 def _as_actuator(described: Drive | Circuit) -> Drive:
@@ -235,7 +236,7 @@ def _parameters(described: Drive | Circuit, form: dict[str, Any]) -> Iterator[Fm
     if is_circuit(described):
         names = {f"{own['name']}.{key}": f"{own['name']}.{key}" for own in form["components"] for key in own["numbers"]}
     else:
-        names = {path: name for name, path, *_ in numbers(described)}
+        names = {path: name for name, path, *_ in numbers(form)}
     for path, name in names.items():
         of, _, key = path.partition(".")
         own = form["components"][places[of]]
@@ -292,7 +293,7 @@ def _starts(start: dict[str, float], is_short: bool, actuator: bool) -> Iterator
 
 def _results(session: CoreSession, described: Drive | Circuit, actuator: bool) -> Iterator[FmuVariable]:
     is_short = not is_circuit(described)
-    as_circuit = is_short and described.runs_as_circuit  # type: ignore[union-attr]
+    as_circuit = is_short and not described.is_plain  # type: ignore[union-attr]
     moved = (_PISTON, "cylinder.velocity_m_s") if actuator else ()
     seen = set()
     for core in session.columns:

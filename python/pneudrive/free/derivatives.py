@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from pneudrive import command as commands
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.free.parameters import family_of, find
-from pneudrive.session import short_name
-from pneudrive.start import is_circuit, ready
+from pneudrive.start import ready
 from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
@@ -78,8 +77,9 @@ class Differentiator:
         initial: Initial | Mapping[str, object] | str | None = None,
         rtol: float = 1e-6,
     ) -> None:
-        if is_circuit(drive):
+        if not hasattr(drive, "valve"):
             raise CommandError("derivatives of a circuit are not available", remedy="Describe it as a drive.")
+        drive = cast("Drive", drive)
         if callable(command):
             raise CommandError(
                 "derivatives of a run need a command known in advance, not a function of time",
@@ -91,7 +91,7 @@ class Differentiator:
         _, start = ready(drive, initial)
         if start.pop("contact_age_s", 0.0):
             raise CommandError("derivatives of a run that starts with an aged contact are not available")
-        self._start = {short_name(name): value for name, value in start.items()}
+        self._start = start
         self._rtol = rtol
 
     def run(
@@ -132,12 +132,12 @@ class Differentiator:
                 "commands": list(held),
                 "sample_times": times,
                 "starts": [0],
-                "initial": np.array([[self._start.get(name, 0.0) for name in core.start_names]]),
+                "initial": np.array([[self._start.get(name, 0.0) for name in core.segment_names]]),
                 "parameters": family.paths if derivatives else [],
                 "outputs": list(columns),
                 "rtol": self._rtol,
             }
-            found = core.shoot(asked, lambda _: watch.look())
+            found = family.shoot(core, asked, lambda _: watch.look())
         except ValueError as error:
             raise SimulationError(str(error)) from None
         if found["failures"][0] is not None:

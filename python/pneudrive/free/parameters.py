@@ -7,26 +7,28 @@ in SI, pressures absolute. Any number of the description can be free.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.describe.circuit import compiled as compiled_circuit
 from pneudrive.describe.components import STATED, parameter_quantity
 from pneudrive.describe.derived import derived
+from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, FitError, nearest
 from pneudrive.free import lines
-from pneudrive.start import compiled
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
+    from pneudrive._core import Circuit as CoreCircuit
+    from pneudrive._core import Shooting, Shot
     from pneudrive.describe.derived import Derived
     from pneudrive.describe.drive import Drive
+    from pneudrive.describe.system import ShortNames
 
     Array = NDArray[np.float64]
 
@@ -97,14 +99,11 @@ class Parameter:
 def numbers_of(drive: Drive) -> dict[str, Parameter]:
     """Return every number of a drive that can be free, by its name in the drive file."""
     laws = {p["key"]: p for p in drive.friction.entry["parameters"]}
-    if not drive.runs_as_circuit:
-        form = json.loads(drive.core_json())
-        return {p.name: p for p in (_parameter(path, value, laws) for path, value in _leaves(form, ""))}
-    friction = (_parameter(path, value, laws) for path, value in _leaves({"friction": drive.friction.core()}, ""))
-    found = {p.name: replace(p, core=f"cylinder.{p.core}") for p in friction}
-    ambient = _leaves({"ambient": json.loads(drive.circuit.core_json())["ambient"]}, "")
-    found |= {p.name: p for p in (_parameter(path, value, laws) for path, value in ambient)}
-    return found | {one[0]: _of_component(*one) for one in lines.numbers(drive)}
+    form = json.loads(drive.core_json())
+    own = {"ambient": form["ambient"], "friction": drive.friction.core()}
+    found = [_parameter(path, value, laws) for path, value in _leaves(own, "")]
+    found += [_of_component(*one) for one in lines.numbers(form)]
+    return {p.name: p for p in sorted(found, key=lambda p: p.core.replace(lines.FRICTION, "friction."))}
 
 
 def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
@@ -180,24 +179,24 @@ def _parameter(path: str, value: float, laws: dict[str, dict[str, Any]]) -> Para
         lower = 0.0 if about["lower"] is None else max(about["lower"], -np.inf)
         upper = np.inf if about["upper"] is None else about["upper"]
         unit = "1" if about["unit"] == "-" else about["unit"]
-        return Parameter(f"friction.{key}", path, unit, value, lower, upper, abs(value) or 1.0)
+        return Parameter(f"friction.{key}", f"cylinder.{path}", unit, value, lower, upper, abs(value) or 1.0)
     stem, unit = _without_unit(key)
     if stem.endswith(("_a", "_b")):
         stem = f"{stem[:-2]}.{stem[-1]}"
     name = f"{head}.{stem}" if head else stem
+    path = f"cylinder.{path}" if name.startswith("friction.") else path
     if head == "friction.pressure":
         return Parameter(name, path, "N/Pa", value, -np.inf, np.inf, _SEAL_SLOPE)
     if name.startswith("friction.dwell.pressure"):
         return Parameter(name, path, "1/Pa", value, -np.inf, np.inf, _AGEING_SLOPE)
     if name in _SIGNED:
         return Parameter(name, path, unit, value, -np.inf, np.inf, _SIGNED[name])
-    upper = 1.0 if name in {"valve.critical_pressure_ratio", "valve.linear_above"} else np.inf
-    return Parameter(name, path, unit, value, 0.0, upper, abs(value))
+    return Parameter(name, path, unit, value, 0.0, np.inf, abs(value))
 
 
 def _of_component(name: str, path: str, value: float, entry: dict[str, Any]) -> Parameter:
     """Return a number of a component with the unit and the bounds of its table."""
-    unit = "Pa" if entry["unit"] == STATED else parameter_quantity(entry).si_unit
+    unit = "Pa" if entry["unit"] == STATED else parameter_quantity(entry).si_unit or "1"
     if name in _SIGNED or not np.isfinite(entry["lower"]):
         return Parameter(name, path, unit, value, -np.inf, np.inf, _SIGNED.get(name, abs(value) or 1.0))
     bounds = (entry["lower"], entry["upper"])
@@ -222,11 +221,13 @@ class DriveFamily:
     Parameters
     ----------
     form : dict
-        The core's form of a drive, a circuit or a tank.
+        Circuit of a drive in the core's form.
     free : sequence of str
         Paths of the free numbers in `form`.
     every : iterable of Derived
-        All derived values.
+        All derived values; the core derives those that `form` lacks.
+    names : tuple, optional
+        Names of the drive, see `pneudrive.describe.system.System`.
 
     Attributes
     ----------
@@ -236,31 +237,42 @@ class DriveFamily:
         These derived values.
     """
 
-    def __init__(self, form: dict[str, Any], free: Sequence[str], every: Iterable[Derived] = ()) -> None:
-        self._form, self.size = form, len(free)
+    def __init__(
+        self,
+        form: dict[str, Any],
+        free: Sequence[str],
+        every: Iterable[Derived] = (),
+        names: ShortNames | None = None,
+    ) -> None:
+        self._form, self._names, self.size = form, names, len(free)
         self.moving: list[Derived] = []
         for one in every:
+            if not self._has(one.path, *one.sources):
+                continue
             if one.path not in free and {*free, *(m.path for m in self.moving)}.intersection(one.sources):
                 self.moving.append(one)
         self.settled: list[Derived] = []
         self.paths = [*free, *(m.path for m in self.moving)]
 
-    def core(self, values: Array) -> Any:  # noqa: ANN401 - the core's drive, or an object with its interface
-        """Return the core's drive with these values.
+    def core(self, values: Array) -> CoreCircuit:
+        """Return the core's circuit with these values.
 
         Raises
         ------
         DescriptionError
             The core rejects the drive.
         """
-        return compiled(self.json(values))
+        return compiled(self.json(values), self._names)
+
+    def shoot(self, core: Any, asked: Shooting, look: Callable[[float], object]) -> Shot:  # noqa: ANN401 - from `core`
+        """Run segments under the command of the drive."""
+        return core.shoot("command", asked, look)
 
     def _place(self, path: str) -> tuple[dict[str, Any], str]:
-        *tables, key = path.split(".")
-        at = self._form
-        for table in tables:
-            at = at[table]
-        return at, key
+        return lines.place(self._form, path)
+
+    def _has(self, *paths: str) -> bool:
+        return all(key in table for table, key in map(self._place, paths))
 
     def get(self, path: str) -> float:
         """Return the number at a path."""
@@ -329,20 +341,7 @@ class DriveFamily:
         return out
 
 
-class LinesFamily(DriveFamily):
-    """Family of drives that run as their circuit."""
-
-    def core(self, values: Array) -> Any:  # noqa: ANN401 - an object with the interface of the core's drive
-        """Return the core's drive with these values."""
-        return lines.Lines(compiled_circuit(self.json(values)))
-
-    def _place(self, path: str) -> tuple[dict[str, Any], str]:
-        return lines.place(self._form, path)
-
-
 def family_of(drive: Drive, parameters: Sequence[Parameter]) -> DriveFamily:
     """Return the family of a drive for some free parameters."""
     free = [p.core for p in parameters]
-    if drive.runs_as_circuit:
-        return LinesFamily(json.loads(drive.circuit.core_json()), free, lines.derived_in_circuit(drive))
-    return DriveFamily(json.loads(drive.core_json()), free, derived(drive))
+    return DriveFamily(json.loads(drive.core_json()), free, derived(drive), drive.system.names)

@@ -5,6 +5,7 @@ Fits of friction maps and of recordings of drives both use it, so that a drive f
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -165,11 +166,12 @@ def apply_identified(
 
 def _of_lines(drive: Drive) -> dict[str, Quantity]:
     """Return the quantities of tubes and flow controls, by their names in the drive file."""
-    if not drive.has_lines:
+    if not drive.lines:
         return {}
     from pneudrive.free.lines import numbers
 
-    own = (one for one in numbers(drive) if one[0].startswith(("tubing.", "flow_control.")))
+    form = json.loads(drive.core_json())
+    own = (one for one in numbers(form) if one[0].startswith(("tubing.", "flow_control.")))
     return {name: parameter_quantity(entry) for name, _, _, entry in own}
 
 

@@ -202,6 +202,14 @@ class TankFamily(DriveFamily):
         """Return the core's tank with these values."""
         return _core.Tank(self.json(values))
 
+    def shoot(self, core: Any, asked: Any, look: Any) -> Any:  # noqa: ANN401 - the core's
+        """Run segments under the opening of the line."""
+        return core.shoot(asked, look)
+
+    def _place(self, path: str) -> tuple[dict[str, Any], str]:
+        table, _, key = path.partition(".")
+        return self._form[table], key
+
 
 def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch: Watch) -> tuple[FitProblem, Iterate]:
     """Return the fit problem, and the start point from the tank's values."""

@@ -18,10 +18,11 @@ import numpy as np
 from pneudrive import units
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.system import System
 from pneudrive.ensemble import engine
 from pneudrive.ensemble.outputs import Reduction
 from pneudrive.ensemble.plans import MemberPlans
-from pneudrive.ensemble.variation import CoreForm, CoreMembers
+from pneudrive.ensemble.variation import CoreMembers
 from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, choices
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ class DriveStrokes:
             begun = circuit.core_initial(
                 {"cylinder.position": at} | {f"cylinder.{side}": f"{p!r} Pa abs" for side, p in pressures.items()}
             )
-            _TEMPLATES[key] = _Template(CoreForm("circuit", circuit.core_json()), begun)
+            _TEMPLATES[key] = _Template(circuit.system, begun)
         return _TEMPLATES[key]
 
     def opens_after(self, outward: bool, draws: Array) -> Array:
@@ -382,7 +383,7 @@ def points(n: int) -> Array:
 class _Template(NamedTuple):
     """A circuit in the core's form, and its start state."""
 
-    form: CoreForm
+    system: System
     starts: dict[str, float]
 
 

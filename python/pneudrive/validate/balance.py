@@ -19,7 +19,6 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.errors import SimulationError
-from pneudrive.simulate import compiled
 from pneudrive.validate.simulation import start_temperatures
 
 if TYPE_CHECKING:
@@ -144,7 +143,7 @@ def openings(drive: Drive, command: Array) -> Array:
 
 
 def _equations(drive: Drive) -> Any:  # noqa: ANN401 - the core's
-    return compiled(drive.si_form)
+    return drive.plain.system.compiled()
 
 
 def moving_mass(drive: Drive) -> float:

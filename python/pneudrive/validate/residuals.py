@@ -65,7 +65,7 @@ def residuals(drive: Drive, signals: Signals) -> Residuals:
     sliding = _whole(_sliding(drive, signals) & off_the_stops, half)
     # At rest the pressures are as informative as in motion; an impact is too short.
     free = _whole(off_the_stops | ~_widened(signals.moving, signals.half), half)
-    if drive.has_lines:  # the flow through tubes and flow controls is not measured
+    if drive.lines:  # the flow through tubes and flow controls is not measured
         free = np.zeros_like(free)
     return Residuals(scene.residuals, (sliding, free, free), _scales(scene), signals.time_s[inside], scene.terms)
 

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.describe.circuit import compiled as compiled_circuit
-from pneudrive.free.lines import Lines, at_rest
-from pneudrive.simulate import compiled
+from pneudrive.free.lines import at_rest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,10 +53,10 @@ def run_model(drive: Drive, signals: Signals, restarts: NDArray[np.int64] | None
     """
     at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
     states = np.array([_inside(drive, signals.state(int(i))) for i in at])
-    if drive.runs_as_circuit:
+    if not drive.is_plain:
         return _run_as_circuit(drive, signals, at, states)
     times, commands = command_steps(signals)
-    columns, failures = compiled(drive.core_json()).restarted(
+    columns, failures = drive.system.compiled().restarted(
         times,
         commands,
         float(signals.time_s[-1]),
@@ -79,10 +77,10 @@ def _run_as_circuit(drive: Drive, signals: Signals, at: NDArray[np.int64], state
 
     Bristles start undeflected. A failed segment ends the run: the state of the gas in the tubes is unknown after it.
     """
-    core = Lines(compiled_circuit(drive.circuit.core_json()))
+    core = drive.system.compiled()
     t_a, t_b = start_temperatures(drive, signals)
     _, x, v, p_a, p_b = states[0]
-    inner = [at_rest(name, (p_a, p_b), drive.ambient.temperature_k) for name in core.start_names[6:]]
+    inner = [at_rest(name, (p_a, p_b), drive.ambient.temperature_k) for name in core.segment_names[6:]]
     state = np.array([[x, v, p_a, t_a, p_b, t_b, *inner]])
     times, commands = command_steps(signals)
     columns = {name: np.full(signals.time_s.size, np.nan) for name in LINES_COLUMNS}
@@ -99,7 +97,7 @@ def _run_as_circuit(drive: Drive, signals: Signals, at: NDArray[np.int64], state
             "outputs": LINES_COLUMNS,
             "rtol": RTOL,
         }
-        shot = core.shoot(asked)
+        shot = core.shoot("command", asked)
         for name, values in zip(LINES_COLUMNS, shot["values"].T, strict=True):
             columns[name][begin : end + 1] = values
         if shot["failures"][0] is not None:

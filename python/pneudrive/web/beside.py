@@ -14,7 +14,7 @@ from pydantic import Field, StrictStr, field_validator
 
 from pneudrive.describe.geometry import chamber_sizes
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.start import circuit_of, is_circuit
+from pneudrive.start import is_circuit
 from pneudrive.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
 from pneudrive.watch import Watch
@@ -297,7 +297,7 @@ def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[s
 
 def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iterator[dict[str, Any]]:
     """Yield name, stroke and columns of each double-acting cylinder."""
-    for name, sizes in chamber_sizes(circuit_of(described).core_json()).items():
+    for name, sizes in chamber_sizes(described.circuit.core_json()).items():
         for place in _PLACES:
             position, *pressures = (one.format(name) for one in place)
             if all(one in columns for one in (position, *pressures)):
@@ -315,7 +315,7 @@ def _energy(described: Drive | Circuit, command: Any, asked: RunRequest, limit: 
 
 def _loops(described: Drive | Circuit, columns: Mapping[str, Array], pixels: int) -> dict[str, dict[str, Array]]:
     """Return volume and pressure of each chamber. Long runs are thinned."""
-    each = chamber_sizes(circuit_of(described).core_json())
+    each = chamber_sizes(described.circuit.core_json())
     count = len(columns["time_s"])
     part = slice(None) if count <= 2 * pixels + 1 else np.linspace(0, count - 1, 2 * pixels).astype(int)
     out = {}

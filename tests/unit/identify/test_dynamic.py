@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive import _core
 from pneudrive.errors import FitError, PneudriveWarning
 from pneudrive.free.parameters import numbers_of
 from pneudrive.identify.dynamic.sensors import lagged
@@ -57,7 +56,7 @@ def servo(
     seed: int = 0,
 ) -> dict:
     """Record a servo that follows a sine at 1 kHz."""
-    core = _core.Drive(drive.core_json())
+    core = drive.system.compiled()
     run = core.servo(8.0, 0.25, amplitude, frequency, seconds, 1000.0, START, 1e-8)
     gas, n = core.chambers(run["states"]), len(run["commands"])
     rng = np.random.default_rng(seed)

@@ -14,7 +14,6 @@ import pytest
 
 import pneudrive as pn
 from oracle.drive_records import record
-from pneudrive import _core
 from pneudrive.errors import Cancelled, FitError, PneudriveWarning
 from pneudrive.free.parameters import chosen, family_of
 from pneudrive.identify.dynamic.result import DriveFit
@@ -75,7 +74,7 @@ def test_derivatives_go_through_what_follows() -> None:
 def test_the_temperature_of_the_supply_follows_that_of_the_room() -> None:
     drive = pn.Drive.load("catalogue:reference")
     family = family_of(drive, chosen(drive, ["ambient.temperature"]))
-    assert '"supply": {"pressure_pa": 700000.0, "temperature_k": 300.0}' in family.json(np.array([300.0]))
+    assert '"numbers": {"pressure": 700000.0, "temperature": 300.0}' in family.json(np.array([300.0]))
 
 
 @pytest.fixture(scope="module")
@@ -171,7 +170,7 @@ def test_shorter_segments_are_tried_where_long_ones_stick() -> None:
     start = {"position_m": 0.25, "velocity_m_s": 0.0} | {f"pressure_{c}_pa": 3e5 for c in "ab"}
     start |= {f"temperature_{c}_k": 293.15 for c in "ab"}
     amplitude, frequency, gain = rng.uniform(0.01, 0.06), rng.uniform(0.1, 0.6), rng.uniform(2, 12)
-    core = _core.Drive(truth.core_json())
+    core = truth.system.compiled()
     run = core.servo(gain, 0.25, amplitude, frequency, 4.0, 1000.0, start, 1e-8)
     gas, noise = core.chambers(run["states"]), np.random.default_rng(16)
     n = len(run["commands"])

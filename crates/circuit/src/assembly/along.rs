@@ -1,20 +1,19 @@
 //! The equations of a drive along a measured record: forces and pressure rates at measured instead of integrated
 //! states.
 
-use super::drive::{COMMAND, Drive, EDGES, later};
+use super::driven::{COMMAND, Driven, EDGES, later};
 use super::session::Session;
 use super::shoot::DIRECTIONS;
 use crate::circuit::Circuit;
 use crate::net::Net;
 use crate::run::{Error, Look, Recorder, sample_times};
-use crate::specification::Initial;
 use math::Dual;
 use ode::{NoOutput, Options, System};
 
 /// One direction is used, that of the flow. The equations are compiled for this number of directions in any case.
 type AlongFlow = Dual<f64, DIRECTIONS>;
 
-/// Names of the columns of [`Drive::along`].
+/// Names of the columns of [`Driven::along`].
 pub const ALONG: [&str; 9] = [
     "temperature_a_k",
     "temperature_b_k",
@@ -48,7 +47,7 @@ pub struct Record<'a> {
 /// Relative step of the difference that gives d(dT/dt)/dT.
 const STEP: f64 = 1e-4;
 
-impl Drive {
+impl Driven<'_> {
     /// Returns the columns [`ALONG`] at each sample, row by row.
     ///
     /// * `force`: all forces in +x except friction, N.
@@ -71,9 +70,9 @@ impl Drive {
         let mut rows = Vec::with_capacity(ALONG.len() * record.times.len());
         for i in 0..record.times.len() {
             let rates = self.temperature_rates(record, i, t, &mut circuit, (&mut plain, &mut net))?;
-            let gas = self.chamber_ids().map(|id| net[id]);
-            let axis = net[self.axis()];
-            let steady = self.circuit().steady_friction(self.axis(), &axis).re;
+            let gas = self.chambers.map(|id| net[id]);
+            let axis = net[self.axis];
+            let steady = self.circuit().steady_friction(self.axis, &axis).re;
             rows.extend([t[0], t[1], axis.force.re, steady, -axis.end_stop.re]);
             rows.extend(gas.iter().map(|node| node.p.eps[0]));
             rows.extend(gas.iter().map(|node| node.m_dot.re));
@@ -101,16 +100,8 @@ impl Drive {
         circuit: &mut Circuit<f64>,
         (plain, net): (&mut Net<f64>, &mut Net<AlongFlow>),
     ) -> Result<[f64; 2], Error> {
-        let initial = Initial {
-            position_m: record.position[i],
-            velocity_m_s: record.velocity[i],
-            pressure_a_pa: record.pressure[0][i],
-            pressure_b_pa: record.pressure[1][i],
-            temperature_a_k: t[0],
-            temperature_b_k: t[1],
-            contact_age_s: 0.0,
-        };
-        let y = self.begin(circuit, &initial);
+        let pressure = [record.pressure[0][i], record.pressure[1][i]];
+        let y = self.begin(circuit, [record.position[i], record.velocity[i]], pressure, t);
         let holds = circuit.inside(&y, plain) > 0.0;
         if !holds {
             return Err(Error::Stopped(format!(
@@ -119,7 +110,7 @@ impl Drive {
                  above zero. Check the zero of the position, gauge and absolute pressure, stroke and dead volumes",
                 record.times[i],
                 record.position[i],
-                self.stroke(),
+                self.stroke,
                 record.pressure[0][i],
                 record.pressure[1][i],
                 t[0],
@@ -127,7 +118,7 @@ impl Drive {
             )));
         }
         for (edge, opening) in EDGES.zip(record.openings[i]) {
-            self.assembly().set(circuit, edge, 0, opening);
+            self.assembly.set(circuit, edge, 0, opening);
         }
         let mut rates = y.clone();
         circuit.rhs(0.0, &y, &mut rates, plain);
@@ -137,7 +128,7 @@ impl Drive {
         }
         let mut rates = moving.clone();
         circuit.rhs(0.0.into(), &moving, &mut rates, net);
-        Ok(self.chamber_ids().map(|id| net[id].t.eps[0]))
+        Ok(self.chambers.map(|id| net[id].t.eps[0]))
     }
 }
 
@@ -158,11 +149,11 @@ pub struct Restart {
 /// with the valve shut. Friction then carries the force that the pressures leave unbalanced.
 const SETTLING: (usize, f64) = (200, 5e-3);
 
-impl Drive {
+impl Driven<'_> {
     /// Simulates a command with resets to measured states at given times, the first at 0. A reset sets position,
     /// velocity and pressures. Temperatures and the inner states of friction continue. A single state gives a free run.
     ///
-    /// Returns the columns of [`Drive::columns`], and the messages of failed parts. A failed part is NaN until the next
+    /// Returns the columns of the assembly, and the messages of failed parts. A failed part is NaN until the next
     /// restart.
     pub fn restarted(
         &self,
@@ -182,9 +173,9 @@ impl Drive {
             if session.advance(restarts[0].t + SETTLING.1, &mut NoOutput, &mut look).is_err() {
                 break;
             }
-            inner = session.circuit().inner_states(self.axis(), session.state()).to_vec();
+            inner = session.circuit().inner_states(self.axis, session.state()).to_vec();
         }
-        let mut columns = vec![vec![f64::NAN; samples.len()]; self.columns().len()];
+        let mut columns = vec![vec![f64::NAN; samples.len()]; self.assembly.columns().len()];
         let mut failures = Vec::new();
         for (j, restart) in restarts.iter().enumerate() {
             let end = restarts.get(j + 1).map_or(sampling.0, |next| next.t);
@@ -194,7 +185,7 @@ impl Drive {
             let k = times.partition_point(|&t| t <= restart.t).max(1) - 1;
             let mut session = self.put_back(restart, gas, &inner, commands[k], options);
             session.plan(COMMAND, later(times, commands, restart.t.max(times[k]), end));
-            let mut recorder = Recorder::new(self.assembly(), samples[from..until].to_vec());
+            let mut recorder = Recorder::new(self.assembly, samples[from..until].to_vec());
             match session.advance(end, &mut recorder, &mut look) {
                 Ok(()) => {}
                 Err(Error::Stopped(message)) => failures.push(message),
@@ -204,8 +195,8 @@ impl Drive {
                 column[from..from + own.len()].copy_from_slice(&own);
             }
             let state = session.state().to_vec();
-            inner = session.circuit().inner_states(self.axis(), &state).to_vec();
-            let end = self.chambers(std::iter::once(state));
+            inner = session.circuit().inner_states(self.axis, &state).to_vec();
+            let end = self.gas(std::iter::once(state));
             gas = [end[1], end[3]];
         }
         Ok((columns, failures))
@@ -220,18 +211,12 @@ impl Drive {
         u: f64,
         options: Options,
     ) -> Session {
-        let initial = Initial {
-            position_m: restart.position,
-            velocity_m_s: restart.velocity,
-            pressure_a_pa: restart.pressure[0],
-            pressure_b_pa: restart.pressure[1],
-            temperature_a_k: temperature[0],
-            temperature_b_k: temperature[1],
-            contact_age_s: 0.0,
-        };
-        let (circuit, mut y) = self.start(&initial, u);
-        let first = circuit.n_states() - circuit.inner_states(self.axis(), &y).len();
+        let mut circuit = self.circuit().clone();
+        self.assembly.set(&mut circuit, COMMAND, 0, u);
+        let motion = [restart.position, restart.velocity];
+        let mut y = self.begin(&mut circuit, motion, restart.pressure, temperature);
+        let first = circuit.n_states() - circuit.inner_states(self.axis, &y).len();
         y[first..first + inner.len()].copy_from_slice(inner);
-        Session::new(self.assembly(), restart.t, (circuit, y), options)
+        Session::new(self.assembly, restart.t, (circuit, y), options)
     }
 }

@@ -1,3 +1,4 @@
+use super::driven::{COMMAND, Driven, later};
 use super::end_stop::{Taken, impact_warning, stop_warning, through_warning};
 use super::friction::{contact, friction_law};
 use super::gas;
@@ -9,12 +10,11 @@ use crate::component::{Acts, Instance, Node, Piston};
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
 use crate::part::Given;
-use crate::run::{Error, Look, Recorder, Run, States, sample_times};
+use crate::run::{Error, Look, Recorder, Run, sample_times};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use math::{Deps, Lane, Over};
-use ode::{Method, Options, Statistics, System};
+use ode::Options;
 use physics::mechanics::EndStop;
-use std::f64::consts::PI;
 
 /// A double-acting cylinder on a 5/3 proportional valve.
 #[derive(Clone, Debug)]
@@ -257,11 +257,6 @@ pub(super) const COLUMNS: [&str; 13] = [
     "mass_flow_b_kg_s",
 ];
 
-/// Input of a drive for its valve's command.
-pub(super) const COMMAND: usize = 0;
-/// Inputs of a drive for the openings of its valve's edges.
-pub(super) const EDGES: std::ops::RangeInclusive<usize> = 1..=4;
-
 impl Drive {
     /// Names of the columns of a run.
     pub fn columns(&self) -> &[String] {
@@ -340,20 +335,17 @@ impl Drive {
         Session::new(self.assembly(), 0.0, self.start(initial, 0.0), options)
     }
 
-    pub(super) fn stroke(&self) -> f64 {
-        self.stroke
-    }
-
     pub(super) fn circuit(&self) -> &Circuit<f64> {
         &self.assembly().circuit
     }
 
-    pub(super) fn chamber_ids(&self) -> [GasId; 2] {
-        [self.wired.a, self.wired.b]
+    /// The piston between its chambers.
+    pub fn driven(&self) -> Result<Driven<'_>, Error> {
+        Driven::of(self.assembly(), self.stroke)
     }
 
     /// Returns a session at time zero under a plan. The command is constant from each of `times` to the next.
-    fn planned(
+    pub fn planned(
         &self,
         (times, commands): (&[f64], &[f64]),
         duration: f64,
@@ -379,122 +371,5 @@ impl Drive {
         let mut recorder = Recorder::new(self.assembly(), sample_times(duration, rate));
         session.advance(duration, &mut recorder, &mut Look::new(interrupted))?;
         Ok(recorder.finish(&session))
-    }
-
-    /// Runs the same, and returns rows of the integrated states: x, v, m_a, U_a, m_b, U_b and inner states.
-    pub fn states(
-        &self,
-        times: &[f64],
-        commands: &[f64],
-        (duration, rate): (f64, f64),
-        initial: &Initial,
-        options: Options,
-        interrupted: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<Vec<f64>, Error> {
-        let mut session = self.planned((times, commands), duration, initial, options);
-        let mut states = States::new(sample_times(duration, rate), session.state().len());
-        session.advance(duration, &mut states, &mut Look::new(interrupted))?;
-        Ok(states.finish(&session))
-    }
-
-    /// Returns (p_a, T_a, p_b, T_b) at each of the states, one after the other.
-    pub fn chambers(&self, states: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
-        let mut net = self.circuit().work::<f64>();
-        let mut gas = Vec::new();
-        for y in states {
-            self.circuit().observe(&y, &mut net);
-            gas.extend(self.chamber_ids().iter().flat_map(|&id| [net[id].p, net[id].t]));
-        }
-        gas
-    }
-
-    /// Simulates a sampled servo loop: every 1/rate seconds, the command is computed from position and velocity and
-    /// held. Returns the states at the samples (rows as in [`Drive::states`]), the commands, and the work.
-    pub fn servo(
-        &self,
-        servo: &Servo,
-        sampling: (f64, f64),
-        initial: &Initial,
-        options: Options,
-        interrupted: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<(Vec<f64>, Vec<f64>, Statistics), Error> {
-        let times = sample_times(sampling.0, sampling.1);
-        let mut session = self.session(initial, options);
-        let mut states = States::new(times.clone(), session.state().len());
-        let mut commands = Vec::with_capacity(times.len());
-        let mut look = Look::new(interrupted);
-        let mut samples = Samples::default();
-        for pair in times.windows(2) {
-            let u = servo.command(pair[0], session.state()[0], session.state()[1]);
-            commands.push(u);
-            session.put(COMMAND, u);
-            session.use_method(samples.method());
-            let before = session.statistics().factorisations;
-            session.advance(pair[1], &mut states, &mut look)?;
-            samples.took(session.statistics().factorisations - before);
-        }
-        commands.extend(commands.last().copied());
-        let work = session.statistics();
-        Ok((states.finish(&session), commands, work))
-    }
-}
-
-/// Selects the method of a servo loop. If a sample is hardly longer than a step, a method of low order is better. It
-/// does less work for each step, and the sample limits the length of the step in any case.
-#[derive(Default)]
-struct Samples {
-    /// Samples before longer steps are tried.
-    left: u32,
-}
-
-impl Samples {
-    /// Attempts at a sample up to which low order pays. A step of high order costs as much as two.
-    const FEW: u64 = 2;
-    /// Samples before low order is tried again.
-    const PAUSE: u32 = 16;
-
-    fn method(&self) -> Method {
-        if self.left == 0 { Method::Rodas3 } else { Method::Rodas5P }
-    }
-
-    /// Records the number of attempts of a sample.
-    fn took(&mut self, attempts: u64) {
-        self.left =
-            if self.left == 0 && attempts > Self::FEW { Self::PAUSE } else { self.left.saturating_sub(1) };
-    }
-}
-
-/// Returns the commands of a plan after `from` and before `end`, each with its time.
-pub(super) fn later(
-    times: &[f64],
-    commands: &[f64],
-    from: f64,
-    end: f64,
-) -> impl Iterator<Item = (f64, f64)> {
-    let each = times.iter().copied().zip(commands.iter().copied());
-    each.filter(move |(time, _)| (from < *time) & (*time < end))
-}
-
-/// Proportional-derivative position control of a sine, u clipped to [-1, 1].
-#[derive(Clone, Copy, Debug)]
-pub struct Servo {
-    /// Proportional gain, 1/m.
-    pub kp: f64,
-    /// Derivative gain, s/m.
-    pub kd: f64,
-    /// Middle of the reference, m.
-    pub middle: f64,
-    /// Amplitude of the reference, m.
-    pub amplitude: f64,
-    /// Frequency of the reference, Hz.
-    pub frequency: f64,
-}
-
-impl Servo {
-    fn command(&self, t: f64, x: f64, v: f64) -> f64 {
-        let omega = 2.0 * PI * self.frequency;
-        let reference = self.middle + self.amplitude * math::elementary::sin(omega * t);
-        let rate = self.amplitude * omega * math::elementary::cos(omega * t);
-        (self.kp * (reference - x) + self.kd * (rate - v)).clamp(-1.0, 1.0)
     }
 }

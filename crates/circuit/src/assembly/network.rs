@@ -1,24 +1,28 @@
 //! A circuit of components as a user describes it: named components, and the joints of their ports.
 
+use super::driven::Driven;
 use super::end_stop::{Taken, impact_warning, stop_warning, through_warning};
 use super::friction::contact;
 use super::friction_law;
 use super::gas::{VIRIAL_SOURCE, gas, virial_warning};
+use super::names::Names;
 use super::session::Session;
-use super::variables::{Assembly, Starting, Target};
+use super::variables::Assembly;
 use super::wiring::{AMBIENT, Joint, Joints, one_of, refuse, wire};
-use crate::circuit::{AxisId, Circuit};
+use crate::circuit::AxisId;
 use crate::component::{Given as Extra, Instance, Piston, PortId, PortKind, Row, check, kinds};
 use crate::impacts::Impact;
 use crate::lifted::Lifted;
-use crate::part::Given;
 use crate::run::{Error, Look, Recorder, Run, sample_times, with_unit};
 use crate::specification;
 use ode::Options;
+use physics::above;
 use physics::mechanics::EndStop;
-use physics::{above, is_huge};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
+/// Source of the interpolation of points, cited where a component has some.
+const OF_POINTS: &str = "fritsch1984";
 /// A circuit of components.
 #[derive(Clone, Debug)]
 pub struct Network {
@@ -30,6 +34,7 @@ pub struct Network {
     joints: Joints,
     each: Vec<Instance<f64>>,
     is_air: bool,
+    names: Arc<Names>,
 }
 
 /// A component with its numbers, checked.
@@ -184,6 +189,11 @@ fn ambient(spec: &specification::GasState) -> Result<[f64; 2], Error> {
 impl Network {
     /// Assembles the circuit. With `ledger`, its balances are integrated as well.
     pub fn assemble(spec: &specification::Circuit, ledger: bool) -> Result<Self, Error> {
+        Network::called(spec, ledger, Arc::default())
+    }
+
+    /// The same under short names.
+    pub fn called(spec: &specification::Circuit, ledger: bool, names: Arc<Names>) -> Result<Self, Error> {
         let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
         for (i, own) in each.iter().enumerate() {
             if own.name == AMBIENT || each[..i].iter().any(|other| other.name == own.name) {
@@ -208,11 +218,21 @@ impl Network {
         let mut citations = Vec::new();
         let mut warnings = Vec::from_iter(virial_warning(&gas, assembly.highest_pressure(), ambient[1]));
         for (own, spec) in each.iter().zip(&spec.components) {
-            citations.extend(own.kind().sources);
+            let sources = own.kind().sources.iter().copied();
+            citations.extend(sources.filter(|key| *key != OF_POINTS || spec.points.is_some()));
+            if own.chosen("chamber_law") == Some("as-printed") {
+                let text = "chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only";
+                warnings.push(names.said(&own.name, text));
+                citations.push("bracha");
+            }
+            if spec.numbers.get("incline").is_some_and(|incline| *incline != 0.0) {
+                citations.push("bipm2019");
+            }
             let Some(friction) = &spec.friction else { continue };
             let law = friction_law(friction)?;
             citations.extend(law.sources());
             let number = |key: &str| spec.numbers.get(key).copied().unwrap_or_default();
+            let dead_volume = names.key(&own.name, "dead_volume_a");
             let mut own_warnings = law.warnings(gauge, number("stroke"));
             let piston = pistons.iter().find(|piston| piston.name == own.name);
             own_warnings.extend(piston.and_then(|piston| {
@@ -221,10 +241,10 @@ impl Network {
                     piston.dead_volumes,
                     piston.areas,
                     gauge,
-                    ["end_stop_stiffness", "dead_volume_"],
+                    [&names.key(&own.name, "end_stop_stiffness"), dead_volume.trim_end_matches('a')],
                 )
             }));
-            warnings.extend(own_warnings.into_iter().map(|text| format!("{}: {text}", own.name)));
+            warnings.extend(own_warnings.iter().map(|text| names.said(&own.name, text)));
         }
         citations.extend(gas.virial.map(|_| VIRIAL_SOURCE));
         citations.extend(["steinebach2023", "hairer1996"]);
@@ -235,6 +255,7 @@ impl Network {
                 true
             }
         });
+        let assembly = if names.table.is_empty() { assembly } else { assembly.called(&names) };
         Ok(Network {
             assembly,
             pistons,
@@ -244,6 +265,7 @@ impl Network {
             joints,
             each,
             is_air: gas.is_air(),
+            names,
         })
     }
 
@@ -304,9 +326,10 @@ impl Network {
     pub fn impact_warnings(&self, impacts: &[Impact]) -> Vec<String> {
         let each = self.pistons.iter().flat_map(|Piston { axis, name, ends, areas, .. }| {
             let own: Vec<Impact> = impacts.iter().filter(|impact| impact.axis == *axis).copied().collect();
-            let through = through_warning(ends.enough, "end_stop_stiffness", &own);
+            let key = self.names.key(name, "end_stop_stiffness");
+            let through = through_warning(ends.enough, &key, &own);
             let all = through.into_iter().chain(impact_warning(areas[0].max(areas[1]), &own));
-            all.map(move |text| format!("{name}: {text}")).collect::<Vec<_>>()
+            all.map(|text| self.names.said(name, &text)).collect::<Vec<_>>()
         });
         each.collect()
     }
@@ -344,15 +367,19 @@ impl Network {
         Ok(session)
     }
 
-    /// Runs from a start under plans. A plan has an input, times, and a value from each time on.
-    pub fn simulate(
+    /// The piston of a circuit that has one, between two chambers on a 5/3 valve, under short names.
+    pub fn driven(&self) -> Result<Driven<'_>, Error> {
+        Driven::of(&self.assembly, self.pistons.first().map_or(f64::NAN, |piston| piston.stroke))
+    }
+
+    /// A session under plans: an input, times and the values from each of them on.
+    pub fn planned(
         &self,
         plans: &[(String, Vec<f64>, Vec<f64>)],
-        (duration, rate): (f64, f64),
+        duration: f64,
         start: &BTreeMap<String, f64>,
         options: Options,
-        interrupted: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<Run, Error> {
+    ) -> Result<Session, Error> {
         let inputs = &self.assembly.variables.inputs;
         let place = |name: &String| match inputs.iter().position(|input| input.name == *name) {
             Some(input) => Ok(input),
@@ -374,125 +401,21 @@ impl Network {
             session.schedule(input, &times[..due], values.get(..due).unwrap_or(values))?;
         }
         session.settle_schedule();
+        Ok(session)
+    }
+
+    /// Runs from a start under plans.
+    pub fn simulate(
+        &self,
+        plans: &[(String, Vec<f64>, Vec<f64>)],
+        (duration, rate): (f64, f64),
+        start: &BTreeMap<String, f64>,
+        options: Options,
+        interrupted: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Run, Error> {
+        let mut session = self.planned(plans, duration, start, options)?;
         let mut recorder = Recorder::new(&self.assembly, sample_times(duration, rate));
         session.advance(duration, &mut recorder, &mut Look::new(interrupted))?;
         Ok(recorder.finish(&session))
-    }
-}
-
-impl Assembly {
-    /// Returns the names of the start values: all except the inner states of friction, which start at rest.
-    pub fn given_names(&self) -> Vec<&str> {
-        let starts = self.variables.starts.iter();
-        let given = starts.filter(|(starting, _)| !matches!(starting, Starting::Inner(_)));
-        given.flat_map(|(_, names)| names.iter().map(String::as_str)).collect()
-    }
-
-    /// Returns a session at a start, given by name.
-    pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
-        self.session_under(&[], start, options)
-    }
-
-    /// Does the same with spools and locks settled at these commands (an input and its value).
-    fn session_under(
-        &self,
-        first: &[(usize, f64)],
-        start: &BTreeMap<String, f64>,
-        options: Options,
-    ) -> Result<Session, Error> {
-        Ok(Session::new(self, 0.0, self.stand(first, &self.numbers(start)?, 0.0), options))
-    }
-
-    /// Returns the start values given by name, in the order of [`Assembly::given_names`].
-    fn numbers(&self, start: &BTreeMap<String, f64>) -> Result<Vec<f64>, Error> {
-        let names = self.given_names();
-        if let Some(name) = start.keys().find(|name| !names.contains(&name.as_str())) {
-            return refuse(format!("there is no start \"{name}\"; there are {}", names.join(", ")));
-        }
-        let number = |name: &String, above_zero: bool| match start.get(name) {
-            None => refuse(format!("the start {name} is missing")),
-            Some(value) if !value.is_finite() || is_huge(*value) || (above_zero && *value <= 0.0) => {
-                let rule = if is_huge(*value) {
-                    "at most 1e30 in size"
-                } else if above_zero {
-                    "above zero"
-                } else {
-                    "finite"
-                };
-                refuse(format!("the start {name} = {value} must be {rule}"))
-            }
-            Some(value) => Ok(*value),
-        };
-        let mut numbers = Vec::with_capacity(names.len());
-        for (starting, names) in &self.variables.starts {
-            match *starting {
-                Starting::Gas(_) => numbers.extend([number(&names[0], true)?, number(&names[1], true)?]),
-                Starting::Axis(_) => numbers.extend([number(&names[0], false)?, number(&names[1], false)?]),
-                Starting::Kept(_) => match number(&names[0], false)? {
-                    position @ (0.0 | 1.0) => numbers.push(position),
-                    position => {
-                        return refuse(format!(
-                            "the start {} = {position} must be 0 or 1: the valve keeps an end position",
-                            names[0]
-                        ));
-                    }
-                },
-                Starting::Inner(_) | Starting::Alike(_) => {}
-            }
-        }
-        Ok(numbers)
-    }
-
-    /// Returns the equations and their state at a start. The numbers are in the order of [`Assembly::given_names`], and
-    /// contacts have this age, s. Spools and locks are settled at the commands `first` (an input and its value).
-    pub fn stand(&self, first: &[(usize, f64)], start: &[f64], age: f64) -> (Circuit<f64>, Vec<f64>) {
-        self.stand_in(Circuit::clone(&self.circuit), first, start, age)
-    }
-
-    /// Does the same for another circuit of this make.
-    pub fn stand_in(
-        &self,
-        mut circuit: Circuit<f64>,
-        first: &[(usize, f64)],
-        start: &[f64],
-        age: f64,
-    ) -> (Circuit<f64>, Vec<f64>) {
-        let (mut gas, mut axes, mut ages, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let mut rest = start.iter().copied();
-        let mut next = || rest.next().expect("a number for each name");
-        for (starting, _) in &self.variables.starts {
-            match *starting {
-                Starting::Gas(id) => gas.push((id, next(), next())),
-                Starting::Axis(id) => {
-                    axes.push((id, next(), next()));
-                    ages.push((id, age));
-                }
-                Starting::Kept(signal) => signals.push((signal, next())),
-                Starting::Inner(_) | Starting::Alike(_) => {}
-            }
-        }
-        let (inputs, timings) = (&self.variables.inputs, &self.timings);
-        for &(input, value) in first {
-            if matches!(inputs[input].target, Target::Timed(timing) if timings[timing].stands_at_first()) {
-                self.set(&mut circuit, input, 0, value);
-            }
-        }
-        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[], signals: &signals });
-        (circuit, y)
-    }
-
-    /// Returns a session at time 0 that continues from the state of another session of this make.
-    pub fn session_from(&self, state: &[f64], options: Options) -> Result<Session, Error> {
-        let (mut circuit, mut y) = (Circuit::clone(&self.circuit), state.to_vec());
-        let n = circuit.n_states();
-        if y.len() != n {
-            return refuse(format!(
-                "the state has {} values and belongs to another circuit: this one has {n}",
-                y.len()
-            ));
-        }
-        y.resize(n + circuit.channels().len(), 0.0);
-        circuit.find_modes(&mut y);
-        Ok(Session::new(self, 0.0, (circuit, y), options))
     }
 }

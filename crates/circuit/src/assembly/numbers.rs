@@ -3,14 +3,14 @@
 use super::friction::contact;
 use super::gas::gas;
 use super::network::Network;
-use super::shoot::{Sensitive, Shooting, Shot, shoot};
+use super::shoot::{All, Shooting, Shot};
 use super::variables::{Assembly, Variables};
 use super::wiring::wire;
 use crate::component::Instance;
 use crate::lifted::{Lifted, seeds};
 use crate::run::Error;
 use crate::specification;
-use math::{Deps, Lane, Over};
+use math::{Deps, Dual, Lane, Over};
 use serde_json::Value;
 use std::sync::Arc;
 
@@ -150,11 +150,20 @@ impl Network {
             return refuse(format!("there is no input \"{input}\""));
         };
         let plain = commanded(self.assembly().clone(), place);
-        let lift = || {
-            let (json, paths) = self.paths(json, &asked.parameters)?;
-            let seeds = seeds::<specification::Circuit>(&json, "", &paths)?;
-            Ok(move |first| Ok(commanded::<Sensitive>(assemble(self, &Lifted::new(&seeds, first))?, place)))
-        };
-        shoot(&plain, lift, asked, interrupted)
+        let all = All::of(asked, &plain)?;
+        if all.directions == 0 {
+            return all.run(std::slice::from_ref(&plain), interrupted);
+        }
+        let (json, paths) = self.paths(json, &asked.parameters)?;
+        let seeds = seeds::<specification::Circuit>(&json, "", &paths)?;
+        if all.directions == 1 && plain.circuit.serves_all() {
+            let own = assemble::<Dual<f64, 1>>(self, &Lifted::new(&seeds, 0));
+            // Refusals are for numbers of any kind.
+            if let Some(own) = own.ok().filter(|own| own.circuit.serves_all()) {
+                return all.run(&[commanded(own, place)], interrupted);
+            }
+        }
+        let lift = |first| Ok(commanded(assemble(self, &Lifted::new(&seeds, first))?, place));
+        all.shoot(&plain, || Ok(lift), interrupted)
     }
 }

@@ -1,6 +1,7 @@
 //! Several runs of an assembly, each from its own start, with derivatives, for multiple shooting.
 
-use super::drive::{Drive, Wired, later};
+use super::drive::{Drive, Wired};
+use super::driven::later;
 use super::session::Session;
 use super::variables::{Assembly, Starting};
 use crate::circuit::Circuit;
@@ -183,13 +184,13 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
 }
 
 /// All runs of a request.
-struct All<'a> {
+pub(super) struct All<'a> {
     asked: &'a Shooting,
     columns: Vec<usize>,
     states: usize,
     by_start: Vec<usize>,
     n_parameters: usize,
-    directions: usize,
+    pub directions: usize,
 }
 
 /// One run: the outputs at its samples, and its end state.
@@ -201,7 +202,7 @@ struct Done<P> {
 
 impl<'a> All<'a> {
     /// Checked request for an assembly.
-    fn of(asked: &'a Shooting, plain: &Assembly) -> Result<Self, Error> {
+    pub fn of(asked: &'a Shooting, plain: &Assembly) -> Result<Self, Error> {
         let states = check(asked, plain)?;
         let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
         let columns = columns.collect::<Result<Vec<_>, _>>()?;
@@ -211,7 +212,7 @@ impl<'a> All<'a> {
         Ok(All { asked, columns, states, by_start, n_parameters, directions })
     }
 
-    fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
+    pub fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
         &self,
         plain: &Assembly,
         lift: impl FnOnce() -> Result<F, Error>,
@@ -225,7 +226,7 @@ impl<'a> All<'a> {
     }
 
     /// Runs every segment with the assembly of each pass.
-    fn run<P: Lane>(
+    pub fn run<P: Lane>(
         &self,
         drives: &[Assembly<P>],
         interrupted: &mut dyn FnMut(f64) -> bool,

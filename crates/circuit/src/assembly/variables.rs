@@ -1,5 +1,6 @@
 //! A circuit with names of its inputs, outputs and start.
 
+use super::names::{EDGES, Names};
 use super::timing::Timing;
 use crate::circuit::{AxisId, Circuit, GasId, Path};
 use crate::net::Net;
@@ -111,6 +112,8 @@ pub struct Variables {
     pub quantities: Vec<Quantity>,
     /// Groups, each with the names of its numbers.
     pub starts: Vec<(Starting, Vec<String>)>,
+    /// Where these names come from, if they are not those of the components.
+    pub(crate) names: Option<Arc<Names>>,
 }
 
 impl Variables {
@@ -259,5 +262,39 @@ impl<P: Lane> Assembly<P> {
                 Quantity::Inner(id, place) => circuit.inner_states(id, y)[place],
             };
         }
+    }
+}
+
+impl<P: Lane> Assembly<P> {
+    /// The same circuit under short names.
+    pub(super) fn called(mut self, names: &Arc<Names>) -> Self {
+        if let Some(circuit) = Arc::get_mut(&mut self.circuit) {
+            circuit.call_states(|name| names.short(name));
+        }
+        let Variables { inputs, columns, quantities, starts, .. } = &*self.variables;
+        let edges = inputs.iter().filter_map(|input| match input.target {
+            Target::Edges(edges) => Some((input.name.strip_suffix("command")?, edges)),
+            _ => None,
+        });
+        let edges = edges.flat_map(|(of, edges)| {
+            let each = EDGES.iter().zip(edges);
+            each.map(move |((name, meaning), id)| (format!("{of}{name}"), id, *meaning))
+        });
+        let edges = edges.filter(|(name, ..)| names.place(name).is_some());
+        let edges = edges.map(|(name, id, meaning)| Settable::of(&self.circuit, id, &name, meaning));
+        let mut inputs: Vec<Settable> = inputs.iter().cloned().chain(edges).collect();
+        inputs.sort_by_key(|input| names.rank(&input.name));
+        inputs.iter_mut().for_each(|input| input.name = names.short(&input.name));
+        let mut shown: Vec<_> = columns.iter().zip(quantities).collect();
+        shown.retain(|(name, _)| !names.only || names.rank(name) <= names.table.len());
+        shown.sort_by_key(|(name, _)| names.rank(name));
+        let mut starts = starts.clone();
+        starts.sort_by_key(|(_, own)| own.iter().map(|name| names.rank(name)).min());
+        for name in starts.iter_mut().flat_map(|(_, own)| own) {
+            *name = names.short(name);
+        }
+        let mut variables = Variables { inputs, starts, names: Some(names.clone()), ..Variables::default() };
+        variables.read(shown.into_iter().map(|(name, quantity)| (names.short(name), *quantity)));
+        Assembly { variables: Arc::new(variables), ..self }
     }
 }

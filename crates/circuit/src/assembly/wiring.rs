@@ -414,7 +414,11 @@ impl<P: Lane> Wired<P> {
     /// Returns the circuit under the names of a circuit of the same parts, if their analysis was reused.
     pub(super) fn named_like(self, other: &Assembly) -> Assembly<P> {
         if !self.is_like {
-            return self.named().0;
+            let own = self.named().0;
+            return match &other.variables.names {
+                Some(names) => own.called(names),
+                None => own,
+            };
         }
         let each = self.inputs.iter().filter_map(|(_, _, acts)| match acts {
             Acts::Timed(timing, _) => Some(*timing),

@@ -20,7 +20,7 @@ fn a_run_agrees_with_its_own_equations() {
     let of = |name: &str| &run.columns[names.iter().position(|own| own == name).expect(name)];
     let openings = openings(of("command"));
     let record = record(of, &openings);
-    let rows = drive.along(&record).expect("a record of the drive");
+    let rows = drive.driven().expect("a piston").along(&record).expect("a record of the drive");
     let column = |name: &str| ALONG.iter().position(|own| *own == name).expect("a column");
     let at = |name: &str, i: usize| rows[i * ALONG.len() + column(name)];
     let mass = spec.cylinder.moving_mass_kg + 1.0;
@@ -46,6 +46,8 @@ fn a_run_agrees_with_its_own_equations() {
     // What the temperatures are taken for at the start is forgotten.
     let last = record.times.len() - 1;
     let warm = drive
+        .driven()
+        .expect("a piston")
         .along(&Record { temperature: [ROOM + 20.0, ROOM + 20.0], ..record })
         .expect("a record of the drive");
     for side in ["temperature_a_k", "temperature_b_k"] {
@@ -64,7 +66,12 @@ fn a_run_put_back_to_its_own_states_is_the_same_run() {
     let mut never = |_| false;
     let mut run = |restarts: &[Restart]| {
         let sampling = (0.3, 1000.0);
-        drive.restarted(plan, sampling, restarts, [ROOM, ROOM], options(1e-9), &mut never).expect("runs").0
+        drive
+            .driven()
+            .expect("a piston")
+            .restarted(plan, sampling, restarts, [ROOM, ROOM], options(1e-9), &mut never)
+            .expect("runs")
+            .0
     };
     let whole = run(&[start]);
     let at = |name: &str, i: usize| whole[drive.columns().iter().position(|own| own == name).unwrap()][i];
@@ -89,7 +96,14 @@ fn a_piston_that_rests_under_pressure_stays_where_it_was_measured() {
     let drive = Drive::assemble(&reference(), false).expect("assembles");
     let start = Restart { t: 0.0, position: 0.1, velocity: 0.0, pressure: [3.8e5, 3e5] };
     let plan = (&[0.0][..], &[0.0][..]);
-    let run = drive.restarted(plan, (0.1, 100.0), &[start], [ROOM; 2], options(1e-9), &mut |_| false);
+    let run = drive.driven().expect("a piston").restarted(
+        plan,
+        (0.1, 100.0),
+        &[start],
+        [ROOM; 2],
+        options(1e-9),
+        &mut |_| false,
+    );
     let (columns, failures) = run.expect("runs");
     assert!(failures.is_empty());
     let moved = columns[1].last().expect("samples") - 0.1;

@@ -3,7 +3,7 @@
 //! its trajectory.
 
 use crate::support::*;
-use circuit::{ChamberLaw, Circuit, Drive, InputId, PistonSide};
+use circuit::{ChamberLaw, Circuit, Drive, Driven, InputId, PistonSide};
 use math::Dual;
 use ode::System;
 use physics::friction::{Composition, Contact, SealLips};
@@ -109,7 +109,8 @@ fn its_trajectory_shows_what_the_nodes_have() {
         let plan = (&times[..], &commands[..], sampling, &initial, options(1e-6));
         let mut never = |_: f64| false;
         let run = drive.simulate(plan.0, plan.1, plan.2, plan.3, plan.4, &mut never).expect("runs");
-        let states = drive.states(plan.0, plan.1, plan.2, plan.3, plan.4, &mut never).expect("runs");
+        let session = drive.planned((plan.0, plan.1), 0.7, plan.3, plan.4);
+        let states = Driven::states(session, plan.2, &mut never).expect("runs");
         let command = drive.columns().iter().position(|name| name == "command").expect("a column");
         let (assembly, n) = (drive.assembly(), drive.n_states());
         let mut circuit = Circuit::clone(&assembly.circuit);

@@ -2,7 +2,7 @@
 //! `support/pins.rs`. The sweep, two drives on a tank, lanes and the rig are pinned where they are tested.
 
 use crate::support::*;
-use circuit::{ALONG, Drive, Restart, Servo, Shooting, Tank, specification as spec};
+use circuit::{ALONG, Drive, Driven, Restart, Servo, Shooting, Tank, specification as spec};
 use ode::Options;
 use serde_json::Value;
 
@@ -52,7 +52,7 @@ fn golden_cases() {
                     frequency: gain("frequency_hz"),
                 };
                 let sampling = (duration, gain("sample_rate_hz"));
-                let run = drive.servo(&servo, sampling, &initial, options(rtol), &mut never);
+                let run = Driven::servo(&servo, drive.session(&initial, options(rtol)), sampling, &mut never);
                 let (mut states, commands, _) = run.expect("runs");
                 states.extend(commands);
                 states
@@ -60,7 +60,11 @@ fn golden_cases() {
                 let (times, commands): (Vec<f64>, Vec<f64>) =
                     read::<Vec<(f64, f64)>>(&case, "commands").into_iter().unzip();
                 let sampling = (duration, read(&case, "sample_rate_hz"));
-                let run = drive.states(&times, &commands, sampling, &initial, options(rtol), &mut never);
+                let run = Driven::states(
+                    drive.planned((&times, &commands), duration, &initial, options(rtol)),
+                    sampling,
+                    &mut never,
+                );
                 run.expect("runs")
             }
         };
@@ -148,7 +152,7 @@ fn along_a_record() {
     let of = |name: &str| &columns[drive.columns().iter().position(|own| own == name).expect(name)];
     let openings = openings(of("command"));
     let record = record(of, &openings);
-    let rows = drive.along(&record).expect("a record of the drive");
+    let rows = drive.driven().expect("a piston").along(&record).expect("a record of the drive");
     assert_eq!(rows.len(), ALONG.len() * openings.len());
     let put_back = |i: usize| Restart {
         t: of("time_s")[i],
@@ -157,6 +161,13 @@ fn along_a_record() {
         pressure: [of("pressure_a_pa")[i], of("pressure_b_pa")[i]],
     };
     let restarts = [put_back(0), put_back(120), put_back(200)];
-    let run = drive.restarted(plan, (0.3, 500.0), &restarts, [ROOM; 2], tight, &mut never);
+    let run = drive.driven().expect("a piston").restarted(
+        plan,
+        (0.3, 500.0),
+        &restarts,
+        [ROOM; 2],
+        tight,
+        &mut never,
+    );
     pinned("along", [columns.concat(), rows, run.expect("runs").0.concat()].concat());
 }

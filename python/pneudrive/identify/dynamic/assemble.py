@@ -107,7 +107,7 @@ def _notes(
             more = "; a position alone leaves the gas open: record the chamber pressures" if blind else ""
             notes.append(f"the search did not converge: check the residuals, or try other segments{more}")
         notes.append("there are no intervals, which are valid only at the end of a search")
-    elif drive.runs_as_circuit:
+    elif not drive.is_plain:
         notes.append("intervals cover noise alone: a drive that runs as its circuit has no model error")
     units = numbers_of(drive)
     moved = problem.experiments[0].shooter.family.derived_values(problem.values(solved.point.eta))

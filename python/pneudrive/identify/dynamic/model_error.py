@@ -21,7 +21,6 @@ import numpy as np
 from pneudrive import _core
 from pneudrive.errors import PneudriveError
 from pneudrive.free.parameters import DriveFamily, family_of, numbers_of
-from pneudrive.simulate import compiled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -45,7 +44,7 @@ _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> dict[str, float]:
     """Return the lower limit of the model error of each free value with an effect on sliding, SI."""
-    if drive.runs_as_circuit:  # the balances of the chambers differ
+    if not drive.is_plain:  # the balances of the chambers differ
         return {}
     found = solved.problem.values(solved.point.eta)[: len(parameters)]
     free = [replace(p, value=float(value)) for p, value in zip(parameters, found, strict=True)]
@@ -96,7 +95,7 @@ def _motion(solved: Solved, index: int) -> dict[str, Array]:
 
 def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
     """Return the balances along a motion, and their terms: force in sliding, N, and pressure rates, Pa/s."""
-    out = compiled(family.json(values)).along(
+    out = family.core(values).along(
         motion["time_s"],
         motion["position_m"],
         motion["velocity_m_s"],
@@ -110,7 +109,7 @@ def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> t
         motion["slides"] = (speed > SLIDES * speed.max()) & (out["end_stop_force_n"] == 0.0)
     slides = motion["slides"]
     pushed, friction = out["force_n"] * slides, out["friction_n"] * slides
-    mass = family.get("cylinder.moving_mass_kg") + family.get("load.mass_kg")
+    mass = family.get("cylinder.moving_mass") + family.get("load.mass")
     if "inertia_n_kg" not in motion:
         motion["inertia_n_kg"] = (pushed - friction) / mass
     residual = mass * motion["inertia_n_kg"] - pushed + friction

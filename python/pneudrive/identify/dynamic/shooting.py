@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive._core import Shooting
+    from pneudrive._core import Shot as CoreShot
     from pneudrive.free.parameters import DriveFamily
     from pneudrive.watch import Watch
 
@@ -115,7 +116,7 @@ class Shooter:
 
     def inner_states(self, values: Array) -> list[str]:
         """Names of the start states other than piston and chambers: states of friction, gas of tubes."""
-        return list(self.family.core(values).start_names[6:])
+        return list(self.family.core(values).segment_names[6:])
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
         """Return a shooter with segments from other samples."""
@@ -199,7 +200,7 @@ class Shooter:
         *,
         derivatives: bool = False,
         by_start: NDArray[np.int64] | None = None,
-    ) -> dict[str, Any]:
+    ) -> CoreShot:
         times, commands = delayed(*self.recording.steps, self._delay_s if delay_s is None else delay_s)
         asked: Shooting = {
             "times": times.tolist(),
@@ -213,7 +214,7 @@ class Shooter:
             "rtol": self._rtol,
             "threads": self._threads,
         }
-        return core.shoot(asked, lambda _: self.watch.look())
+        return self.family.shoot(core, asked, lambda _: self.watch.look())
 
 
 def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array]:

@@ -1,0 +1,132 @@
+//! Starts of a circuit by name, and sessions from them.
+
+use super::session::Session;
+use super::variables::{Assembly, Starting, Target};
+use super::wiring::refuse;
+use crate::circuit::Circuit;
+use crate::part::Given;
+use crate::run::Error;
+use ode::Options;
+use physics::is_huge;
+use std::collections::BTreeMap;
+
+/// Age of the contacts of a start, s.
+const AGE: &str = "contact_age_s";
+
+impl Assembly {
+    /// Names of the numbers of a start: all but the inner states of friction, which begin at rest.
+    pub fn given_names(&self) -> Vec<&str> {
+        let starts = self.variables.starts.iter();
+        let given = starts.filter(|(starting, _)| !matches!(starting, Starting::Inner(_)));
+        given.flat_map(|(_, names)| names.iter().map(String::as_str)).collect()
+    }
+
+    /// A session at a start, given by name.
+    pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
+        self.session_under(&[], start, options)
+    }
+
+    /// The same, where spools and locks stand at these commands: an input and its value.
+    pub(super) fn session_under(
+        &self,
+        first: &[(usize, f64)],
+        start: &BTreeMap<String, f64>,
+        options: Options,
+    ) -> Result<Session, Error> {
+        let age = start.get(AGE).copied().unwrap_or_default();
+        Ok(Session::new(self, 0.0, self.stand(first, &self.numbers(start)?, age), options))
+    }
+
+    /// The numbers of a start given by name, in the order of [`Assembly::given_names`].
+    pub(super) fn numbers(&self, start: &BTreeMap<String, f64>) -> Result<Vec<f64>, Error> {
+        let names = self.given_names();
+        if let Some(name) = start.keys().find(|name| *name != AGE && !names.contains(&name.as_str())) {
+            return refuse(format!("there is no start \"{name}\"; there are {}", names.join(", ")));
+        }
+        let number = |name: &String, above_zero: bool| match start.get(name) {
+            None => refuse(format!("the start {name} is missing")),
+            Some(value) if !value.is_finite() || is_huge(*value) || (above_zero && *value <= 0.0) => {
+                let rule = if is_huge(*value) {
+                    "at most 1e30 in size"
+                } else if above_zero {
+                    "above zero"
+                } else {
+                    "finite"
+                };
+                refuse(format!("the start {name} = {value} must be {rule}"))
+            }
+            Some(value) => Ok(*value),
+        };
+        let mut numbers = Vec::with_capacity(names.len());
+        for (starting, names) in &self.variables.starts {
+            match *starting {
+                Starting::Gas(_) => numbers.extend([number(&names[0], true)?, number(&names[1], true)?]),
+                Starting::Axis(_) => numbers.extend([number(&names[0], false)?, number(&names[1], false)?]),
+                Starting::Kept(_) => match number(&names[0], false)? {
+                    position @ (0.0 | 1.0) => numbers.push(position),
+                    position => {
+                        return refuse(format!(
+                            "the start {} = {position} must be 0 or 1: the valve keeps an end position",
+                            names[0]
+                        ));
+                    }
+                },
+                Starting::Inner(_) | Starting::Alike(_) => {}
+            }
+        }
+        Ok(numbers)
+    }
+
+    /// The equations and their state at a start, its numbers in the order of [`Assembly::given_names`], of contacts of
+    /// this age, s, where spools and locks stand at the commands `first`: an input and its value.
+    pub fn stand(&self, first: &[(usize, f64)], start: &[f64], age: f64) -> (Circuit<f64>, Vec<f64>) {
+        self.stand_in(Circuit::clone(&self.circuit), first, start, age)
+    }
+
+    /// The same of another circuit of this make.
+    pub fn stand_in(
+        &self,
+        mut circuit: Circuit<f64>,
+        first: &[(usize, f64)],
+        start: &[f64],
+        age: f64,
+    ) -> (Circuit<f64>, Vec<f64>) {
+        let (mut gas, mut axes, mut ages, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut rest = start.iter().copied();
+        let mut next = || rest.next().expect("a number for each name");
+        for (starting, _) in &self.variables.starts {
+            match *starting {
+                Starting::Gas(id) => gas.push((id, next(), next())),
+                Starting::Axis(id) => {
+                    axes.push((id, next(), next()));
+                    ages.push((id, age));
+                }
+                Starting::Kept(signal) => signals.push((signal, next())),
+                Starting::Inner(_) | Starting::Alike(_) => {}
+            }
+        }
+        let (inputs, timings) = (&self.variables.inputs, &self.timings);
+        for &(input, value) in first {
+            if matches!(inputs[input].target, Target::Timed(timing) if timings[timing].stands_at_first()) {
+                self.set(&mut circuit, input, 0, value);
+            }
+        }
+        let y = circuit.begin(&Given { gas: &gas, axes: &axes, ages: &ages, inner: &[], signals: &signals });
+        (circuit, y)
+    }
+
+    /// A session that goes on from the state of another one of this make, at time 0.
+    pub fn session_from(&self, state: &[f64], options: Options) -> Result<Session, Error> {
+        let (mut circuit, mut y) = (Circuit::clone(&self.circuit), state.to_vec());
+        let n = circuit.n_states();
+        if y.len() != n {
+            return refuse(format!(
+                "the state has {} values and belongs to another circuit: this one has {n}",
+                y.len()
+            ));
+        }
+        y.resize(n + circuit.channels().len(), 0.0);
+        circuit.find_modes(&mut y);
+        Ok(Session::new(self, 0.0, (circuit, y), options))
+    }
+}
