@@ -10,8 +10,6 @@ from pneudrive.session import Session
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from typing_extensions import TypeIs
-
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
@@ -38,11 +36,6 @@ def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreCircuit, dict[s
         The start state is not valid, or does not fit the drive.
     """
     return described.system.compiled(), described.read_start(initial)
-
-
-def is_circuit(described: Drive | Circuit) -> TypeIs[Circuit]:
-    """Return whether a description is a circuit, without importing its class."""
-    return hasattr(described, "wiring")
 
 
 def check_tolerance(rtol: float) -> None:

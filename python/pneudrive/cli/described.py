@@ -19,9 +19,7 @@ def command_of(described: Drive | Circuit, given: list[str] | None) -> str | lis
     CommandError
         A drive has none, or more than one.
     """
-    from pneudrive.start import is_circuit
-
-    if is_circuit(described):
+    if "" not in described.commandable:
         return given
     if not given:
         raise CommandError("the command of the valve is missing", remedy='Add --command "0 s: 1", for instance.')

@@ -172,7 +172,6 @@ def _table(drive: Drive | Circuit, path: Path) -> dict[str, Any]:
     from pneudrive.errors import RecordingError, nearest
     from pneudrive.files.csv_tables import csv_names
     from pneudrive.files.tables import open_table
-    from pneudrive.start import is_circuit
     from pneudrive.trajectory import read_columns
 
     if path.suffix not in (".csv", ".parquet"):
@@ -180,12 +179,11 @@ def _table(drive: Drive | Circuit, path: Path) -> dict[str, Any]:
             f'--vary "{path}" is neither NAME = VALUES nor a file', rule="a .csv, .parquet or .toml file"
         )
     known = {number.file_name: name for name, number in numbers_of(drive).items()}
-    what = "circuit" if is_circuit(drive) else "drive"
     columns = csv_names(path, RecordingError) if path.suffix == ".csv" else open_table(path, "parquet").names
     for column in columns:
         if column not in known and column not in known.values():
             raise CommandError(
-                f"vary: {column} is not a number of this {what}", where=str(path), remedy=nearest(column, known)
+                f"vary: {column} is not a number of this {drive.file_kind}", where=str(path), remedy=nearest(column, known)
             )
     return {known.get(column, column): values for column, values in read_columns(path, columns).items()}
 

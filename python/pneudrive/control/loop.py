@@ -16,11 +16,11 @@ from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setu
 from pneudrive.control.standard_references import named_or_read
 from pneudrive.control.supervision import told
 from pneudrive.control.tuning import Tuning, alone, supply_of, tune
-from pneudrive.describe.starts import read_initial, start_table
+from pneudrive.describe.starts import start_table
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.simulate import SOLVER, Run, positive, require
-from pneudrive.start import check_tolerance, is_circuit
+from pneudrive.start import check_tolerance
 from pneudrive.trajectory import meaning
 from pneudrive.watch import UNWATCHED, Watch
 
@@ -352,11 +352,9 @@ def _start(drive: Drive | Circuit, plant: Plant, position_m: float, initial: Any
     circuit, cylinder = drive.circuit, plant.cylinder
     pressure_a, pressure_b = (f"{pressure!r} Pa abs" for pressure in plant.rest_pressures_pa)
     position = f"{position_m!r} m"
-    if not is_circuit(drive):
-        usual = {"position": position, "pressure_a": pressure_a, "pressure_b": pressure_b}
-        given = read_initial(initial)
-        return drive.circuit_initial(read_initial(usual | (given.to_dict() if given else {})))
     given = dict(start_table(initial))
+    if drive.system.names:
+        return drive.circuit_start({"position": position, "pressure_a": pressure_a, "pressure_b": pressure_b} | given)
     names = circuit.start_names
     usual = {f"{cylinder}.position": position}
     usual |= {f"{cylinder}.a.pressure": pressure_a, f"{cylinder}.b.pressure": pressure_b}

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, cast
 
 from pneudrive.datasheet.air import losses
 from pneudrive.datasheet.strokes import litres_anr
-from pneudrive.describe.starts import read_initial
 from pneudrive.errors import PneudriveWarning
 from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
 from pneudrive.simulate import run
-from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
@@ -129,8 +127,8 @@ def _air(
     supplies = [name for name, one in circuit.components.items() if one.kind == _KIND]
     if not supplies:
         return {}
-    if not is_circuit(drive):
-        start = drive.circuit_initial(read_initial(initial))
+    if drive.system.names:
+        start = drive.circuit_start(initial)
         initial = {
             key.removesuffix(end): f"{value!r} {unit}" for key, value in start.items() for end, unit in _one(key)
         }

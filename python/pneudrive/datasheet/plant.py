@@ -14,7 +14,6 @@ from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.friction_curve import steady_friction
 from pneudrive.session import Session
-from pneudrive.start import is_circuit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -82,7 +81,7 @@ class HeldDrive:
                 rule="characteristics are those of one piston under valves",
             )
         self.piston, self.valve = pistons[0], self.valves[0]
-        if actuation is None and not is_circuit(described):
+        if actuation is None and described.system.names:
             actuation = Actuation({self.valve: 1.0}, {self.valve: -1.0})
         self.actuation = actuation_of(self.circuit) if actuation is None else actuation
         self.load = f"{self.piston}.load_force_n"
@@ -130,7 +129,7 @@ class HeldDrive:
         """Return the pressures of chambers a and b before a stroke, Pa: those at rest under the opposite command."""
         ambient, supply = self.ambient[0], self.supply_pa
         usual = (ambient, supply) if u > 0.0 else (supply, ambient)
-        if not is_circuit(self.described):
+        if self.described.system.names:
             return usual
         session = self.settled(math.copysign(1.0, -u), 0.0 if u > 0.0 else self.stroke_m)
         return self.pressures(np.array([(session.read(f"{node}.pressure_pa"), 0.0) for node in self.nodes]))
@@ -206,7 +205,7 @@ class HeldDrive:
 
     def is_at_b(self, node: str) -> bool:
         """Return whether the gas of a node belongs to the line of chamber b."""
-        if not is_circuit(self.described):
+        if self.described.system.names:
             return node.endswith((".2", "_b")) or "_b." in node
         return self.has_line("b") and node.partition(".")[0] in {name for name, *_ in self.line("b")[1]}
 

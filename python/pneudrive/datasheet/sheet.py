@@ -13,9 +13,9 @@ from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.published import parts_of
 from pneudrive.datasheet.registry import characteristics, found_under
 from pneudrive.datasheet.words import written_value
+from pneudrive.describe.drive import Drive
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.show import Card, Shown
-from pneudrive.start import is_circuit
 from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
     from pneudrive.watch import Watch
 
 #: Characteristics of a sheet, in its order.
@@ -160,14 +159,14 @@ def build(
     Cancelled
         The watch requests a stop.
     """
-    if recordings and is_circuit(drive):
+    if recordings and not isinstance(drive, Drive):
         raise CommandError(
             f"{drive.name} is a circuit",
             rule="recordings need the datasheet of a drive file",
             remedy="Leave the recordings out, or describe the drive by [supply], [valve], [cylinder] and [friction].",
         )
     plant = HeldDrive(drive)
-    measured = None if is_circuit(drive) or not recordings else beside(drive, recordings, layout, watch)
+    measured = beside(drive, recordings, layout, watch) if isinstance(drive, Drive) and recordings else None
     results: dict[str, xr.Dataset] = {}
     failed: dict[str, str] = {}
     for name in watch.each(OF_A_SHEET, "characteristics"):
@@ -219,7 +218,7 @@ def _life(drive: Drive | Circuit) -> list[SheetNumber]:
     stated: list[tuple[str, object]] = [("drive, by its label", drive.labels[LIFE])] if LIFE in drive.labels else []
     stated += [
         (f"{part.name} [{one.source}]", str(one.value))
-        for part in (() if is_circuit(drive) else parts_of(drive))
+        for part in (parts_of(drive) if isinstance(drive, Drive) else ())
         for one in part.printed
         if one.key == LIFE
     ]
@@ -254,10 +253,10 @@ def shown(found: xr.Dataset, name: str, at: dict[str, int]) -> str:
 
 def values_of(drive: Drive | Circuit) -> list[SheetValue]:
     """Return each value that the drive states, as written, with its source."""
-    said = _origins(drive)
+    said = {key: one.said for key, one in drive.origin_of.items()}
     identified: Any = getattr(drive, "provenance", None) or {}
     out = []
-    for key, text in _leaves(_plain_tables(drive)):
+    for key, text in _leaves(drive.plain_tables):
         if key.partition(".")[0] in ("provenance", "labels", "name", "schema", "initial"):
             continue
         origin = said.get(key) or next((words for other, words in said.items() if key.startswith(f"{other}.")), "given")
@@ -268,26 +267,9 @@ def values_of(drive: Drive | Circuit) -> list[SheetValue]:
     return out
 
 
-def _origins(drive: Drive | Circuit) -> dict[str, str]:
-    """Return the origin in words of each value that has one, by its key."""
-    if not is_circuit(drive):
-        return {one.key: one.said for one in drive.origins}
-    parts = drive.components.items()
-    return {f"components.{name}.{key}": one.said for name, part in parts for key, one in part.origins.items()}
-
-
-def _plain_tables(drive: Drive | Circuit) -> dict[str, Any]:
-    """Return the tables of a drive with values only."""
-    tables = drive.to_dict()
-    if is_circuit(drive):
-        tables = {key: table for key, table in tables.items() if key not in ("connections", "plugged")}
-        tables |= {"components": {name: one.plain() for name, one in drive.components.items()}}
-    return tables
-
-
 def _defaults(drive: Drive | Circuit) -> list[str]:
     """Return the assumptions that the drive does not write down itself."""
-    written = {key.removeprefix("components.") for key in _origins(drive)}
+    written = {key.removeprefix("components.") for key in drive.origin_of}
     return [line for line in drive.assumed() if line.partition(" = ")[0] not in written]
 
 

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.describe.sourced import Value
 
 _BESIDE = ("schema", "name", "labels", "provenance", "connections", "plugged", "junctions", "initial")
 
@@ -47,9 +46,7 @@ def values_of(described: Drive | Circuit) -> list[DescribedValue]:
     >>> found["cylinder.bore"].value, found["cylinder.bore"].kind, found["load.mass"].kind
     ('25 mm', 'source', 'default')
     """
-    is_circuit = hasattr(described, "components")
-    assumed = _assumptions(described, is_circuit=is_circuit)
-    origins = _origins(described, is_circuit=is_circuit)
+    assumed, origins = _assumptions(described), described.origin_of
     identified = getattr(described, "provenance", None) or {}
     # With the tables above each one. A custom law is a table where the defaults have its name.
     given = {key.rsplit(".", depth)[0] for key, _ in leaves(described.to_dict()) for depth in range(key.count(".") + 1)}
@@ -79,18 +76,11 @@ def leaves(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, An
             yield f"{before}{key}", value
 
 
-def _origins(described: Any, *, is_circuit: bool) -> dict[str, Value]:  # noqa: ANN401
-    if not is_circuit:
-        return {one.key: one for one in described.origins}
-    components = described.components.items()
-    return {f"components.{name}.{key}": value for name, one in components for key, value in one.origins.items()}
-
-
-def _assumptions(described: Drive | Circuit, *, is_circuit: bool) -> dict[str, str]:
+def _assumptions(described: Drive | Circuit) -> dict[str, str]:
     """Return the reason of each value that is assumed by default, by its key."""
     out = {}
     for line in described.assumed():
         key, equals, reason = line.partition(" = ")
         if equals and " " not in key:
-            out[f"components.{key}" if is_circuit else key] = reason.partition(", ")[2] or "usual"
+            out[described.key_prefix + key] = reason.partition(", ")[2] or "usual"
     return out

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from pneudrive.command import Commands
     from pneudrive.describe.signal import Signal
+    from pneudrive.describe.sourced import Value
     from pneudrive.errors import PneudriveError
     from pneudrive.session import Session
     from pneudrive.watch import Flag
@@ -65,6 +66,9 @@ class Circuit(Described):
     True
     """
 
+    #: Kind of its file in words, and what precedes the names of components in its keys.
+    file_kind: ClassVar[str] = "circuit"
+    key_prefix: ClassVar[str] = "components."
     picture_home: ClassVar[str] = "pneudrive.report.circuit_svg:circuit_svg"
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
@@ -260,9 +264,28 @@ class Circuit(Described):
         """The circuit itself, as `Drive.circuit` of a drive."""
         return self
 
-    def read_start(self, given: Mapping[str, Any] | str | None) -> dict[str, float]:
+    def read_start(self, given: object) -> dict[str, float]:
         """Return the start state in SI, from start values as a dict or a text."""
         return self.core_initial(start_values(given))
+
+    circuit_start = read_start
+
+    @property
+    def origin_of(self) -> dict[str, Value]:
+        """Origins of values by their keys in the circuit file."""
+        components = self.components.items()
+        return {f"components.{name}.{key}": value for name, one in components for key, value in one.origins.items()}
+
+    @property
+    def component_places(self) -> list[tuple[str, str]]:
+        """Components, each with its table in the circuit file."""
+        return [(f"components.{name}", f"components.{name}") for name in self.components]
+
+    @property
+    def plain_tables(self) -> dict[str, Any]:
+        """Tables of the file with values only, without connections."""
+        tables = {key: table for key, table in self.to_dict().items() if key not in ("connections", "plugged")}
+        return tables | {"components": {name: one.plain() for name, one in self.components.items()}}
 
     @property
     def description_hash(self) -> str:

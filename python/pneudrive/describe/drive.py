@@ -17,11 +17,12 @@ from pneudrive.describe.friction import Friction, friction_laws
 from pneudrive.describe.law import law_of
 from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
 from pneudrive.describe.provenance import Origin
-from pneudrive.describe.short import TABLES, beside_control
+from pneudrive.describe.short import TABLES, beside_control, expanded
 from pneudrive.describe.sourced import Value, has_origin
 from pneudrive.describe.starts import read_initial
 from pneudrive.describe.system import PISTON, System, drive_names, short_name
 from pneudrive.describe.valve_flow import FLOW_KEYS
+from pneudrive.errors import Problems
 from pneudrive.lazy import upper
 from pneudrive.references import entries as references
 from pneudrive.show import Card
@@ -57,6 +58,9 @@ class Drive(Described):
     (25 mm, 0.025, 30 N)
     """
 
+    #: Kind of its file in words, and what precedes the names of components in its keys.
+    file_kind: ClassVar[str] = "drive"
+    key_prefix: ClassVar[str] = ""
     picture_home: ClassVar[str] = "pneudrive.report.circuit_svg:circuit_svg"
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
@@ -189,6 +193,23 @@ class Drive(Described):
         return ()
 
     @property
+    def origin_of(self) -> dict[str, Value]:
+        """Origins of values by their keys in the drive file."""
+        return {one.key: one for one in self.origins}
+
+    @property
+    def component_places(self) -> list[tuple[str, str]]:
+        """Components as in a circuit file, each with its table or key in the drive file; the longest keys first."""
+        places = expanded(self.to_dict() | {"friction": self.friction}, Problems()).places
+        out = sorted((places | {"components.supply.gas": "gas"}).items(), key=lambda one: -len(one[1]))
+        return out if "components.load" in places else [*out, ("components.cylinder", "load")]
+
+    @property
+    def plain_tables(self) -> dict[str, Any]:
+        """Tables of the file with values only."""
+        return self.to_dict()
+
+    @property
     def lines(self) -> tuple[str, ...]:
         """Tables of the tubes and flow controls between valve and cylinder."""
         tables = {"tubing": self.tubing, "flow_control": self.flow_control}
@@ -313,6 +334,10 @@ class Drive(Described):
             for key in ("pressure", "temperature"):
                 names[f"{key}_{chamber}"] = f"cylinder.{chamber}.{key}"
         return self.circuit.core_initial({names[k]: v for k, v in given.items()})
+
+    def circuit_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]:
+        """Return the start state in SI by the names of the circuit, without the age of the contact."""
+        return self.circuit_initial(read_initial(given))
 
     def read_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]:
         """Return the start state in SI, from an `Initial` or its keys as a dict or a text."""

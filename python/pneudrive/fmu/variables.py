@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.components import STATED, component_kinds, parameter_quantity
-from pneudrive.describe.starts import read_initial, start_values
+from pneudrive.describe.drive import Drive
 from pneudrive.describe.system import short_name
 from pneudrive.errors import DescriptionError
 from pneudrive.free.lines import beside, numbers
-from pneudrive.start import is_circuit
 from pneudrive.trajectory import meaning
 
 if TYPE_CHECKING:
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Session as CoreSession
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
     from pneudrive.describe.parts import Initial
 
 #: Numbers of a valve that give the command a history or the circuit other states: fixed in an FMU.
@@ -146,7 +144,6 @@ def plan_of(
     DescriptionError
         The start does not fit, or the description cannot be an actuator.
     """
-    from pneudrive.describe.parts import Initial
     from pneudrive.describe.system import compiled
 
     if actuator:
@@ -154,14 +151,9 @@ def plan_of(
     form = json.loads(described.circuit.core_json())
     if actuator:
         next(one for one in form["components"] if one["name"] == "cylinder")["numbers"].pop("incline", None)
-    age_s = 0.0
-    if is_circuit(described):
-        start = described.core_initial(start_values(initial))
-    else:
-        given = read_initial(initial) or Initial()
-        start, age_s = described.circuit_initial(given.model_copy(update={"contact_age_s": 0.0})), given.contact_age_s
+    start, age_s = described.circuit_start(initial), described.read_start(initial).get("contact_age_s", 0.0)
     session = compiled(json.dumps(form, sort_keys=True)).start(start, rtol)
-    is_short = not is_circuit(described)
+    is_short = described.system.names is not None
     variables = [FmuVariable("time", "s", "time", "independent", {"role": "time"})]
     variables += _inputs(session, form, is_short, actuator)
     named, results = {one.name for one in variables}, list(_results(session, described, actuator))
@@ -188,7 +180,7 @@ def session_notes(described: Drive | Circuit) -> list[str]:
 
 def _as_actuator(described: Drive | Circuit) -> Drive:
     """Check that a description is a drive, and remove the load's force and spring, which are part of the other tool."""
-    if is_circuit(described):
+    if not isinstance(described, Drive):
         raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
     load = described.carried.model_copy(update={"force_n": 0.0, "spring": None})
     return described.model_copy(update={"carried": load})
@@ -233,7 +225,7 @@ def _inputs(session: CoreSession, form: dict[str, Any], is_short: bool, actuator
 def _parameters(described: Drive | Circuit, form: dict[str, Any]) -> Iterator[FmuVariable]:
     """Yield the numbers of the circuit, by their keys in the drive file."""
     places = {one["name"]: i for i, one in enumerate(form["components"])}
-    if is_circuit(described):
+    if described.system.names is None:
         names = {f"{own['name']}.{key}": f"{own['name']}.{key}" for own in form["components"] for key in own["numbers"]}
     else:
         names = {path: name for name, path, *_ in numbers(form)}
@@ -254,8 +246,8 @@ def _parameters(described: Drive | Circuit, form: dict[str, Any]) -> Iterator[Fm
         yield FmuVariable(name, unit, what, "parameter", role, float(own["numbers"][key]))
     for i, own in enumerate(form["components"]):
         if own.get("friction"):
-            prefix = "friction" if not is_circuit(described) else f"{own['name']}.friction"
-            of_whom: Any = described.components[own["name"]] if is_circuit(described) else described
+            prefix = "friction" if described.system.names else f"{own['name']}.friction"
+            of_whom: Any = described.circuit.components[own["name"]]
             yield from _friction(of_whom.friction.entry, own["friction"], prefix, f"/components/{i}/friction")
     for key, unit, what in (
         ("pressure", "Pa", "Ambient pressure, absolute"),
@@ -292,14 +284,14 @@ def _starts(start: dict[str, float], is_short: bool, actuator: bool) -> Iterator
 
 
 def _results(session: CoreSession, described: Drive | Circuit, actuator: bool) -> Iterator[FmuVariable]:
-    is_short = not is_circuit(described)
-    as_circuit = is_short and not described.is_plain  # type: ignore[union-attr]
+    is_short = described.system.names is not None
+    hides = bool(described.system.names and described.system.names[2])
     moved = (_PISTON, "cylinder.velocity_m_s") if actuator else ()
     seen = set()
     for core in session.columns:
         last = core.rpartition(".")[2]
         name, unit, what = _named(core, is_short)
-        foreign = is_short and not as_circuit and "." in name
+        foreign = hides and "." in name
         if last in ("time_s", "command") or core in moved or foreign:
             continue
         if actuator and last == "acceleration_m_s2":

@@ -25,7 +25,6 @@ from starlette.routing import Route, WebSocketRoute
 from pneudrive import __version__
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_text
-from pneudrive.start import is_circuit
 from pneudrive.units import in_unit
 from pneudrive.web import description
 from pneudrive.web.beside import ExtrasRequest
@@ -298,7 +297,7 @@ class _Views:
         beside = ExtrasRequest.of(given)
         columns = given.get("columns", [])
         columns = [name for name in columns if isinstance(name, str)] if isinstance(columns, list) else []
-        python = asked.as_python(circuit=is_circuit(described)) + beside.as_python(self.workspace, asked, columns)
+        python = asked.as_python(described) + beside.as_python(self.workspace, asked, columns)
         names = NewNames(self.workspace)
         out = names.of(asked.stem())
         command = f"{asked.as_command(out)}\n{beside.as_command(asked, columns, out, names)}".strip()

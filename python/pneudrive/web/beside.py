@@ -14,7 +14,6 @@ from pydantic import Field, StrictStr, field_validator
 
 from pneudrive.describe.geometry import chamber_sizes
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.start import is_circuit
 from pneudrive.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
 from pneudrive.watch import Watch
@@ -184,14 +183,13 @@ class ExtrasRequest(PageRequest):
         for number, path in enumerate(self.others, start=1):
             if _is_described(path):
                 one = asked.with_path(path)
-                circuit = is_circuit(described_at(workspace, path))
-                own = one.as_python(circuit=circuit).splitlines()[2:]
+                own = one.as_python(described_at(workspace, path)).splitlines()[2:]
                 lines += [line.replace("drive", f"drive_{number}", 1) for line in own[:-1]]
                 lines.append(own[-1].replace("run =", f"run_{number} =").replace("(drive,", f"(drive_{number},"))
             else:
                 lines += _reading(f"run_{number}", path)
         if self.energy:
-            command, initial = asked.python_options(circuit=is_circuit(described_at(workspace, asked.path, asked.text)))
+            command, initial = asked.python_options()
             lines.append(f"energy = pn.energy_balance(drive, {command!r}, {asked.duration!r}{initial})")
         if self.spreads:
             outputs = [self._output(asked, meaning(column)[0]) for column in shown]

@@ -23,7 +23,6 @@ from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import laws
 from pneudrive.describe import toml
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import pack
@@ -38,6 +37,8 @@ if TYPE_CHECKING:
 
     from pneudrive.control.card import StoredComparison
     from pneudrive.control.loop import Prepared
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
     from pneudrive.simulate import Run
     from pneudrive.web.workspace import Workspace
 
@@ -160,10 +161,9 @@ class ControlRequest(PageRequest):
         words += ["--duration", self.duration] if self.duration else []
         return "\n".join([*lines, shlex.join([*words, "--out", names.of(f"{stem}-control")])])
 
-    def as_python(self, *, circuit: bool) -> str:
+    def as_python(self, described: Drive | Circuit) -> str:
         """Return the lines of Python that make the same run in the folder of the workspace."""
-        kind = "Circuit" if circuit else "Drive"
-        lines = ["import pneudrive as pn", "", f"drive = pn.{kind}.load({self.path!r})"]
+        lines = ["import pneudrive as pn", "", f"drive = pn.{type(described).__name__}.load({self.path!r})"]
         law = f"controller={self.law!r}" if _is_file(self.law) else repr(self.law)
         if self.gains:
             lines.append(f"controller = pn.control.Controller(law={self.law!r}, gains={dict(self.gains)!r})")
@@ -236,9 +236,9 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
         }
         for title, unit, size, curves in _PANELS
     ]
-    circuit = is_circuit(described_at(workspace, request.path))
+    described = described_at(workspace, request.path)
     head = {"number": asked.get("number"), "panels": panels, "samples": len(columns["time_s"]), "took_s": took}
-    head |= {"command": request.as_command(NewNames(workspace)), "python": request.as_python(circuit=circuit)}
+    head |= {"command": request.as_command(NewNames(workspace)), "python": request.as_python(described)}
     deviation = read_mismatch(request.place_of_mismatch(workspace))[0].about if request.mismatch else ""
     head |= {"mismatch": [prepared.mismatch, deviation], "warnings": prepared.warnings}
     return pack({**head, **_about(prepared, run)}, drawn_columns(columns, request.pixels))
@@ -360,7 +360,7 @@ def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bo
             _ready(workspace, texts[name], ready_mismatches(), name)
             words += [f"--{name}", safe(texts[name])]
     words += ["--members" if texts["spread"] else "--seeds", str(count), "--out", safe(out)]
-    kind = "Circuit" if is_circuit(drive) else "Drive"
+    kind = type(drive).__name__
     options = [f"{name}={texts[name]!r}" for name in ("setup", "mismatch", "spread") if texts[name]]
     options.append(f"{'members' if texts['spread'] else 'seeds'}={count}")
     asked = ", ".join(repr(one[0]) if one in (["all"], ["standard"]) else repr(one) for one in lists)

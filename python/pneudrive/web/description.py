@@ -15,7 +15,7 @@ from pneudrive.describe.components import COMMAND
 from pneudrive.describe.short import expanded
 from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError, PneudriveError, Problems
-from pneudrive.start import is_circuit, start
+from pneudrive.start import start
 from pneudrive.units import like
 from pneudrive.web.messages import problems_of
 from pneudrive.web.run_request import described_at
@@ -78,8 +78,8 @@ def fields_of(described: Drive | Circuit) -> dict[str, Any]:
     slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
     return {
         "name": described.name,
-        "kind": "circuit" if is_circuit(described) else "drive",
-        "valves": _lowest_commands(described) if is_circuit(described) else {},
+        "kind": described.file_kind,
+        "valves": _lowest_commands(described),
         "values": values,
         "notes": described.notes,
         "sliders": list(dict.fromkeys(slides))[:MOST_SLIDERS],
@@ -93,33 +93,27 @@ def _absent(described: Drive | Circuit, every: Sequence[DescribedValue]) -> set[
     out = {f"{key.removesuffix('growth')}exponent" for key in logs}
     given = {key for key, _ in leaves(described.to_dict())}
     out |= {one.key for one in every if _PAIR.search(one.key) and one.key not in given}
-    for name, one in described.components.items() if is_circuit(described) else ():
+    for name, one in getattr(described, "components", {}).items():
         known = one.numbers(described.ambient.pressure_pa)
         keys = (each["key"] for each in one.entry["parameters"] if each["within"])
         out |= {f"components.{name}.{key}" for key in keys if key not in known}
     return out
 
 
-def _lowest_commands(circuit: Circuit) -> dict[str, int]:
+def _lowest_commands(described: Drive | Circuit) -> dict[str, int]:
     """Return the lowest command of each component that has one: -1, or 0 for an on-off valve."""
+    named = [name for name in described.commandable if name]
     try:
-        bounds = {one.name: one.bounds for one in start(circuit, None).variables if one.kind == "input"}
+        bounds = {one.name: one.bounds for one in start(described).variables if one.kind == "input"} if named else {}
     except PneudriveError:  # Simulate says why it cannot run
         bounds = {}
-    return {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in circuit.commandable}
+    return {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in named}
 
 
 def _owners(described: Drive | Circuit) -> Callable[[str], str]:
     """Return a function from a key to its component in the drawing. Empty: no component."""
-    if is_circuit(described):
-        places = {f"components.{name}": f"components.{name}" for name in described.components}
-    else:
-        tables = described.to_dict() | {"friction": described.friction}
-        places = expanded(tables, Problems()).places | {"components.supply.gas": "gas"}
-    # A part of a table comes before the whole table: [load.spring] is a component, and the rest of [load] is another.
-    ordered = sorted(places.items(), key=lambda one: -len(one[1]))
-    if not is_circuit(described) and "components.load" not in places:
-        ordered.append(("components.cylinder", "load"))
+    # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
+    ordered = described.component_places
 
     def owner(key: str) -> str:
         return next((at.split(".")[1] for at, own in ordered if key == own or key.startswith(f"{own}.")), "")

@@ -6,16 +6,15 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from pneudrive.describe import toml
+from pneudrive.describe.drive import Drive
 from pneudrive.errors import PneudriveError
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit
-from pneudrive.start import is_circuit
 from pneudrive.web.run_request import described_at, kept
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.describe.drive import Drive
     from pneudrive.web.workspace import Workspace
 
 MOST_DRIVES = 500  # files that are looked at for the one that is asked for
@@ -38,7 +37,7 @@ def drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
         found = described_at(workspace, name)
     except PneudriveError:
         return None
-    return None if is_circuit(found) else found  # type: ignore[return-value]
+    return found if isinstance(found, Drive) else None
 
 
 @lru_cache(maxsize=MOST_DRIVES)

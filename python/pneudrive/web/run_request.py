@@ -18,7 +18,6 @@ from pneudrive.describe.load import described_in
 from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError
 from pneudrive.simulate import positive, run
-from pneudrive.start import is_circuit
 from pneudrive.watch import Watch
 from pneudrive.web.requests import PageRequest, Pixels, Value
 from pneudrive.web.workspace import COMMANDS, is_in_catalogue, safe
@@ -165,7 +164,7 @@ class RunRequest(PageRequest):
         CommandError
             The name of a file leads out of the workspace.
         """
-        if is_circuit(described):
+        if "" not in described.commandable:
             lines = self.command if isinstance(self.command, list) else [self.command] if self.command.strip() else None
             return lines and [_placed(one, workspace) for one in lines]
         return _placed(self.command if isinstance(self.command, str) else ", ".join(self.command), workspace)
@@ -196,20 +195,18 @@ class RunRequest(PageRequest):
         each = self.command if isinstance(self.command, list) else [self.command]
         return [word for one in each if one.strip() for word in ("--command", one)]
 
-    def as_python(self, *, circuit: bool) -> str:
+    def as_python(self, described: Drive | Circuit) -> str:
         """Return the Python lines that make the same run in the folder of the workspace."""
-        kind = "Circuit" if circuit else "Drive"
-        lines = ["import pneudrive as pn", "", f"drive = pn.{kind}.load({self.path!r})"]
+        lines = ["import pneudrive as pn", "", f"drive = pn.{type(described).__name__}.load({self.path!r})"]
         if self.changes:
             lines.append(f"drive = drive.replace({dict(self.changes)!r})")
-        command, initial = self.python_options(circuit=circuit)
+        command, initial = self.python_options()
         lines.append(f"run = pn.simulate(drive, {command!r}, {self.duration!r}{initial}, sample_rate={self.rate!r})")
         return "\n".join([*lines, ""])
 
-    def python_options(self, *, circuit: bool) -> tuple[Any, str]:
+    def python_options(self) -> tuple[Any, str]:
         """Return the command as a Python expression, and the argument of the start state."""
-        command: Any = self.command or None if circuit else self.command
-        return command, f", initial={self.initial!r}" if self.initial else ""
+        return self.command or None, f", initial={self.initial!r}" if self.initial else ""
 
     def stem(self) -> str:
         """Return the name of files made from its description."""

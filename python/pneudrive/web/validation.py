@@ -21,7 +21,6 @@ from pneudrive.free.parameters import Parameter, numbers_of, with_shape
 from pneudrive.identify.differences import differences
 from pneudrive.identify.files import read_fit
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
-from pneudrive.start import is_circuit
 from pneudrive.trajectory import SUFFIXES, columns_in, read_columns
 from pneudrive.units import readable
 from pneudrive.validate.metrics import metrics
@@ -331,7 +330,7 @@ def _run(path: Path, _changed_ns: int) -> tuple[dict[str, Any], Signals]:
 
 def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dict[str, float], Mapping[str, Any]]:  # noqa: ANN401
     """Return the free run of a drive with changed values, and its agreement with each channel, %."""
-    if is_circuit(drive):
+    if not isinstance(drive, Drive):
         raise CommandError("a circuit is not validated")
     if signals.time_s.size > MOST_LIVE:
         raise CommandError(
@@ -375,6 +374,6 @@ def _source(workspace: Workspace, name: str) -> Drive | AnyFit:
         if any(one.path == name and one.kind == "fit" for one in workspace.files()):
             return read_fit(path)
     found = described_at(workspace, name)
-    if is_circuit(found):
+    if not isinstance(found, Drive):
         raise CommandError("a circuit has no identified values to compare")
-    return found  # type: ignore[return-value]
+    return found
