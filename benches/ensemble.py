@@ -19,6 +19,7 @@ import numpy as np
 from benches.problem import A
 from benches.tables import text
 from pneudrive import _core
+from pneudrive.describe.system import System, without_unit
 
 if TYPE_CHECKING:
     from pneudrive._core import Outcome
@@ -69,6 +70,11 @@ def ours(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> np.ndarray:
     return np.column_stack(outcome(n, threads, tol)["outputs"])
 
 
+def _path(name: str) -> str:
+    """Return the path in the circuit; the numbers of the ambient air keep their units."""
+    return name if name.startswith("ambient.") else without_unit(name)
+
+
 def outcome(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> Outcome:
     """Return the core's result: these outputs, and its step attempts."""
     names = [*(path for path, *_ in VARIED), BREAKAWAY[0]]
@@ -77,7 +83,9 @@ def outcome(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> Outcome:
     # both dead volumes are one number of the peers
     names.append("cylinder.dead_volume_b_m3")
     values = np.column_stack([values, values[:, names.index("cylinder.dead_volume_a_m3")]])
-    ensemble = _core.Ensemble("drive", json.dumps(drive), names)
+    in_circuit = [f"cylinder.{name}" if name.startswith("friction.") else _path(name) for name in names]
+    system = System.of_drive(drive)
+    ensemble = _core.Ensemble(system.json, in_circuit, system.names)
     times, commands = (list(column) for column in zip(*A.data["commands"], strict=True))
     start = [A.data["initial"].get(name, 0.0) for name in ensemble.start_names]
     stroke = drive["cylinder"]["stroke_m"]

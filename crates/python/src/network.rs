@@ -346,7 +346,7 @@ impl PyCircuit {
 }
 
 impl PyCircuit {
-/// Circuits of one topology with different numbers.
+    /// Circuits of one topology with different numbers.
     fn table<'py>(&self, py: Python<'py>, rows: Vec<f64>) -> PyResult<Table<'py>> {
         let n = self.network.assembly().circuit.n_states();
         let samples = rows.len() / n;

@@ -183,7 +183,9 @@ def _table(drive: Drive | Circuit, path: Path) -> dict[str, Any]:
     for column in columns:
         if column not in known and column not in known.values():
             raise CommandError(
-                f"vary: {column} is not a number of this {drive.file_kind}", where=str(path), remedy=nearest(column, known)
+                f"vary: {column} is not a number of this {drive.file_kind}",
+                where=str(path),
+                remedy=nearest(column, known),
             )
     return {known.get(column, column): values for column, values in read_columns(path, columns).items()}
 

@@ -19,7 +19,7 @@ from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, L
 from pneudrive.describe.provenance import Origin
 from pneudrive.describe.short import TABLES, beside_control, expanded
 from pneudrive.describe.sourced import Value, has_origin
-from pneudrive.describe.starts import read_initial
+from pneudrive.describe.starts import read_initial, start_state
 from pneudrive.describe.system import PISTON, System, drive_names, short_name
 from pneudrive.describe.valve_flow import FLOW_KEYS
 from pneudrive.errors import Problems
@@ -485,30 +485,3 @@ def _untouched(values: Iterable[Value], changes: Mapping[str, Any]) -> tuple[Val
         and not (sizes and value.key in {f"valve.{size}" for size in FLOW_KEYS})
         and not (other_law and value.key.startswith("friction."))
     )
-
-
-def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> dict[str, Any]:  # noqa: ANN401
-    """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays stand for many drives.
-
-    Parameters
-    ----------
-    start : Initial
-    stroke_m, ambient_pa, ambient_k : float or ndarray
-        m, Pa absolute, K.
-    """
-
-    def or_else(value: float | None, otherwise: Any) -> Any:  # noqa: ANN401
-        return otherwise if value is None else value
-
-    state = {
-        "position_m": or_else(start.position_m, 0.5 * stroke_m),
-        "velocity_m_s": start.velocity_m_s,
-        "contact_age_s": start.contact_age_s,
-    }
-    for chamber, pressure, temperature in (
-        ("a", start.pressure_a, start.temperature_a_k),
-        ("b", start.pressure_b, start.temperature_b_k),
-    ):
-        state[f"pressure_{chamber}_pa"] = ambient_pa if pressure is None else pressure.absolute_pa(ambient_pa)
-        state[f"temperature_{chamber}_k"] = or_else(temperature, ambient_k)
-    return state

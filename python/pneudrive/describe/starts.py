@@ -263,3 +263,30 @@ def _entries(text: str) -> dict[str, str]:
             raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
         given[key] = value
     return given
+
+
+def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays stand for many drives.
+
+    Parameters
+    ----------
+    start : Initial
+    stroke_m, ambient_pa, ambient_k : float or ndarray
+        m, Pa absolute, K.
+    """
+
+    def or_else(value: float | None, otherwise: Any) -> Any:  # noqa: ANN401
+        return otherwise if value is None else value
+
+    state = {
+        "position_m": or_else(start.position_m, 0.5 * stroke_m),
+        "velocity_m_s": start.velocity_m_s,
+        "contact_age_s": start.contact_age_s,
+    }
+    for chamber, pressure, temperature in (
+        ("a", start.pressure_a, start.temperature_a_k),
+        ("b", start.pressure_b, start.temperature_b_k),
+    ):
+        state[f"pressure_{chamber}_pa"] = ambient_pa if pressure is None else pressure.absolute_pa(ambient_pa)
+        state[f"temperature_{chamber}_k"] = or_else(temperature, ambient_k)
+    return state

@@ -144,11 +144,12 @@ def expanded_drive(form: dict[str, Any]) -> dict[str, Any]:
 
 
 def _numbers(table: dict[str, Any]) -> dict[str, float]:
-    return {_without_unit(key): value for key, value in table.items() if value is not None}
+    return {without_unit(key): value for key, value in table.items() if value is not None}
 
 
 @lru_cache(maxsize=256)
-def _without_unit(key: str) -> str:
+def without_unit(key: str) -> str:
+    """Return a key of a drive in SI without its unit."""
     return next((key.removesuffix(unit) for unit in _UNITS if key.endswith(unit)), key)
 
 

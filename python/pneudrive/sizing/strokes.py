@@ -333,8 +333,8 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     }
     members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
     plans = MemberPlans({}, np.array([LONGEST * limit + LONGER_S]))
-    form, reductions = first.template(outward).form, _reductions(first.task.stroke_m, outward)
-    kept = engine.run(form, members, plans, rtol, reductions, first.threads)
+    system, reductions = first.template(outward).system, _reductions(first.task.stroke_m, outward)
+    kept = engine.run(system, members, plans, rtol, reductions, first.threads)
     arrived, near, before, *peaks, air, force = kept.values
     late = np.concatenate([one.strokes.opens_after(outward, one.draws) for one in asked])
     time = np.where(np.isnan(arrived), np.inf, arrived + late)
