@@ -44,7 +44,6 @@ CELLS = (
 #: What a first study of these laws reached, simulated, with a few seeds and 22 members of the spread.
 ROWS = {
     "pid": (11.7, 13.8, 24, 8300),
-    "pva": (2.3, 2.8, 4.5, 1500, 9.8, 11.0, 10, 11, 7800, 5.0, 5.8),
     "sliding-mode": (0.15, 0.23, 0.48, 140, 3.0, 3.5, 2.3, 2.4, 590, 1.2, 2.1),
     "super-twisting": (0.14, 0.15, 0.63, 21, 1.3, 2.0, 1.2, 1.2, 350, 0.58, 0.72),
     "inversion": (0.25, 0.32, 0.76, 69, 0.21, 0.26, 0.94, 0.42, 850, 0.30, 0.32),

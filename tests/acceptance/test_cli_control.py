@@ -93,8 +93,8 @@ WRONG = {
         "2 s",
     ),
     "two laws": (
-        ["--reference", STEP, "--law", "pva", "--controller", "pid"],
-        "--law pva and --controller pid",
+        ["--reference", STEP, "--law", "inversion", "--controller", "pid"],
+        "--law inversion and --controller pid",
         "Give one",
     ),
     "no sine": (["--reference", "sine 60 mm around 250 mm"], "is not a sine", "AMPLITUDE"),
@@ -109,12 +109,6 @@ WRONG = {
 }
 FILES = {
     "law": ('law = "pdi"', "law: 'pdi' is not known", "'pid'"),
-    "a key that no core has": (
-        'law = "nmpc"\n[observer]\nkind = "luenberger"',
-        'there is no observer "luenberger"',
-        ":4",
-    ),
-    "no contact for a plan": ('law = "nmpc"\n[observer]\nkind = "levant"', "needs the friction of the contact", ":4"),
     "period": ('law = "nmpc"\nperiod = "10 s"', "it must lie within", ":3"),
     "unknown gain": ('law = "nmpc"\n[gains]\nbandwith = "90 rad/s"', "no gain of nmpc", "'bandwidth'"),
     "gain out of bounds": ('law = "nmpc"\n[gains]\nbandwidth = "-90 rad/s"', "out of bounds", ":4"),
@@ -226,7 +220,7 @@ def test_limit_switches_are_about_the_stroke_and_the_reference(axis):
             if leads is None
             else pytest.warns(PneudriveWarning, match=leads)
         ):
-            pn.control.run(axis, "pva", setup=setup, **told)
+            pn.control.run(axis, "inversion", setup=setup, **told)
 
 
 def test_tune_says_which_parts_of_cylinder_valve_and_supply_no_law_knows(tmp_path, capsys):
@@ -235,11 +229,11 @@ def test_tune_says_which_parts_of_cylinder_valve_and_supply_no_law_knows(tmp_pat
     text = AXIS.read_text().replace("leakage = 0.003", 'stroke_time = "8 ms"')
     text = text.replace('kind = "reservoir"', pulsates)
     (tmp_path / "axis.toml").write_text(text.replace("moving_mass", 'leakage = "0.01 dm3/(s bar)"\nmoving_mass'))
-    assert run(["control", "tune", str(tmp_path / "axis.toml"), "--law", "pva"]) == 0
+    assert run(["control", "tune", str(tmp_path / "axis.toml"), "--law", "inversion"]) == 0
     said = capsys.readouterr().out
     assert all(one in said for one in ("knows nothing of", "cylinder.leakage", "valve.stroke_time", "supply.amplitude"))
     told = {"reference": "250 mm", "duration": "20 ms"}
-    assert pn.control.run(pn.Circuit.load(tmp_path / "axis.toml"), "pva", mismatch="sag", **told).attrs["air"]
+    assert pn.control.run(pn.Circuit.load(tmp_path / "axis.toml"), "inversion", mismatch="sag", **told).attrs["air"]
     assert pn.control.tune(pn.Circuit.load(AXIS)).plant.left_out == []
 
 
@@ -261,12 +255,12 @@ def test_a_controller_goes_to_another_folder_with_what_it_names(tmp_path):
     here.mkdir()
     there.mkdir()
     (here / "believed.toml").write_text(AXIS.read_text().replace('"2 kg"', '"3 kg"'))
-    (here / "pva.toml").write_text('schema = 1\nlaw = "pva"\ndrive = "believed.toml"\n')
+    (here / "inversion.toml").write_text('schema = 1\nlaw = "inversion"\ndrive = "believed.toml"\n')
     code = "class Law:\n    inputs = ()\n    def step(self, t, sample, preview):\n        return 0.0\n"
     (here / "mine.py").write_text(code)
     drive, mine = pn.Circuit.load(AXIS), f"{here / 'mine.py'}:Law"
-    tuned = pn.control.tune(drive, controller=here / "pva.toml")
-    again = pn.control.tune(drive, controller=tuned.save(there / "pva.toml"))
+    tuned = pn.control.tune(drive, controller=here / "inversion.toml")
+    again = pn.control.tune(drive, controller=tuned.save(there / "inversion.toml"))
     assert again.core() == tuned.core()
     own = pn.control.tune(drive, mine).save(there / "own.toml")
     assert 'law = "../here/mine.py:Law"' in own.read_text()
@@ -279,7 +273,7 @@ def test_a_controller_for_a_drive_of_other_names_gives_one_message(tmp_path, cap
     for word in ("cylinder", "valve"):
         renamed = text.replace(f"{word}.", "other.").replace(f"components.{word}", "components.other")
         (tmp_path / "other.toml").write_text(renamed)
-        (tmp_path / "own.toml").write_text('schema = 1\nlaw = "pva"\ndrive = "other.toml"\n')
+        (tmp_path / "own.toml").write_text('schema = 1\nlaw = "inversion"\ndrive = "other.toml"\n')
         for mismatch in ([], ["--mismatch", "all"]):
             told = ["control", "run", str(AXIS), "--reference", STEP, "--controller", str(tmp_path / "own.toml")]
             assert run([*told, *mismatch]) == 2
@@ -288,17 +282,17 @@ def test_a_controller_for_a_drive_of_other_names_gives_one_message(tmp_path, cap
 
 def test_a_controller_for_another_drive_cannot_lead_this_one_out_of_its_stroke(tmp_path, capsys):
     file = tmp_path / "longer.toml"
-    file.write_text(f'schema = 1\nlaw = "pva"\nperiod = "8 ms"\ndrive = {str(AXIS)!r}\n')  # a stroke of 500 mm
+    file.write_text(f'schema = 1\nlaw = "inversion"\nperiod = "8 ms"\ndrive = {str(AXIS)!r}\n')  # a stroke of 500 mm
     told = ["control", "run", str(AXIS.parent / "axes/bench.toml"), "--controller", str(file)]
     assert run([*told, "--reference", "250 mm; 0.1 s: 400 mm in 0.3 s"]) == 2
     assert "within the stroke, 0 mm to 300 mm" in capsys.readouterr().err
     assert run([*told, "--reference", "150 mm; 0.1 s: 160 mm in 0.3 s", "--duration", "0.5 s"]) == 0
     said = capsys.readouterr()
-    assert "pva, told of controlled axis, on bench" in said.out
+    assert "inversion, told of controlled axis, on bench" in said.out
     assert said.err.count("Note: period = 8 ms: a law follows badly") == 1
 
 
-COMPARE = ["--laws", "pva,nmpc", "--references", f"R6,{STEP}", "--seeds", "4"]
+COMPARE = ["--laws", "inversion,nmpc", "--references", f"R6,{STEP}", "--seeds", "4"]
 
 
 def test_a_comparison_with_other_numbers_does_not_show_the_scores_of_the_one_before(tmp_path, axis):
@@ -306,11 +300,11 @@ def test_a_comparison_with_other_numbers_does_not_show_the_scores_of_the_one_bef
     reference, out, cancelled = tmp_path / "a.toml", tmp_path / "out", threading.Event()
     move = 'schema = 1\nstart = "220 mm"\n[[moves]]\nat = "0.1 s"\nto = "{} mm"\nduration = "0.3 s"\n'
     reference.write_text(move.format(280))
-    pn.control.compare(axis, "pva", str(reference), seeds=1, out=out)
+    pn.control.compare(axis, "inversion", str(reference), seeds=1, out=out)
     reference.write_text(move.format(290))
     cancelled.set()
     with pytest.raises(pn.errors.Cancelled):
-        pn.control.compare(axis, "pva", str(reference), seeds=1, out=out, cancel=cancelled)
+        pn.control.compare(axis, "inversion", str(reference), seeds=1, out=out, cancel=cancelled)
     assert not pn.control.read_comparison(out).is_finished
 
 
@@ -318,7 +312,7 @@ def test_what_has_no_effect_or_cannot_be_measured_is_told(tmp_path, capsys):
     """A load behind the end of a run; pressures beyond their sensors; and a run that lost its drive."""
     high = tmp_path / "high.toml"
     high.write_text(AXIS.read_text().replace("7 bar abs", "16 bar abs"))
-    head = ["control", "run", str(high), "--reference", STEP, "--law", "pva", "--initial", "cylinder.position = 190 mm"]
+    head = ["control", "run", str(high), "--reference", STEP, "--law", "inversion", "--initial", "cylinder.position = 190 mm"]
     assert run([*head, "--mismatch", "load-step"]) == 0
     said = capsys.readouterr()
     assert "disturbances: what begins at 6.2 s has no effect, as the run ends at 2.4 s" in said.err
@@ -326,7 +320,7 @@ def test_what_has_no_effect_or_cannot_be_measured_is_told(tmp_path, capsys):
     assert "yes: an error exceeded 20 mm" in said.out
     assert run(["control", "tune", str(high)]) == 0
     assert "below the supply of 16 bar abs" in capsys.readouterr().out
-    assert run(["control", "run", str(AXIS), "--reference", STEP, "--law", "pva"]) == 0
+    assert run(["control", "run", str(AXIS), "--reference", STEP, "--law", "inversion"]) == 0
     assert "Note" not in capsys.readouterr().err
 
 

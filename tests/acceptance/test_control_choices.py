@@ -26,8 +26,6 @@ def ran(axis, file, **told):
     ("law", "chosen"),
     [
         ("nmpc", '[nmpc]\npredictor = "circuit"'),
-        ("fuzzy", '[fuzzy]\ninference = "mamdani"'),
-        ("inversion", '[observer]\nkind = "levant"\njerk = "400 m/s3"'),
         ("pid", "[factors]\ngain = 2\nfilter = 0.5"),
     ],
 )
@@ -79,9 +77,12 @@ def test_a_reference_is_slowed_on_a_fallen_supply(axis):
     [
         ('law = "nmpc"\n[nmpc]\npredictor = "circuits"', "nmpc.predictor: 'circuits' is not known"),
         ('law = "pid"\n[nmpc]\npredictor = "circuit"', 'a table [nmpc] and law = "pid"'),
-        ('law = "pva"\n[factors]\ndamping = 2', "means nothing to the law pva, whose factors are gain"),
+        ('law = "inversion"\n[factors]\ndamping = 2', "means nothing to the law inversion, whose factors are gain"),
         ('law = "pid"\n[factors]\ngain = 11', "not more than 10"),
-        ('law = "pid"\n[observer]\nkind = "levant"\njerk = "0 m/s3"', "out of bounds"),
+        ('law = "pva"', 'The controller "pva" was removed. Use "inversion"'),
+        ('law = "pid"\n[observer]\nkind = "levant"\njerk = "400 m/s3"', "Leave the table out: kalman is used"),
+        ('law = "fuzzy"\n[fuzzy]\ninference = "mamdani"', "Leave the table out: sugeno is used"),
+        ('law = "pid"\n[on_fault]\nlaw = "pva"', 'The controller "pva" was removed. Use "inversion"'),
     ],
 )
 def test_a_wrong_choice_is_told_with_its_place(text, says, axis, tmp_path):
@@ -134,7 +135,7 @@ def test_laws_know_friction_that_is_written_as_formulas(axis, tmp_path):
     text = AXIS.read_text().replace('law = "lugre"', f'law = "file:{folder}/laws/lugre.toml"')
     (tmp_path / "axis.toml").write_text(text)
     written = pn.Circuit.load(tmp_path / "axis.toml")
-    run, same = (pn.control.run(one, "pva", reference=MOVE, duration="0.3 s") for one in (axis, written))
+    run, same = (pn.control.run(one, "inversion", reference=MOVE, duration="0.3 s") for one in (axis, written))
     assert run.position.values.tobytes() == same.position.values.tobytes()
 
 
@@ -151,6 +152,6 @@ def test_a_spring_at_the_rod_is_no_part_of_a_horizon_by_the_circuit(tmp_path):
 def test_a_reference_that_is_lost_is_still_the_one_that_counts(axis):
     lost = pn.control.Setup(faults=[{"kind": "reference", "at": "0.1 s"}]).faults
     setup = pn.control.read_setup("real")[0].model_copy(update={"faults": lost})
-    run = pn.control.run(axis, "pva", reference=MOVE, duration="0.4 s", setup=setup)
+    run = pn.control.run(axis, "inversion", reference=MOVE, duration="0.4 s", setup=setup)
     assert run.reference.values[-1] == pytest.approx(0.245)
     assert run.attrs["score"]["max_error_m"] > 1e-3

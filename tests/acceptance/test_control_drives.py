@@ -114,7 +114,7 @@ def test_a_weight_that_is_not_known_is_not_learned_as_friction():
     assert float(error.sel(time=slice(0.3, 1.3)).max()) < 0.6e-3
 
 
-@pytest.mark.parametrize("law", ["nmpc", "super-twisting", "pva"])
+@pytest.mark.parametrize("law", ["nmpc", "super-twisting", "inversion"])
 def test_a_drive_that_sticks_where_its_model_creeps_keeps_its_position_sensor(law: str):
     """What dry friction bears was taken for a force, the model crept, and the resting reading for a stuck one."""
     drive = pn.Circuit.load(Path(__file__).parents[2] / "examples" / "controlled_axis.toml")
@@ -127,7 +127,7 @@ def test_a_drive_that_sticks_where_its_model_creeps_keeps_its_position_sensor(la
 def test_a_drive_without_friction_keeps_its_position_sensor():
     drive = axis(SMALL, LUGRE.format(0.001, 0.001, 1, 1e5, 300), COMMON)
     run = pn.control.run(
-        drive, "pva", reference="230 mm; 0.2 s: 290 mm in 0.3 s; 1 s: 230 mm in 0.3 s", duration="1.5 s"
+        drive, "inversion", reference="230 mm; 0.2 s: 290 mm in 0.3 s; 1 s: 230 mm in 0.3 s", duration="1.5 s"
     )
     assert not run.attrs["events"]
     assert run.attrs["score"]["max_error_m"] < 3e-3

@@ -175,11 +175,11 @@ def test_a_controller_file_runs_code_that_the_user_allows(folder, capsys, monkey
 
 def test_a_comparison_keeps_a_law_that_fails_as_lost(folder, axis, capsys, monkeypatch):
     monkeypatch.chdir(folder)
-    compared = ["--laws", "pva,mine.py:Law,mine.py:Raises", "--references", STEP, "--seeds", "1", "--out", "compared"]
+    compared = ["--laws", "inversion,mine.py:Law,mine.py:Raises", "--references", STEP, "--seeds", "1", "--out", "compared"]
     assert run(["control", "compare", str(AXIS), *compared]) == 0
     table = pl.read_csv("compared/score.csv")
     reasons = dict(zip(table["law"], table["reason"], strict=True))
-    assert not reasons["pva"]
+    assert not reasons["inversion"]
     assert not reasons["mine.py:Law"]
     assert "ZeroDivisionError" in reasons["mine.py:Raises"]
     assert "1 run of mine.py:Raises ended early: the law mine.py:Raises fails at t = 0.05 s" in capsys.readouterr().err
@@ -279,7 +279,7 @@ class Exported:
 
 
 @needs_gcc
-@pytest.mark.parametrize("law", ["pid", "pva", "fuzzy", "sliding-mode", "super-twisting", "inversion"])
+@pytest.mark.parametrize("law", ["pid", "fuzzy", "sliding-mode", "super-twisting", "inversion"])
 def test_exported_c_runs_the_drive_as_its_law_does(law, tmp_path, axis, capsys):
     """Along a move and a rest, in which it holds: the command in each sample, from sensors to valve."""
     assert run(["control", "export", law, "--drive", str(AXIS), "--to", "c", "--out", str(tmp_path)]) == 0
@@ -316,12 +316,12 @@ def _check_structured_text(folder, samples):
 
 def test_an_fmu_follows_a_standard_reference(tmp_path):
     told = ["--drive", str(AXIS), "--to", "fmu", "--out", str(tmp_path / "law.fmu"), "--reference", "R1"]
-    assert run(["control", "export", "pva", *told]) == 0
+    assert run(["control", "export", "inversion", *told]) == 0
 
 
 def test_source_code_is_for_the_drive_that_is_named(tmp_path):
     """It goes before the drive that the controller's file names."""
-    (tmp_path / "own.toml").write_text(f'schema = 1\nlaw = "pva"\ndrive = "{AXIS}"\n')
+    (tmp_path / "own.toml").write_text(f'schema = 1\nlaw = "inversion"\ndrive = "{AXIS}"\n')
     bench = AXIS.parent / "axes" / "bench.toml"
     for drive, name in ((["--drive", str(bench)], "bench"), ([], "controlled axis")):
         told = ["control", "export", str(tmp_path / "own.toml"), "--to", "c", "--out", str(tmp_path), *drive]

@@ -16,18 +16,16 @@ MOVE = "240 mm; 50 ms: 245 mm in 0.15 s"
 
 def test_numbers_of_switching_valves_go_through_a_file_into_a_run(tmp_path):
     drive = pn.Circuit.load(SWITCHING)
-    tuning = pn.control.tune(drive, "pva")
+    tuning = pn.control.tune(drive, "inversion")
     assert tuning.plant.valves == ["in_a", "out_a", "in_b", "out_b"]
     file = tmp_path / "controller.toml"
-    file.write_text(
-        'schema = 1\nlaw = "pva"\n[valves]\nstiffness = "1.6 N/mm"\n[observer]\nkind = "lugre"\nshare = 0.4\n'
-    )
+    file.write_text('schema = 1\nlaw = "inversion"\n[valves]\nstiffness = "1.6 N/mm"\n')
     given = pn.control.tune(drive, controller=file)
     told = {one.key: one.value for one in given.numbers if one.given}
-    assert told == {"stiffness": pytest.approx(1600.0), "share": 0.4}
+    assert told == {"stiffness": pytest.approx(1600.0)}
     given.save(tmp_path / "again.toml")
     again = pn.control.tune(drive, controller=tmp_path / "again.toml")
-    assert (again.core(), again.observer) == (given.core(), "lugre")
+    assert again.core() == given.core()
     run = pn.control.run(drive, reference=MOVE, controller=file, duration="0.25 s")
     commands = np.array([run[f"{name}.command"] for name in tuning.plant.valves])
     assert set(np.unique(commands)) == {0.0, 1.0}
@@ -40,14 +38,11 @@ def test_numbers_of_switching_valves_go_through_a_file_into_a_run(tmp_path):
     [
         ('[valves]\nstiffnes = "2 N/mm"', "valves.stiffnes is no gain of these valves"),
         ('[valves]\nstiffness = "-2 N/mm"', "out of bounds"),
-        ('[observer]\nkind = "kalmann"', 'there is no observer "kalmann"'),
-        ('[observer]\nkind = "lugre"\nshare = 2', "out of bounds"),
-        ("[observer]\nshare = 0.5", "observer.share is no gain of the observer kalman"),
     ],
 )
-def test_a_wrong_number_of_valves_or_observer_is_told_with_its_place(tmp_path, text, says):
+def test_a_wrong_number_of_valves_is_told_with_its_place(tmp_path, text, says):
     file = tmp_path / "controller.toml"
-    file.write_text(f'schema = 1\nlaw = "pva"\n{text}\n')
+    file.write_text(f'schema = 1\nlaw = "inversion"\n{text}\n')
     with pytest.raises(DescriptionError) as caught:
         pn.control.tune(pn.Circuit.load(SWITCHING), controller=file)
     assert says in str(caught.value)
@@ -62,21 +57,21 @@ def test_the_screen_has_the_numbers_of_the_file(capsys):
 
 def test_what_has_no_several_valves_says_so(tmp_path):
     file = tmp_path / "controller.toml"
-    file.write_text('schema = 1\nlaw = "pva"\n[valves]\nstiffness = "2 N/mm"\n')
+    file.write_text('schema = 1\nlaw = "inversion"\n[valves]\nstiffness = "2 N/mm"\n')
     with pytest.raises(DescriptionError, match=r"the drive one proportional 5/3 valve"):
         pn.control.tune(pn.Circuit.load(AXES / "controlled_axis.toml"), controller=file)
-    tuning = pn.control.tune(pn.Circuit.load(SWITCHING), "pva")
+    tuning = pn.control.tune(pn.Circuit.load(SWITCHING), "inversion")
     with pytest.raises(CommandError, match="one command"):
         pn.control.export(tuning, "c", tmp_path / "law")
     with pytest.raises(CommandError, match="one command"):
         pn.control.export(tuning, "fmu", tmp_path / "law.fmu", along=MOVE)
     with pytest.raises(DescriptionError, match="no spool that could deviate"):
-        pn.control.run(pn.Circuit.load(SWITCHING), "pva", reference=MOVE, mismatch="slow-spool")
+        pn.control.run(pn.Circuit.load(SWITCHING), "inversion", reference=MOVE, mismatch="slow-spool")
 
 
 def test_tune_says_what_no_observer_tells_apart():
     drive = pn.Circuit.load(AXES / "controlled_axis.toml")
-    said = {setup: " ".join(pn.control.tune(drive, "pva", setup=setup).limits) for setup in ("real", "cheap")}
+    said = {setup: " ".join(pn.control.tune(drive, "inversion", setup=setup).limits) for setup in ("real", "cheap")}
     assert "friction that differs between the directions" in said["real"]
     assert "not both pressures" not in said["real"]
     assert "At rest the position tells the force of the gas, not both pressures" in said["cheap"]

@@ -63,7 +63,7 @@ def test_equal_samples_give_the_bits_of_a_run(tmp_path, law, version):
 
 
 def test_a_controller_and_a_drive_are_coupled_as_in_a_run(tmp_path):
-    tuning = pn.control.tune(AXIS, "pva", setup="ideal")
+    tuning = pn.control.tune(AXIS, "inversion", setup="ideal")
     run = pn.control.run(AXIS, reference=MOVE, controller=tuning, setup="ideal", duration="0.5 s")
     law = str(pn.control.export(tuning, "fmu", tmp_path / "law.fmu", setup="ideal", along=MOVE)[0])
     cylinder, (valve,) = tuning.plant.cylinder, tuning.plant.valves

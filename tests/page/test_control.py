@@ -37,7 +37,7 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     tab.picture("control-run")
 
     page.fill("label:has-text('And along') input", "250 mm; 0.1 s: 300 mm in 0.3 s")
-    for name in ("pva", "inversion"):
+    for name in ("pid", "inversion"):
         page.check(f"fieldset >> label:has-text('{name}') >> nth=0")
     page.fill("label:has-text('Seeds') input", "40")
     page.keyboard.press("Tab")
@@ -64,18 +64,18 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
 
     drive = pn.Drive.load(server.folder / "axis.toml")  # a comparison of fewer seeds, which the page takes up
     short = {"seeds": 2, "mismatch": "mass+30"}
-    made = pn.control.compare(drive, ["pid", "pva"], ["R1", "R6"], **short, out=server.folder / "results" / "two")
+    made = pn.control.compare(drive, ["pid", "inversion"], ["R1", "R6"], **short, out=server.folder / "results" / "two")
     tab = open_tab(server.address)
     page = tab.page
     page.click("ul.files >> text=results/two")
     page.wait_for_selector("figure[data-plot=Errors] canvas")
     table = pl.read_parquet(server.folder / "results" / "two" / "score.parquet")
-    for law in ("pid", "pva"):
+    for law in ("pid", "inversion"):
         for name in ("R1", "R6"):
             own = table.filter((pl.col("law") == law) & (pl.col("reference") == made.references[name].text))
             shown = float(page.get_attribute(f"[data-cell='{law}/{name}']", "data-si"))
             assert shown == pytest.approx(own["max_error_m"].median(), rel=1e-15)
-    assert "★" in page.inner_text("[data-cell='pva/R1']")
+    assert "★" in page.inner_text("[data-cell='inversion/R1']")
     page.focus("th button:text-is('R6')")
     page.keyboard.press("Enter")
     page.wait_for_selector("h2:has-text('Along R6')")
@@ -88,10 +88,10 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
     with page.expect_response("**/api/comparison?*measure=rest_error_m*"):
         held[0].continue_()  # an answer that comes late is that of another measure
     page.wait_for_timeout(100)
-    assert float(page.get_attribute("[data-cell='pva/R6']", "data-si")) == shown
+    assert float(page.get_attribute("[data-cell='inversion/R6']", "data-si")) == shown
     page.unroute("**/api/comparison?*measure=rest_error_m*")
     page.select_option("label:has-text('Measure') select", "rest_error_m")
-    page.wait_for_selector("[data-cell='pva/R1']:has-text('–')")  # a sine has no rest
+    page.wait_for_selector("[data-cell='inversion/R1']:has-text('–')")  # a sine has no rest
     assert page.locator("[data-strip=pid] line").count() == 2
     page.wait_for_selector("figure[data-plot=Errors] canvas")
     assert violations(tab) == []

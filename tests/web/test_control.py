@@ -156,7 +156,7 @@ def card_of(served: Served, measure: str = "max_error_m") -> dict:
 
 
 def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    begun = {"drive": "axis.toml", "laws": ["pva", "pid"], "references": [STEP, SLOW], "count": 3, "name": "laws"}
+    begun = {"drive": "axis.toml", "laws": ["inversion", "pid"], "references": [STEP, SLOW], "count": 3, "name": "laws"}
     post(served, "/api/comparisons", begun | {"mismatch": "mass+30"})
     runs = served.folder / "results" / "laws" / "runs"
     while not list(runs.glob("[!.]*.parquet")):
@@ -191,7 +191,7 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     assert len(each) == 12
     assert so_far.items() <= each.items()
     assert not (served.folder / "results" / "laws" / "so-far.jsonl").exists()
-    assert card["command"].startswith("pneudrive control compare axis.toml --laws pva,pid")
+    assert card["command"].startswith("pneudrive control compare axis.toml --laws inversion,pid")
     monkeypatch.chdir(served.folder)
     names: dict = {}
     exec(card["python"], names)
@@ -201,7 +201,7 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     table = pl.read_csv("results/laws/score.csv")
     assert sorted(one["value"] for one in card["each"]) == sorted(table["max_error_m"])
     best = {cell["reference"]: cell["law"] for cell in card["cells"] if cell["best"]}
-    assert best[SLOW] == "pva" == made.best(SLOW)
+    assert best[SLOW] == "inversion" == made.best(SLOW)
     assert card["true"] == [{"name": "moving_mass", "least": "1.3", "largest": "1.3"}]
     gain = next(one for one in card["told"]["pid"]["gains"] if one["key"] == "gain")
     assert gain["value"] == made.tunings["pid"].gains[0].value
@@ -219,7 +219,7 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     given = {"path": "results/laws", "reference": SLOW, "pixels": "4000"}
     frame = served.client.get("/api/tracks", params=given, headers=served.headers)
     head, arrays = unpack(frame.content)
-    assert head["laws"] == ["pva", "pid"]
+    assert head["laws"] == ["inversion", "pid"]
     track = made.of("pid", SLOW)[0].columns("position_m", "reference_m")
     assert arrays["pid/position_m"].max() == track["position_m"].max()
     assert arrays["pid/error_m"].min() == (track["reference_m"] - track["position_m"]).min()
@@ -227,9 +227,9 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
 
 def test_another_comparison_in_the_folder_takes_the_scores_with_it(tmp_path: Path) -> None:
     drive = pn.Drive.load("catalogue:reference")
-    pn.control.compare(drive, ["pva"], [STEP], seeds=1, out=tmp_path)
+    pn.control.compare(drive, ["inversion"], [STEP], seeds=1, out=tmp_path)
     first = pn.control.read_comparison(tmp_path)
-    assert [run.law for run in first.runs] == ["pva"]
+    assert [run.law for run in first.runs] == ["inversion"]
     assert first.runs[0].columns("position_m")["position_m"][0] == pytest.approx(0.25, abs=1e-9)
     flag = type("Flag", (), {"is_set": lambda self: True})()
     with pytest.raises(Cancelled):
@@ -248,12 +248,12 @@ def test_another_comparison_in_the_folder_takes_the_scores_with_it(tmp_path: Pat
 
 def test_two_names_of_one_reference_keep_their_runs(tmp_path: Path) -> None:
     made = pn.control.compare(
-        pn.Drive.load("catalogue:reference"), ["pva"], {"a": STEP, "b": STEP}, seeds=2, out=tmp_path
+        pn.Drive.load("catalogue:reference"), ["inversion"], {"a": STEP, "b": STEP}, seeds=2, out=tmp_path
     )
     read = pn.control.read_comparison(tmp_path)
     assert [(run.reference, run.seed) for run in read.runs] == [("a", 1), ("a", 2), ("b", 1), ("b", 2)]
     for along in "ab":
-        assert read.middle("pva", along, "max_error_m") == made.middle("pva", along, "max_error_m") > 0.0
+        assert read.middle("inversion", along, "max_error_m") == made.middle("inversion", along, "max_error_m") > 0.0
 
 
 @pytest.mark.parametrize(
@@ -274,7 +274,7 @@ def test_two_names_of_one_reference_keep_their_runs(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_comparison_is_refused(served: Served, changes: dict) -> None:
-    begun = {"drive": "axis.toml", "laws": ["pva"], "references": [STEP], "count": 1, "name": "laws"}
+    begun = {"drive": "axis.toml", "laws": ["inversion"], "references": [STEP], "count": 1, "name": "laws"}
     refused = post(served, "/api/comparisons", begun | changes, 400)
     assert refused["problems"][0]["what"]
     assert served.jobs == []

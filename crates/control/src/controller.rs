@@ -3,12 +3,10 @@
 use crate::adaptation::Adaptation;
 use crate::course::Course;
 use crate::gains::{FACTOR_BOUNDS, FACTORS, Gain, Gains};
-use crate::law::{
-    FACTORED, Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Pva, Sliding, SuperTwisting, Tick, Tuned,
-};
+use crate::law::{FACTORED, Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Sliding, SuperTwisting, Tick, Tuned};
 use crate::model::{Edges, Model, Slip};
 use crate::number::{Memory, Number};
-use crate::observer::{Noise, Observer, Observing, Sample, State};
+use crate::observer::{Noise, Observer, Sample, State};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
 use crate::supervisor::{Rules, Supervisor};
@@ -83,7 +81,7 @@ macro_rules! laws {
     };
 }
 
-laws!(Pid, Pva, Fuzzy, Sliding, SuperTwisting, Inversion, Nmpc);
+laws!(Pid, Fuzzy, Sliding, SuperTwisting, Inversion, Nmpc);
 
 /// Standing still: the force at which the seal rests is kept.
 #[derive(Clone, Debug)]
@@ -227,11 +225,7 @@ pub struct Controller<L = AnyLaw, S = f64> {
     /// Of [`FACTORS`](crate::FACTORS), which its gains are multiplied by.
     pub(crate) factors: [f64; FACTORS.len()],
     pub(crate) takeover: Takeover,
-    /// The observer that it has.
-    pub observing: Observing,
     pub(crate) noise: Noise,
-    /// The largest jerk of the reference, m/s3.
-    pub(crate) jerk: f64,
     pub(crate) observer: Option<Observer<S>>,
     pub(crate) friction: Option<S>,
     /// The force that breaks a resting drive away, N.
@@ -332,9 +326,7 @@ impl Controller {
             model: model.clone(),
             plant,
             period,
-            observing: Observing::default(),
             noise,
-            jerk: 0.0,
             observer: None,
             friction: None,
             push: 0.0,
@@ -367,9 +359,6 @@ impl Controller {
     /// The command for a sample, on the way along a reference; [`Controller::give`] comes next. Without a supervisor a
     /// sample that is no number gives a command that is none.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
-        if self.observer.is_none() && self.observing.differentiates() {
-            self.jerk = reference.most_jerk();
-        }
         if let Some(mut supervisor) = self.supervisor.take() {
             let answer = supervisor.decide(self, sample, reference);
             self.supervisor = Some(supervisor);
@@ -551,10 +540,8 @@ impl Controller {
 impl<S: Number, L: Law<S>> Controller<L, S> {
     /// Takes over a sample.
     pub(crate) fn observe(&mut self, sample: &Sample<S>) {
-        let Controller { model, period, noise, observing, jerk, .. } = self;
-        let observer = self
-            .observer
-            .get_or_insert_with(|| Observer::new(model, sample, (*period, *noise), (observing, *jerk)));
+        let Controller { model, period, noise, .. } = self;
+        let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, *noise));
         observer.update(model, sample);
         self.friction.get_or_insert(observer.state.friction);
     }

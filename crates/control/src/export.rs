@@ -104,8 +104,6 @@ pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program,
         ($($law:ident),*) => {
             match &controller.law {
                 $(AnyLaw::$law(law) => Ok(Recorder { controller, with_pressures }.program(|gain| law.in_numbers(gain)),),)*
-                AnyLaw::Fuzzy(law) => Ok(Recorder { controller, with_pressures }
-                    .program(|gain| law.in_numbers(gain).inferring(law.inference()))),
                 AnyLaw::Nmpc(_) => Err(
                     "nmpc cannot be exported: its search for limits of the moves depends on numbers. Export inversion or \
                      super-twisting, or call the compiled core".into(),
@@ -119,7 +117,7 @@ pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program,
                     one proportional 5/3 valve, or call the compiled core"
             .into());
     }
-    any!(Pid, Pva, Sliding, SuperTwisting, Inversion)
+    any!(Pid, Fuzzy, Sliding, SuperTwisting, Inversion)
 }
 
 struct Recorder<'c> {
@@ -170,10 +168,10 @@ impl Inputs {
 impl Recorder<'_> {
     /// Observers of a controller that has run for long: at time zero, its last command given, and at the next sample.
     fn settled(&self) -> [Observer; 2] {
-        let Controller { model, period, noise, observing, .. } = self.controller;
+        let Controller { model, period, noise, .. } = self.controller;
         let sample =
             |k: u32| Sample { time: -f64::from(k) * period, position: 0.5 * model.stroke, pressures: None };
-        let mut own = Observer::new(model, &sample(SETTLED), (*period, *noise), (observing, 0.0));
+        let mut own = Observer::new(model, &sample(SETTLED), *period, *noise);
         for k in (0..=SETTLED).rev() {
             own.update(model, &sample(k));
             own.spool.command(sample(k).time + model.valve.delay, 0.0);
@@ -184,7 +182,7 @@ impl Recorder<'_> {
     }
 
     fn traced<L: Law<Traced>>(&self, law: L, observer: &Observer) -> Controller<L, Traced> {
-        let Controller { model, plant, hold, period, noise, observing, .. } = self.controller;
+        let Controller { model, plant, hold, period, noise, .. } = self.controller;
         Controller {
             model: model.clone(),
             plant: *plant,
@@ -195,9 +193,7 @@ impl Recorder<'_> {
             period: *period,
             supervisor: None,
             takeover: Takeover::default(),
-            observing: observing.clone(),
             noise: *noise,
-            jerk: 0.0,
             observer: Some(observer.at_rest()),
             friction: Some(Traced::zero()),
             push: Traced::zero(),
@@ -266,8 +262,7 @@ impl Recorder<'_> {
         let mut results = Vec::new();
         match piece {
             Piece::Begin => {
-                let mut first =
-                    Observer::new(&own.model, &at, (own.period, own.noise), (&own.observing, 0.0));
+                let mut first = Observer::new(&own.model, &at, own.period, own.noise);
                 first.update(&own.model, &at);
                 own.friction = Some(first.state.friction);
                 if let Some(observer) = &mut own.observer {

@@ -5,7 +5,6 @@ mod inversion;
 /// Nonlinear predictive control.
 pub mod nmpc;
 mod pid;
-mod pva;
 mod sliding;
 
 use crate::course::Course;
@@ -15,28 +14,19 @@ use crate::number::{Memory, Number};
 use crate::observer::State;
 use crate::reference::Wanted;
 use crate::spool::Spool;
-pub use fuzzy::{Fuzzy, Inference, mamdani, sugeno};
+pub use fuzzy::{Fuzzy, sugeno};
 pub use inversion::Inversion;
 pub use nmpc::{Nmpc, Predicting, Predictor};
 pub use pid::Pid;
-pub use pva::Pva;
 pub use sliding::{Sliding, SuperTwisting};
 
 /// Choices of laws.
-pub const CHOICES: &[Choice] = &[
-    Choice {
-        law: "nmpc",
-        key: "predictor",
-        options: &["model", "circuit"],
-        meaning: "who runs the horizon: the model in fixed steps, or the circuit that the law believes in, whatever it has",
-    },
-    Choice {
-        law: "fuzzy",
-        key: "inference",
-        options: Inference::WORDS,
-        meaning: "products and singletons, or minimum, maximum and centroid",
-    },
-];
+pub const CHOICES: &[Choice] = &[Choice {
+    law: "nmpc",
+    key: "predictor",
+    options: &["model", "circuit"],
+    meaning: "who runs the horizon: the model in fixed steps, or the circuit that the law believes in, whatever it has",
+}];
 
 /// What a factor of a controller file multiplies; a factor that stands for no gain of a law means nothing to it.
 pub const FACTORED: &[Factor] = &[
@@ -46,7 +36,6 @@ pub const FACTORED: &[Factor] = &[
     Factor { law: "fuzzy", key: "gain", gain: "gain" },
     Factor { law: "fuzzy", key: "damping", gain: "derivative_time" },
     Factor { law: "fuzzy", key: "filter", gain: "filter_time" },
-    Factor { law: "pva", key: "gain", gain: "bandwidth" },
     Factor { law: "sliding-mode", key: "gain", gain: "bandwidth" },
     Factor { law: "sliding-mode", key: "damping", gain: "width" },
     Factor { law: "super-twisting", key: "gain", gain: "bandwidth" },

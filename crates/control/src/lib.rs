@@ -25,12 +25,10 @@ pub use controller::{Answer, AnyLaw, Controller, Hold, LAWS};
 pub use course::{Course, Fade, Slowed};
 pub use feasibility::{Demand, demand, least_factor, least_forces};
 pub use gains::{Choice, FACTOR_BOUNDS, FACTORS, Factor, Gain, Gains};
-pub use law::{
-    CHOICES, FACTORED, Inference, Law, Nmpc, Plant, Predicting, Predictor, Tick, Tuned, mamdani, nmpc, sugeno,
-};
+pub use law::{CHOICES, FACTORED, Law, Nmpc, Plant, Predicting, Predictor, Tick, Tuned, nmpc, sugeno};
 pub use model::{Edges, Held, Model, Openings, Side, Slip, Valve};
 pub use number::{Memory, Number};
-pub use observer::{Lugre, Noise, OBSERVERS, Observer, Observing, Sample, State};
+pub use observer::{Noise, Observer, Sample, State};
 pub use own::{Own, OwnLaw, SIGNALS, Seen, Signal};
 pub use reference::{COEFFICIENTS, Move, Piece, Reference, Wanted, blend};
 pub use supervisor::{Event, EventKind, Inputs, Log, MotionRules, Reaction, Rules, Supervisor};

@@ -2,14 +2,11 @@
 
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices, and sides of the piston
 
-use crate::gains::{Gain, law, listed};
-use crate::law::Plant;
 use crate::model::{Model, Openings};
-use crate::number::{Memory, Number};
+use crate::number::Number;
 use crate::spool::Spool;
 use math::Over;
 use physics::chamber::GasState;
-use physics::{above, within};
 
 /// What sensors say at a sample.
 #[derive(Clone, Copy, Debug)]
@@ -157,137 +154,16 @@ const TEMPERATURES: [f64; 2] = [100.0, 1000.0];
 /// Least pressure that a prediction takes for gas, Pa.
 const LEAST_PRESSURE: f64 = 1e3;
 
-/// Position, velocity and disturbance from samples, as it was chosen; gas, friction and spool run beside them by the model.
+/// Position, velocity and disturbance by a steady Kalman filter over the model's motion; gas, friction and spool run beside
+/// them by the model.
 #[derive(Clone, Debug)]
 pub struct Observer<S = f64> {
     /// The state at the last sample.
     pub state: State<S>,
     /// The spool.
     pub spool: Spool<S>,
-    way: Way<S>,
+    gain: [f64; 3],
     time: f64,
-}
-
-/// How position, velocity and disturbance follow samples.
-#[derive(Clone, Debug)]
-enum Way<S> {
-    /// A steady Kalman filter over the model's motion: its gain, and of a force that is missing the share that friction takes
-    /// while the drive slides.
-    Filter([f64; 3], f64),
-    /// See [`Levant`].
-    Levant(Levant<S>),
-}
-
-law! {
-    /// The filter, whose innovation corrects the friction force at any speed, as an observer of the bristle does [canudas1995]:
-    ///
-    ///   F' = sigma_0 |v|/g (g sgn v - F) - share K_d e/T
-    ///
-    /// K_d the filter's gain of the unknown force, which takes the rest, e the miss of the position, T the period. At rest
-    /// friction takes all of it, as without.
-    pub struct Lugre {
-        share: "1", within(0.0, 1.0), "of the force that is missing that friction takes while it slides", rule "0.5, assumed";
-    } memory<S> {}
-}
-
-law! {
-    /// The robust exact differentiator of second order [levant2003]: position, velocity and acceleration from the position
-    /// alone,
-    ///
-    ///   z0' = z1 - 2 L^(1/3) |e|^(2/3) sgn e,   z1' = z2 - 2.12 L^(2/3) |e|^(1/3) sgn e,   z2' = -1.1 L sgn e
-    ///
-    /// e = z0 - x; exact after a finite time for a jerk below L, without a sensor's noise. A step is the series of z to the
-    /// next sample, then the correction there. The disturbance is what the forces of the model lack to z2. The factors are
-    /// assumed.
-    pub struct Levant {
-        jerk: "m/s3", above(0.0), "least L; it is twice the largest jerk of the reference where that is more", rule "0.4 of the rate of the force over the mass, assumed";
-    } memory<S> { acceleration: S = S::zero() }
-}
-
-/// Factors of its corrections (assumed).
-const LEVANT: [f64; 3] = [2.0, 2.12, 1.1];
-/// L for each jerk of the reference (assumed).
-const ABOVE_REFERENCE: f64 = 2.0;
-/// Share of the rate of the force over the mass that L is at least (assumed).
-const JERK_SHARE: f64 = 0.4;
-/// Least number of which it takes a root.
-const LEAST_ROOT: f64 = 1e-40;
-
-/// An observer as it is chosen.
-#[derive(Clone, Debug, Default)]
-pub enum Observing {
-    /// A steady Kalman filter of position, velocity and an unknown force over the model's motion. At rest friction takes a force
-    /// that is missing, as long as it can bear it.
-    #[default]
-    Kalman,
-    /// See [`Lugre`].
-    Lugre(Lugre),
-    /// See [`Levant`].
-    Levant(Levant),
-}
-
-/// The words of all observers.
-pub const OBSERVERS: &[&str] = &["kalman", "lugre", "levant"];
-
-impl Observing {
-    /// The observer called so, with numbers that follow from the drive.
-    pub fn tuned(key: &str, model: &Model, plant: &Plant) -> Option<Self> {
-        match key {
-            "kalman" => Some(Observing::Kalman),
-            "lugre" => Some(Observing::Lugre(Lugre::new(0.5))),
-            "levant" => Some(Observing::Levant(Levant::new(JERK_SHARE * plant.force_rate / model.mass))),
-            _ => None,
-        }
-    }
-
-    /// Its word.
-    pub fn key(&self) -> &'static str {
-        match self {
-            Observing::Kalman => "kalman",
-            Observing::Lugre(_) => "lugre",
-            Observing::Levant(_) => "levant",
-        }
-    }
-
-    /// Whether it takes the motion from the position alone, and nothing from the model.
-    pub fn differentiates(&self) -> bool {
-        matches!(self, Observing::Levant(_))
-    }
-
-    /// Its numbers.
-    pub fn gains(&mut self) -> Vec<(&'static Gain, &mut f64)> {
-        match self {
-            Observing::Kalman => vec![],
-            Observing::Lugre(own) => listed(own),
-            Observing::Levant(own) => listed(own),
-        }
-    }
-
-    /// Its way along a reference of this largest jerk, m/s3.
-    fn way<S: Number>(&self, model: &Model, (period, noise): (f64, Noise), jerk: f64) -> Way<S> {
-        let filter = |share| Way::Filter(steady_gain(model.mass, period, noise), share);
-        match self {
-            Observing::Kalman => filter(0.0),
-            Observing::Lugre(own) => filter(own.share),
-            Observing::Levant(own) => Way::Levant(Levant::new(S::c(own.jerk.max(ABOVE_REFERENCE * jerk)))),
-        }
-    }
-}
-
-impl<S: Number> Levant<S> {
-    /// The state takes over a measured position, m, `h` s after it was at a place with a speed.
-    fn follow(&mut self, model: &Model, state: &mut State<S>, [place, speed]: [S; 2], measured: S, h: f64) {
-        let (z1, z2) = (speed + self.acceleration.times(h), self.acceleration);
-        let z0 = place + (speed + z2.times(0.5 * h)).times(h);
-        let e = z0 - measured;
-        let way = S::select(e.lt(S::zero()), S::c(-h), S::c(h));
-        let root = |own: S| own.max(S::c(LEAST_ROOT)).pow(S::c(1.0 / 3.0));
-        state.position = z0 - way * root(e * e * self.jerk).times(LEVANT[0]);
-        state.velocity = z1 - way * root(e.abs() * self.jerk * self.jerk).times(LEVANT[1]);
-        self.acceleration = z2 - way * self.jerk.times(LEVANT[2]);
-        state.disturbance = S::zero();
-        state.disturbance = (self.acceleration - state.acceleration(model)).times(model.mass);
-    }
 }
 
 /// How a disturbance is expected to wander, and what position sensors do.
@@ -353,10 +229,6 @@ impl Observer {
     pub(crate) fn at_rest<S: Number>(&self) -> Observer<S> {
         let zero = S::zero();
         let (pair, time) = ([zero; 2], self.time);
-        let way = match &self.way {
-            Way::Filter(gain, share) => Way::Filter(*gain, *share),
-            Way::Levant(own) => Way::Levant(own.in_numbers(|_, value| S::c(value))),
-        };
         let state = State {
             position: zero,
             velocity: zero,
@@ -365,18 +237,13 @@ impl Observer {
             pressures: pair,
             temperatures: pair,
         };
-        Observer { state, spool: self.spool.at_rest(), way, time }
+        Observer { state, spool: self.spool.at_rest(), gain: self.gain, time }
     }
 }
 
 impl<S: Number> Observer<S> {
-    /// Of a drive at rest at a first sample, that is to follow a reference of this largest jerk, m/s3.
-    pub fn new(
-        model: &Model,
-        sample: &Sample<S>,
-        sampled: (f64, Noise),
-        (observing, jerk): (&Observing, f64),
-    ) -> Self {
+    /// Of a drive at rest at a first sample, sampled with a period, s.
+    pub fn new(model: &Model, sample: &Sample<S>, period: f64, noise: Noise) -> Self {
         // Nobody measures them: a usual start is the mean of supply and ambient.
         let mean = 0.5 * (model.supply.pressure + model.ambient.pressure);
         let pressures = sample.pressures.unwrap_or([S::c(mean); 2]);
@@ -388,24 +255,19 @@ impl<S: Number> Observer<S> {
             pressures,
             temperatures: [S::c(model.wall_temperature); 2],
         };
-        let way = observing.way(model, sampled, jerk);
-        Observer { state, spool: Spool::new(&model.valve), way, time: sample.time }
+        let gain = steady_gain(model.mass, period, noise);
+        Observer { state, spool: Spool::new(&model.valve), gain, time: sample.time }
     }
 
     /// Takes over a sample.
     pub fn update(&mut self, model: &Model, sample: &Sample<S>) {
         let (from, to) = (self.time, sample.time);
-        let before = [self.state.position, self.state.velocity];
         if to > from {
             let edges = self.spool.edges(model, from, to);
             self.state.advance(model, edges, to - from, sample.pressures);
         }
         self.time = to;
-        let state = &mut self.state;
-        match &mut self.way {
-            Way::Filter(gain, share) => filter(model, state, sample.position, (*gain, *share)),
-            Way::Levant(own) => own.follow(model, state, before, sample.position, (to - from).max(0.0)),
-        }
+        correct(model, &mut self.state, sample.position, self.gain);
     }
 
     /// The time of the last sample, s.
@@ -434,26 +296,25 @@ impl<S: Number> Observer<S> {
             see(own);
         }
         pressures.iter_mut().chain(temperatures).for_each(&mut *see);
-        if let Way::Levant(own) = &mut self.way {
-            own.each(see);
-        }
         self.spool.numbers(see);
     }
 }
 
-/// A state takes over a measured position by the gain of a filter; while the drive slides, friction takes a share of the
-/// force that is missing.
-fn filter<S: Number>(model: &Model, state: &mut State<S>, measured: S, (gain, share): ([f64; 3], f64)) {
+/// A state takes over a measured position by the gain of a filter, with the innovation e = x - x_model:
+///
+///   x += K_x e,   v += K_v e,   F_fr -= s K_d e within +-g,   d += K_d e + (change of F_fr)
+///
+/// s = 1/(1 + (v/[`REST`])^2): at rest an unexplained force is friction's, as long as that can bear it. No sensor could tell
+/// them apart.
+fn correct<S: Number>(model: &Model, state: &mut State<S>, measured: S, gain: [f64; 3]) {
     let miss = measured - state.position;
     state.position += miss.times(gain[0]);
     state.velocity += miss.times(gain[1]);
     let force = miss.times(gain[2]);
-    // At rest a force that is missing is friction's, as long as that can bear it: nobody could tell them apart.
     let [level, _] = model.friction_levels([state.position, S::zero()], state.pressures);
     let slides = state.velocity / S::c(REST);
     let rests = S::one() / (S::one() + slides * slides);
-    let share = if share > 0.0 { rests.max(S::c(share)) } else { rests };
     let before = state.friction;
-    state.friction = (before - share * force).max(-level).min(level);
+    state.friction = (before - rests * force).max(-level).min(level);
     state.disturbance += force + (state.friction - before);
 }

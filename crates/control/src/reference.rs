@@ -208,13 +208,6 @@ impl Reference {
         }
     }
 
-    /// The largest jerk of these moments, m/s3.
-    pub fn most_jerk(&self) -> f64 {
-        let mut most = 0.0_f64;
-        self.ahead(f64::NEG_INFINITY, &mut |own| most = most.max(own.jerk.abs()));
-        most
-    }
-
     /// Whether it stands still from a time on for `span` s.
     pub fn stands(&self, t: f64, span: f64) -> bool {
         match self {

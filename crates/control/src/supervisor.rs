@@ -9,8 +9,6 @@ mod event;
 mod gas;
 mod motion;
 mod position;
-mod reverse;
-mod starved;
 
 use crate::controller::{Answer, AnyLaw, Controller};
 use crate::course::{Course, Fade, Slowed};
@@ -23,8 +21,6 @@ use gas::Gas;
 use motion::Motion;
 pub use motion::MotionRules;
 use position::Position;
-use reverse::Reverse;
-use starved::Starved;
 
 /// What is done about a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,8 +177,6 @@ pub struct Supervisor {
     reversed: Option<(f64, f64)>,
     /// Until when a command that is tried again may act in reverse again, s.
     doubted_until: f64,
-    reverse: Reverse,
-    starved: Starved,
 }
 
 /// Periods that may lie between two samples, a jump of a reference that no law can follow, m, and the distance from a reference
@@ -234,8 +228,6 @@ impl Supervisor {
             switched: [false; 2],
             reversed: None,
             doubted_until: 0.0,
-            reverse: Reverse::default(),
-            starved: Starved::default(),
         }
     }
 
@@ -269,19 +261,14 @@ impl Supervisor {
         {
             // What was lost may be back: all begins anew.
             own.restart();
-            (self.position, self.gas, self.starved) = Default::default();
+            (self.position, self.gas) = Default::default();
             self.lost_for = 0.0;
         }
         // The state at the last sample, and where that leads by now.
         let last = own.state().zip(own.foresee(sample.time));
-        let mut reactions = self.check_sensors(own, &mut sample, last);
+        let reactions = self.check_sensors(own, &mut sample, last);
         if own.state().is_some() || sample.position.is_finite() {
             own.learn(&sample, !self.modelled);
-        }
-        if let Some((before, (_, edges))) = last
-            && (sample.pressures.is_none() || self.gas.lacks_sensor())
-        {
-            reactions[1] = self.watch_motion(own, sample.time, (&before, edges)).or(reactions[1]);
         }
         let Some(state) = own.state() else { return own.rest(asked, 0.0) };
         if returns {
@@ -348,13 +335,12 @@ impl Supervisor {
         let scale = (own.grain(), own.plant.speed, (own.period, self.inputs.jitter));
         let reading = (sample.time, sample.position);
         self.measures_gas = sample.pressures.is_some();
-        let by_gas = self.measures_gas && !self.gas.is_lost() && !own.observing.differentiates();
+        let by_gas = self.measures_gas && !self.gas.is_lost();
         let seen = (&foreseen, self.is_held, by_gas);
         let model = (&own.model, &before, edges);
         let (position, free) = self.position.checked(reading, seen, scale, model, &mut self.log);
         sample.position = position;
-        if let (Some(free), Some(observer), false) = (free, &mut own.observer, own.observing.differentiates())
-        {
+        if let (Some(free), Some(observer)) = (free, &mut own.observer) {
             let gas = observer.state;
             observer.state = State { pressures: gas.pressures, temperatures: gas.temperatures, ..free };
         }
@@ -381,28 +367,6 @@ impl Supervisor {
             }
         }
         reactions
-    }
-
-    /// Without both pressure sensors the motion tells that the supply has fallen; what is to be done about that. The gas is then
-    /// that of a supply which explains the motion.
-    fn watch_motion(
-        &mut self,
-        own: &mut Controller,
-        time: f64,
-        (before, edges): (&State, Edges<f64>),
-    ) -> Option<Reaction> {
-        let Controller { observer: Some(observer), observing, model, plant, period, .. } = own else {
-            return None;
-        };
-        if self.gas.has_no_supply() || observing.differentiates() {
-            return None;
-        }
-        let states = (before, &observer.state);
-        let (state, supply) = self.starved.watch(model, states, (edges, *period), plant.coulomb)?;
-        observer.state = state;
-        self.gas.lose_supply();
-        self.log.tell(time, EventKind::Supply, supply);
-        (self.rules.on_supply != Reaction::Tell).then_some(self.rules.on_supply)
     }
 
     /// A command acted in reverse: none of that way is given for a time.
@@ -586,11 +550,6 @@ impl Supervisor {
         // Without readings the model is soon not to be trusted.
         self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
         let is_known = self.lost_for < TRUSTED;
-        if !self.measures_gas
-            && let Some(way) = self.reverse.watch(self.command, state, own.plant.coulomb, own.period)
-        {
-            self.reverse_for(sample.time, way);
-        }
         self.reversed = self.reversed.filter(|&(way, until)| command * way >= 0.0 && sample.time < until);
         if self.reversed.is_some() {
             // It would take air from the chamber that it is to fill.

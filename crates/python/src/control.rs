@@ -5,8 +5,7 @@ use crate::network::PyCircuit;
 use circuit::{Error, Look};
 use control::export::program;
 use control::{
-    AnyLaw, CHOICES, Demand, EventKind, FACTORED, Gain, LAWS, OBSERVERS, Own, OwnLaw, Reference, SIGNALS,
-    Seen,
+    AnyLaw, CHOICES, Demand, EventKind, FACTORED, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen,
 };
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
@@ -21,12 +20,6 @@ use std::collections::BTreeMap;
 #[pyfunction]
 pub fn control_laws() -> Vec<&'static str> {
     LAWS.to_vec()
-}
-
-/// Keys of the observers.
-#[pyfunction]
-pub fn control_observers() -> Vec<&'static str> {
-    OBSERVERS.to_vec()
 }
 
 /// Options of the controllers: controller, key, choices (the default first) and meaning.
@@ -52,14 +45,14 @@ fn ruled<'g>(gains: impl IntoIterator<Item = (&'static Gain, &'g mut f64)>) -> V
     gains.into_iter().map(row).collect()
 }
 
-/// Controller model of a drive, and numbers of the controller, its valves and its observer. Each has key,
-/// unit, value, meaning, and the rule by which it follows from the drive.
+/// Controller model of a drive, and numbers of the controller and its valves. Each has key, unit, value, meaning, and the
+/// rule by which it follows from the drive.
 #[pyfunction]
 pub fn control_tune<'py>(
     py: Python<'py>,
     spec: &str,
     deviation: f64,
-) -> PyResult<(Bound<'py, PyDict>, [Vec<Ruled>; 3])> {
+) -> PyResult<(Bound<'py, PyDict>, [Vec<Ruled>; 2])> {
     let spec: Controller = parse(spec)?;
     let (mut controller, axis) = controller(&spec, deviation).map_err(to_python)?;
     let plant = PyDict::new(py);
@@ -83,7 +76,7 @@ pub fn control_tune<'py>(
     let model = &controller.model;
     plant.set_item("least_force_shares", control::least_forces(model, 0.5 * model.stroke))?;
     let of_law = ruled(controller.law.gains());
-    Ok((plant, [of_law, ruled(controller.valves.gains()), ruled(controller.observing.gains())]))
+    Ok((plant, [of_law, ruled(controller.valves.gains())]))
 }
 
 /// Returns source files of a controller and its observer in a language, `"c"` or `"st"`: names and texts. The

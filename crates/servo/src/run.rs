@@ -9,8 +9,8 @@ use crate::sensor::{Encoder, Sensor};
 use crate::specification;
 use circuit::{Error, Look, Session};
 use control::{
-    Answer, AnyLaw, CHOICES, Controller, FACTORS, Gain, Inference, Inputs, LAWS, Nmpc, OBSERVERS, Observing,
-    Predicting, Reference, Rules, Sample, Tuned, Valves,
+    Answer, AnyLaw, CHOICES, Controller, FACTORS, Gain, Inputs, LAWS, Predicting, Reference, Rules, Sample,
+    Valves,
 };
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -46,23 +46,6 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
             "valves: one proportional 5/3 valve has no numbers of its own here. Leave the table out",
         );
     }
-    if let Some(specification::ObserverChoice { kind, numbers }) = &spec.observer {
-        let Some(own) = Observing::tuned(kind, &model, &controller.plant) else {
-            return refuse(format!("there is no observer \"{kind}\"; there are {}", OBSERVERS.join(", ")));
-        };
-        controller.observing = own;
-        set(&format!("the observer {kind}"), "observer", controller.observing.gains(), numbers)?;
-    }
-    let standby = spec.supervision.as_ref().and_then(|own| own.standby.as_deref());
-    let plans = [Some(law), standby].contains(&Some(Nmpc::KEY));
-    if plans && controller.observing.differentiates() {
-        return refuse(format!(
-            "observer.kind = \"{}\" and the law {}: its plan needs the friction of the contact, which no differentiator knows. \
-             Take another observer, or another law",
-            controller.observing.key(),
-            Nmpc::KEY
-        ));
-    }
     if !spec.adaptation {
         controller.adaptation = None;
     }
@@ -94,9 +77,6 @@ fn choose(controller: &mut Controller, spec: &specification::Controller, axis: &
             AnyLaw::Nmpc(law) if option == "circuit" => {
                 let circuit = ByCircuit::new(&spec.belief, axis, &controller.model)?;
                 law.predict_by(Predicting::By(Box::new(circuit)));
-            }
-            AnyLaw::Fuzzy(law) => {
-                *law = law.clone().inferring(Inference::called(option).unwrap_or_default());
             }
             _ => {}
         }

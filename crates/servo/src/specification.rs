@@ -28,9 +28,6 @@ pub struct Controller {
     /// Numbers of the valves by their keys, where there is more than one proportional valve; likewise.
     #[serde(default)]
     pub valves: BTreeMap<String, f64>,
-    /// Its observer; none: the usual one.
-    #[serde(default)]
-    pub observer: Option<ObserverChoice>,
     /// Standing still; none: it never holds.
     pub hold: Option<Hold>,
     /// It learns friction and valve of its drive while it runs.
@@ -53,17 +50,6 @@ fn ones() -> [f64; FACTORS.len()] {
 
 fn yes() -> bool {
     true
-}
-
-/// An observer.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ObserverChoice {
-    /// Its word.
-    pub kind: String,
-    /// Numbers by their keys; those that are left out follow from the drive.
-    #[serde(default)]
-    pub numbers: BTreeMap<String, f64>,
 }
 
 /// Standing still.

@@ -51,7 +51,6 @@ fn sine(frequency: f64) -> Reference {
 fn known_drives_are_led_along_sines_within_their_bounds() {
     let bounds = [
         ("pid", [12.9, 15.2]),
-        ("pva", [2.5, 3.0]),
         ("fuzzy", [12.9, 15.2]),
         ("sliding-mode", [0.165, 0.25]),
         ("super-twisting", [0.15, 0.165]),
@@ -299,8 +298,7 @@ fn a_prediction_agrees_with_the_circuit_over_its_horizon() {
         let mut session = session(&plant, 0.2);
         let sample = control::Sample { time: 0.0, position: 0.2, pressures: Some([MEAN; 2]) };
         let noise = control::Noise { disturbance: 15.0, position: 2e-6 };
-        let mut observer =
-            control::Observer::new(&model, &sample, (1e-3, noise), (&control::Observing::Kalman, 0.0));
+        let mut observer = control::Observer::new(&model, &sample, 1e-3, noise);
         observer.spool.command(0.0, command);
         let input =
             session.inputs().iter().position(|own| own.name == format!("{}.command", names.valves[0]));

@@ -3,7 +3,7 @@
 mod study;
 
 use circuit::specification::Circuit;
-use control::{AnyLaw, Controller, EventKind, LAWS, Move, Observing, Own, Reaction, Reference, Seen};
+use control::{AnyLaw, Controller, EventKind, LAWS, Move, Own, Reaction, Reference, Seen};
 use servo::specification::{self, Answering, Channel, Fault, FaultKind, PositionSensor, Setup};
 use servo::{COLUMNS, Loop};
 use study::axis::{self, axis};
@@ -216,26 +216,13 @@ fn a_position_that_sticks_while_the_drive_begins_or_ends_a_move_is_lost() {
     let begins = Setup { pressures: None, ..setup(stuck(0.25)) };
     let ends = setup(stuck(1.282));
     for (law, reference, setup, until) in [
-        ("pva", moves(0.1, 0.4, 2.5), begins, 1.0),
+        ("inversion", moves(0.1, 0.4, 2.5), begins, 1.0),
         ("super-twisting", moves(0.457, 0.1482, 1.12), ends, 3.0),
     ] {
         let (rows, controller) = run_with((law, &setup), (&reference, until), |_| ());
         assert_eq!(count(&controller, EventKind::PositionLost), 1, "{law}: {:?}", told(&controller));
         let end = rows[rows.len() - 1];
         assert!((0.05..0.45).contains(&end[1]) && end[2].abs() < 5e-3, "{law}: {} m, {} m/s", end[1], end[2]);
-    }
-}
-
-/// What a differentiator makes of the counts of a position at rest is no motion: the reading rests, and is not lost.
-#[test]
-fn a_drive_at_rest_under_a_differentiator_is_not_lost() {
-    let change = |own: &mut Controller| {
-        own.observing = Observing::tuned("levant", &own.model, &own.plant).expect("an observer");
-    };
-    for law in ["pva", "inversion"] {
-        let (rows, controller) = run_with((law, &setup(vec![])), (&a_move(), 4.0), change);
-        assert_eq!(count(&controller, EventKind::PositionLost), 0, "{law}: {:?}", told(&controller));
-        assert!((rows[rows.len() - 1][1] - 0.28).abs() < 3e-3, "{law}: it arrives");
     }
 }
 
@@ -291,7 +278,7 @@ fn a_drive_that_does_not_move_or_settle_is_told_with_its_cause() {
         change(&mut plant);
         // An encoder that shows its noise: what rests does not look like a reading that is stuck.
         let fine = PositionSensor { resolution_m: 0.0, noise_m: 1e-6 };
-        let modelled = if law == "pva" { None } else { setup(vec![]).pressures };
+        let modelled = if law == "pid" { None } else { setup(vec![]).pressures };
         let setup = Setup { position: fine, pressures: modelled, ..setup(faults) };
         let (_, controller) = run_on(&plant, (law, &setup), (&a_move(), 2.5), |_| ());
         controller
@@ -303,7 +290,7 @@ fn a_drive_that_does_not_move_or_settle_is_told_with_its_cause() {
             }
         }
     };
-    let blocked = with(&jammed, "pva", vec![]);
+    let blocked = with(&jammed, "pid", vec![]);
     assert!(count(&blocked, EventKind::Blocked) > 0, "{:?}", told(&blocked));
     let supply = Fault { value: Some(1.1e5), ..fault(FaultKind::SupplyFallen, 0.0, 9.0) };
     let no_air = with(&|_| (), "inversion", vec![supply]);
@@ -450,8 +437,8 @@ fn factors_multiply_gains_in_a_ramp_without_a_bump() {
         assert!((now - factor * before).abs() < 1e-12 * before);
     }
     let refused = |law: &str, factors| begin(&axis(), law, &setup(vec![]), 0.22).1.scale(factors);
-    let words = refused("pva", [1.0, 2.0, 1.0]).expect_err("pva has no damping");
-    assert!(words.contains("factors.damping = 2") && words.contains("pva"), "{words}");
+    let words = refused("inversion", [1.0, 2.0, 1.0]).expect_err("inversion has no damping");
+    assert!(words.contains("factors.damping = 2") && words.contains("inversion"), "{words}");
     assert!(refused("pid", [0.05, 1.0, 1.0]).expect_err("too small").contains("factors.gain = 0.05"));
     assert!(refused("nmpc", [2.0, 0.5, 1.0]).is_ok());
 }

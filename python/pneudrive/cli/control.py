@@ -31,9 +31,7 @@ SetupOption = Annotated[
         help="Sensors and converters: ideal, real, cheap (their values are assumed), or a TOML file.",
     ),
 ]
-Law = Annotated[
-    str, typer.Option("--law", help="Law: pid, pva, fuzzy, sliding-mode, super-twisting, inversion or nmpc.")
-]
+Law = Annotated[str, typer.Option("--law", help="Law: pid, fuzzy, sliding-mode, super-twisting, inversion or nmpc.")]
 Along = Annotated[
     str,
     typer.Option(

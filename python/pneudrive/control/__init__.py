@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pneudrive.control.mismatch import Mismatch, read_mismatch, ready_mismatches
     from pneudrive.control.motion import Reference
     from pneudrive.control.own_law import c_header, signals
-    from pneudrive.control.references import program_references, reference
+    from pneudrive.control.references import reference
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
     from pneudrive.control.tuning import LawModel, Plant, TunedGain, Tuning, laws, tune
@@ -49,7 +49,6 @@ __all__ = [
     "feasibility",
     "iso230",
     "laws",
-    "program_references",
     "read_comparison",
     "read_mismatch",
     "read_setup",
@@ -75,7 +74,7 @@ __getattr__ = lazy(
         "measures": ["Score", "iso230", "score"],
         "mismatch": ["Mismatch", "read_mismatch", "ready_mismatches"],
         "motion": ["Reference"],
-        "references": ["program_references", "reference"],
+        "references": ["reference"],
         "setup": ["Setup", "read_setup"],
         "tuning": ["LawModel", "Plant", "TunedGain", "Tuning", "laws", "tune"],
     },

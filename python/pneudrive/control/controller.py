@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from pneudrive import _core, own_code, units
-from pneudrive.control.supervision import ControlLimits, MotionComplete, OnFault, Supervision
+from pneudrive.control.supervision import BuiltInLaw, ControlLimits, MotionComplete, OnFault, Supervision
 from pneudrive.describe.base import Bounds, Described, Length, Quantity, WrongValueError, wrong
 from pneudrive.describe.marks import Choice, Reads
 
@@ -68,15 +68,6 @@ class NmpcChoices(Described):
     )
 
 
-class FuzzyChoices(Described):
-    """What `fuzzy` chooses."""
-
-    table_name: ClassVar[str] = "fuzzy"
-    inference: Annotated[str, _choice("fuzzy", "inference")] = Field(
-        default="sugeno", description=CHOICES["fuzzy"]["inference"][1]
-    )
-
-
 _Factor = Annotated[float, Quantity("", bounds=Bounds(at_least=0.1, at_most=10.0))]
 
 
@@ -104,8 +95,15 @@ class Factors(Described):
 USUAL_FACTORS = Factors()
 
 
-class LawWord(Choice):
-    """Annotation of a field for a law: a word, or the name of code, ``mine.py:Law``."""
+#: Removed tables of a controller file: key, the values that change nothing, and what to do about others.
+REMOVED_TABLES = {
+    "observer": ("kind", "kalman", "The observers levant and lugre were removed. Leave the table out: kalman is used."),
+    "fuzzy": ("inference", "sugeno", "The inference mamdani was removed. Leave the table out: sugeno is used."),
+}
+
+
+class LawWord(BuiltInLaw):
+    """Annotation of a field for a controller: a word, or the name of code, ``mine.py:Law``."""
 
     def read(self, given: object) -> str:
         """Check the word."""
@@ -117,9 +115,8 @@ class LawWord(Choice):
 class Controller(Described):
     """A controller as its file describes it.
 
-    Gains, and numbers of the observer and of several or switching valves, have their units; they are read by
-    `pneudrive.control.tune`, because the core lists them by law, observer and valves. Those that are left out follow
-    from the drive.
+    Gains, and numbers of several or switching valves, have their units. `pneudrive.control.tune` reads them, because
+    the core lists them by controller and valves. Those that are left out follow from the drive.
 
     Examples
     --------
@@ -140,15 +137,22 @@ class Controller(Described):
     factors: Factors = USUAL_FACTORS
     gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
     nmpc: NmpcChoices | None = None
-    fuzzy: FuzzyChoices | None = None
     valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
-    observer: Annotated[dict[str, Any], _numbers("observer")] = Field(
-        default_factory=dict, description="kind: kalman, lugre or levant, and its numbers"
-    )
     hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
     limits: ControlLimits = ControlLimits()
     motion: MotionComplete = MotionComplete()
     on_fault: OnFault = OnFault()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_removed_tables(cls, given: Any) -> Any:  # noqa: ANN401 - of any type
+        if not isinstance(given, dict):
+            return given
+        for table, (key, usual, remedy) in REMOVED_TABLES.items():
+            numbers = given.get(table, {key: usual})
+            if numbers != {key: usual}:
+                raise wrong(table, f"the table [{table}] is not known", remedy=remedy)
+        return {key: value for key, value in given.items() if key not in REMOVED_TABLES}
 
     @model_validator(mode="after")
     def _chosen_for_its_law(self) -> Controller:

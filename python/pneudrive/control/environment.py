@@ -120,7 +120,7 @@ class PositionEnv(gymnasium.Env):
         self._setup, _ = read_setup(setup)
         if law is not None and is_own(law):
             what = f"the law {law!r} is code, which cannot run beside the action"
-            raise CommandError(what, remedy='Name a law of pneudrive: law="pva".')
+            raise CommandError(what, remedy='Name a law of pneudrive: law="pid".')
         self._law: Any = _Learner() if law is None else law
         told = {"law": OWN if law is None else law, "period": f"{positive(period, 's', 'period')!r} s"}
         self._controller = Controller.model_validate(told)
@@ -266,7 +266,7 @@ def _command(action: Any) -> float:  # noqa: ANN401 - of any learner
 
 
 class ResidualCommand(gymnasium.ActionWrapper):
-    """The action is added to the command of the law that runs beside: ``PositionEnv(law="pva")``.
+    """The action is added to the command of the law that runs beside: ``PositionEnv(law="pid")``.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ class ResidualCommand(gymnasium.ActionWrapper):
         super().__init__(env)
         inner = env.unwrapped
         if not isinstance(inner, PositionEnv) or isinstance(inner._law, _Learner):
-            raise CommandError("a residual needs a law to add to", remedy='Make the environment with law="pva".')
+            raise CommandError("a residual needs a law to add to", remedy='Make the environment with law="pid".')
         self._inner, self.scale = inner, scale
 
     def action(self, action: Any) -> NDArray[np.float64]:  # noqa: ANN401 - of any environment

@@ -157,7 +157,7 @@ def run(
     --------
     >>> import pneudrive as pn
     >>> drive = pn.Drive.load("catalogue:reference")
-    >>> run = pn.control.run(drive, "pva", reference="250 mm; 0.1 s: 260 mm in 0.2 s", duration="0.5 s")
+    >>> run = pn.control.run(drive, "inversion", reference="250 mm; 0.1 s: 260 mm in 0.2 s", duration="0.5 s")
     >>> run.sizes["time"], run.disturbance.attrs["units"], run.attrs["score"]["lost"]
     (501, 'N', False)
     """

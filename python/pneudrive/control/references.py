@@ -11,16 +11,15 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from pneudrive import units
-from pneudrive.control import gcode, paths
+from pneudrive.control import paths
 from pneudrive.control.motion import Reach, Reference, ReferenceMove, polynomials, rounded_up
 from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Position, Quantity, wrong
 from pneudrive.describe.marks import Choice
 from pneudrive.errors import CommandError, DescriptionError, RecordingError
-from pneudrive.files.bounds import bound
 from pneudrive.trajectory import read_columns
 
-LONGEST_S = gcode.LONGEST_S
+LONGEST_S = 1e6  # of a reference
 LONGEST_REMEDY = 200  # characters of a slower reference in a message
 KNOT_S = 0.05  # distance of the knots of the spline through a record (assumed)
 ROUNDING_M = 1e-9  # by which the end of a path may miss the end of the stroke
@@ -30,10 +29,11 @@ _SINE = re.compile(rf"sine\s+({_NUMBER})\s+({_NUMBER})\s+around\s+({_NUMBER})", 
 _STANDARD = re.compile(r"R[1-8]")
 _ORDER = re.compile(r"order\s+(\d+)\s*;", re.IGNORECASE)
 FORMS = (
-    '"sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s; 3 s: 220 mm in 0.3 s", a TOML file, a record '
-    "(.csv or .parquet with time_s and position_m), or a program (.gcode, .nc, .ngc)"
+    '"sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s; 3 s: 220 mm in 0.3 s", a TOML file, or a record '
+    "(.csv or .parquet with time_s and position_m)"
 )
-RECORDS, PROGRAMS = (".csv", ".parquet"), (".gcode", ".nc", ".ngc")
+RECORDS = (".csv", ".parquet")
+PROGRAM = re.compile(r"\.(gcode|nc|ngc)(:\w*)?$")
 
 
 _Time = Annotated[float, Quantity("s", "s", Bounds(at_least=0.0, at_most=LONGEST_S))]
@@ -112,8 +112,7 @@ def reference(given: Reference | str | Path) -> Reference:
         ``"sine 60 mm 0.5 Hz around 250 mm"``; a position and moves with their durations, ``"220 mm; 1 s: 280 mm in
         0.3 s; 3 s: 220 mm in 0.3 s"``, with ``"order 9; "`` in front for continuous snap; a TOML file with ``start``
         and tables ``[[moves]]``, or with tables ``[[points]]``; a record, .csv or .parquet with the columns ``time_s``
-        and ``position_m``; a program, .gcode, .nc or .ngc, behind it ``:Y`` where it has several axes. A reference is
-        returned unchanged.
+        and ``position_m``. A reference is returned unchanged.
 
     Raises
     ------
@@ -135,9 +134,9 @@ def reference(given: Reference | str | Path) -> Reference:
         return _from_file(Path(text))
     if lower.endswith(RECORDS):
         return _of_record(Path(text))
-    program, axis = _axis_of(text)
-    if program.lower().endswith(PROGRAMS):
-        return _of_program(Path(program), axis)
+    if PROGRAM.search(lower):
+        remedy = "Convert it with examples/gcode_reference.py, which writes a record for each axis."
+        raise CommandError(f"the reference {text} is a program of G-code", remedy=remedy)
     if not text:
         raise CommandError("the reference is empty", remedy=f"Give {FORMS}.")
     if text.lower().startswith("sine"):
@@ -279,44 +278,6 @@ def _check_span(made: Reference, time: Any, position: Any) -> None:  # noqa: ANN
         rule=f"the curve stays by its samples, here {1e3 * low:.4g} mm to {1e3 * high:.4g} mm",
         remedy="Fill the gap with samples, or cut the record there.",
     )
-
-
-def _axis_of(text: str) -> tuple[str, str]:
-    """Return the file of a program and the axis that is asked for."""
-    program, colon, axis = text.rpartition(":")
-    return (program, axis.strip().upper()) if colon and program.lower().endswith(PROGRAMS) else (text, "")
-
-
-def _of_program(path: Path, axis: str) -> Reference:
-    each = program_references(path)
-    if not axis and len(each) == 1:
-        return next(iter(each.values()))
-    if axis not in each:
-        what = f"{path} has the axes {', '.join(each)}" if not axis else f"{path} has no axis {axis}"
-        raise CommandError(what, remedy=f"Say which: {path}:{next(iter(each))}.")
-    return each[axis]
-
-
-def program_references(path: str | Path) -> dict[str, Reference]:
-    """Read a program of moves, a subset of G-code: one reference for each of its axes, all on one clock.
-
-    G0, G1 with F, G4 P, G90, G91, G20 and G21.
-
-    Raises
-    ------
-    CommandError
-        The file is not there or too large, or a block is not valid; with its line.
-    """
-    file = Path(path)
-    try:
-        if file.stat().st_size > bound("text_bytes"):
-            raise CommandError(f"the program {path} is too large")
-        text = file.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CommandError(f"the program {path} cannot be read", value=str(error)) from None
-    each = gcode.read_program(text, str(path))
-    named = {axis: str(path) if len(each) == 1 else f"{path}:{axis}" for axis in each}
-    return {axis: polynomials(named[axis], own.start_m, own.pieces) for axis, own in each.items()}
 
 
 def _after(free_s: float, begin_s: float, text: str) -> None:

@@ -11,10 +11,30 @@ from pydantic import Field
 
 from pneudrive import _core
 from pneudrive.describe import toml
-from pneudrive.describe.base import Bounds, Described, Length, Quantity
+from pneudrive.describe.base import Bounds, Described, Length, Quantity, WrongValueError
 from pneudrive.describe.marks import Between, Choice, PressureBetween
+from pneudrive.errors import nearest
 
 _SECONDS = Quantity("s", "ms", Bounds(above=0.0))
+
+
+#: Removed controllers, and what to use in place of each.
+REMOVED_LAWS = {"pva": 'The controller "pva" was removed. Use "inversion", or "pid" as a baseline.'}
+
+
+def law_remedy(word: str) -> str:
+    """Return what to do about a word that names no controller."""
+    return REMOVED_LAWS.get(word) or nearest(word, _core.control_laws())
+
+
+class BuiltInLaw(Choice):
+    """Annotation of a field for a controller of pneudrive."""
+
+    def read(self, given: object) -> str:
+        """Check the word."""
+        if given not in self.choices:
+            raise WrongValueError(f"{given!r} is not known", remedy=law_remedy(str(given)))
+        return str(given)
 
 
 class ControlLimits(Described):
@@ -59,7 +79,7 @@ class OnFault(Described):
         default="block",
         description="supply has fallen; slow: the reference is slowed in time; block: once it fills no chamber",
     )
-    law: Annotated[str | None, Choice(tuple(_core.control_laws()))] = Field(
+    law: Annotated[str | None, BuiltInLaw(tuple(_core.control_laws()))] = Field(
         default=None, description="law that takes over; absent: inversion, which takes over from no law of your own"
     )
 

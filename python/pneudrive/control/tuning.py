@@ -24,7 +24,7 @@ from pneudrive.control.controller import (
 )
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.control.setup import Setup, read_setup
-from pneudrive.control.supervision import USUAL, Supervision
+from pneudrive.control.supervision import USUAL, Supervision, law_remedy
 from pneudrive.describe import toml
 from pneudrive.describe.base import wrong
 from pneudrive.describe.catalogue import PREFIX
@@ -44,7 +44,6 @@ DEFAULT_LAW = "nmpc"
 #: Samples of a law in a period of the mass on its air, below which it is told to be slow (assumed).
 LEAST_SAMPLES = 40
 MOST_OF_FORCE = 0.85  # of the supply that weight and friction may take, beyond which it is said (assumed)
-USUAL_OBSERVER = "kalman"
 #: Rates that differ by a smaller share are equal.
 EQUAL_DECAY = 0.01
 #: Key, unit, value, meaning and rule of a number, as the core lists it.
@@ -186,9 +185,6 @@ class Tuning(Shown):
         Limits, when a motion is complete, and what is done about faults.
     valves : tuple of TunedGain
         Numbers of several or switching valves.
-    observer : str
-        Word of the observer.
-    observer_numbers : tuple of TunedGain
     choices : dict of str to str
         Words that the law has chosen, by their keys.
     factors : Factors
@@ -207,8 +203,6 @@ class Tuning(Shown):
     own: OwnLaw | None = None
     supervision: Supervision = USUAL
     valves: tuple[TunedGain, ...] = ()
-    observer: str = USUAL_OBSERVER
-    observer_numbers: tuple[TunedGain, ...] = ()
     choices: Mapping[str, str] = field(default_factory=dict)
     factors: Factors = USUAL_FACTORS
 
@@ -219,15 +213,14 @@ class Tuning(Shown):
 
     @property
     def numbers(self) -> tuple[TunedGain, ...]:
-        """Gains of the law, numbers of its valves and of its observer."""
-        return (*self.gains, *self.valves, *self.observer_numbers)
+        """Gains of the law and numbers of its valves."""
+        return (*self.gains, *self.valves)
 
     def core(self) -> dict[str, Any]:
         """Return it in the core's form, SI."""
         given = [{one.key: one.value for one in numbers} for numbers in (self.gains, self.valves)]
         word = self.law if self.own is None else OWN
         form = _core_form(word, self.period_s, (self.hold, self.adaptation), self.belief, *given)
-        form |= _observer_form(self.observer, {one.key: one.value for one in self.observer_numbers})
         form |= _chosen_form(self.choices, self.factors)
         return form | self.supervision.core(self.belief.ambient.pressure_pa)
 
@@ -249,8 +242,6 @@ class Tuning(Shown):
                 f"[{self.law}]",
                 *(f'{key} = "{word}"  # {meant[key][1]}' for key, word in self.choices.items()),
             ]
-        if self.observer != USUAL_OBSERVER:
-            lines += ["", "[observer]", f'kind = "{self.observer}"', *_lines(self.observer_numbers)]
         if not self.adaptation:
             lines.insert(3, "adaptation = false")
         if self.hold is None:
@@ -294,11 +285,6 @@ def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
         f"{one.key} = {toml.value_text(one.quantity)}  # {one.meaning}: {'given' if one.given else one.rule}"
         for one in numbers
     ]
-
-
-def _observer_form(kind: str, numbers: dict[str, float]) -> dict[str, Any]:
-    """Return an observer in the core's form, SI; nothing where it is the usual one."""
-    return {} if kind == USUAL_OBSERVER else {"observer": {"kind": kind, "numbers": numbers}}
 
 
 def _chosen_form(choices: Mapping[str, str], factors: Factors) -> dict[str, Any]:
@@ -392,7 +378,7 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
     if controller is None:
         word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
         if word != OWN and word not in laws():
-            raise CommandError(f'there is no law "{word}"', remedy=nearest(str(word), laws()))
+            raise CommandError(f'there is no law "{word}"', remedy=law_remedy(str(word)))
         return Controller(law=str(word)), Path(), "", ""
     if isinstance(controller, Controller):
         table, path, text = controller, "", ""
@@ -447,24 +433,20 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
     belief = drive.circuit
     check_valves(belief)
 
-    kind, of_observer = _observer(table.observer)
-
     def asked(
         gains: dict[str, float] | None = None,
         valves: dict[str, float] | None = None,
-        numbers: dict[str, float] | None = None,
         more: dict[str, Any] | None = None,
     ) -> tuple[dict[str, Any], list[list[_Ruled]]]:
         ways = (table.hold, table.adaptation)
         form = _core_form(word, table.period_s, ways, belief, gains or {}, valves or {})
-        return _core.control_tune(json.dumps(form | _observer_form(kind, numbers or {}) | (more or {})), 0.0)
+        return _core.control_tune(json.dumps(form | (more or {})), 0.0)
 
     try:
         plant, ruled = asked()
     except ValueError as error:
-        for place in ("period", "observer.kind"):
-            if str(error).startswith(place):
-                raise wrong(place, str(error)) from None
+        if str(error).startswith("period"):
+            raise wrong("period", str(error)) from None
         raise DescriptionError(str(error), where=belief.name) from None
     check_axis(belief, plant)
     plant["left_out"] += unknown_numbers(belief)
@@ -473,7 +455,6 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         what = "the controller has a table [valves], and the drive one proportional 5/3 valve"
         raise wrong("valves", what, rule="it is for several or switching valves", remedy="Leave it out.")
     valves = _numbers_of("valves", "these valves", table.valves, ruled[1], lambda given: asked(valves=given))
-    numbers = _numbers_of("observer", f"the observer {kind}", of_observer, ruled[2], lambda given: asked(numbers=given))
     chosen = _chosen_form(table.choices, table.factors)
     if chosen:
         try:
@@ -483,7 +464,7 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
     if table.choices.get("predictor") == "circuit":
         _check_moves(belief)
     made = Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
-    made = replace(made, supervision=table.supervision, valves=valves, observer=kind, observer_numbers=numbers)
+    made = replace(made, supervision=table.supervision, valves=valves)
     return replace(made, choices=table.choices, factors=table.factors)
 
 
@@ -496,14 +477,6 @@ def _check_moves(belief: Circuit) -> None:
             what = f'predictor = "circuit" and {one["name"]}.friction of the law {law}, which sticks exactly, are given'
             remedy = 'Leave the key out, or describe the friction with a stiffness: law = "lugre" or "elasto-plastic".'
             raise wrong("nmpc.predictor", what, rule="in stick, too, an opening moves the piston", remedy=remedy)
-
-
-def _observer(table: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Return the word of an observer, and its numbers as they are given."""
-    kind, known = table.get("kind", USUAL_OBSERVER), _core.control_observers()
-    if kind not in known:
-        raise wrong("observer.kind", f'there is no observer "{kind}"', remedy=nearest(str(kind), known))
-    return kind, {key: value for key, value in table.items() if key != "kind"}
 
 
 def _numbers_of(

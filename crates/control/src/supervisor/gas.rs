@@ -333,11 +333,6 @@ impl Gas {
         (told, (is_reversed && !was_reversed).then_some(self.way))
     }
 
-    /// The supply has fallen, as others tell.
-    pub fn lose_supply(&mut self) {
-        self.supply_told = true;
-    }
-
     /// The supply has fallen.
     pub fn has_no_supply(&self) -> bool {
         self.supply_told

@@ -7,10 +7,12 @@ use axis::{PERIOD, axis as reference_axis, begin, setup};
 use circuit::Look;
 use circuit::specification::Circuit;
 use control::reference::PEAKS;
-use control::{Controller, EventKind, LAWS, Move, Reference};
+use control::{Controller, EventKind, Move, Reference};
 use servo::specification::{Channel, Fault, FaultKind, Setup};
 use servo::{Loop, Noise};
 
+/// Controllers of the runs, one of them twice.
+const DRAWN: [&str; 7] = ["pid", "inversion", "fuzzy", "sliding-mode", "super-twisting", "inversion", "nmpc"];
 const STROKE: f64 = 0.5;
 const DURATION: f64 = 1.5;
 /// Speed of a hit that counts, m/s.
@@ -189,7 +191,7 @@ fn run_of(seed: u64, member: u32) -> Run {
     }
     Run {
         plant,
-        law: draw.one_of(LAWS),
+        law: draw.one_of(&DRAWN),
         reference: reference(&mut draw),
         setup: Setup {
             pressures,

@@ -1,16 +1,25 @@
-"""Programs of moves in a subset of G-code: G0, G1 with F, G4 P, G90, G91, G20, G21; one axis or several."""
+"""Custom reference reader: programs in a subset of G-code (G0, G1 with F, G4 P, G90, G91, G20, G21) as references.
+
+    python examples/gcode_reference.py program.gcode --out records
+
+writes a record for each axis, which `pneudrive control run --reference records/X.csv` follows. In Python,
+`references(path)` returns a `pn.control.Reference` for each axis, all on one clock.
+"""
 
 from __future__ import annotations
 
+import argparse
 import re
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import NamedTuple
 
-from pneudrive.control.paths import PEAK, along_line, blended
+import numpy as np
+
+import pneudrive as pn
+from pneudrive.control.motion import polynomials
+from pneudrive.control.paths import PEAK, Row, along_line, blended
 from pneudrive.errors import CommandError
 from pneudrive.units import LARGEST
-
-if TYPE_CHECKING:
-    from pneudrive.control.paths import Row
 
 #: Speed of a rapid move, m/s, and time in which a velocity is taken up, s (both assumed).
 RAPID_M_S, RUN_UP_S = 0.5, 0.1
@@ -19,7 +28,9 @@ _INCH_M, _MM_M, _MINUTE_S = 0.0254, 1e-3, 60.0
 _WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+))")
 _KNOWN = {0, 1, 4, 20, 21, 90, 91}
 _GROUPS = ((0, 1), (4,), (20, 21), (90, 91))  # of each at most one in a block
-LONGEST_S = 1e6  # of a reference
+LONGEST_S = 1e6  # of a program
+SAMPLE_S = 2e-3  # between the samples of a record
+EXAMPLE = "(two axes)\nG21 G90\nG0 X100 Y50\nG1 X200 Y50 F6000\nG4 P0.5\nG91\nY30\nG0 X-20\n"
 RULE = "G0, G1 with F, G4 P, G90, G91, G20, G21, and axes of " + ", ".join(AXES)
 
 
@@ -166,3 +177,32 @@ def _move(asked: dict[str, float], state: _Modal) -> None:
             state.paths[axis].pieces.extend(made)
         state.at[axis] = to
     state.time_s += ends_s
+
+
+def references(path: str | Path) -> dict[str, pn.control.Reference]:
+    """Return a reference for each axis of a program file."""
+    each = read_program(Path(path).read_text("utf-8-sig"), str(path))
+    return {axis: polynomials(f"{path}:{axis}", own.start_m, own.pieces) for axis, own in each.items()}
+
+
+def main() -> None:
+    """Write a record for each axis of a program."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("program", type=Path, nargs="?", help="without one, an example is written and read")
+    parser.add_argument("--out", type=Path, default=Path())
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    program = given.program or given.out / "example.gcode"
+    if given.program is None:
+        program.write_text(EXAMPLE)
+    for axis, reference in references(program).items():
+        end_s = reference.duration_s - reference.rest_s
+        times = np.linspace(0.0, end_s, max(2, round(end_s / SAMPLE_S) + 1))
+        table = np.column_stack([times, reference.at(times)[:, 0]])
+        file = given.out / f"{axis}.csv"
+        np.savetxt(file, table, fmt="%.9g", delimiter=",", header="time_s,position_m", comments="")
+        print(f"{file}: {len(table)} samples, {end_s:.4g} s")
+
+
+if __name__ == "__main__":
+    main()
