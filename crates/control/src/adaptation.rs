@@ -2,6 +2,13 @@
 
 use crate::model::Model;
 use crate::observer::State;
+use crate::thresholds::{
+    LEARN_CONDUCTANCE_WITHIN, LEARN_FAST, LEARN_FLOW_DEVIATION, LEARN_FORCE_DEVIATION, LEARN_FRICTION_WITHIN,
+    LEARN_FULL, LEARN_GAS_LAG, LEARN_HEAVY, LEARN_JUMP, LEARN_KEPT, LEARN_MASS_WITHIN, LEARN_MOTION_LAG,
+    LEARN_MOVED_FOR, LEARN_MOVES, LEARN_OFFSET, LEARN_OPEN, LEARN_OVERLAP_WITHIN, LEARN_PRESSURE_DEVIATION,
+    LEARN_REVERSAL, LEARN_SETTLED, LEARN_SLIDES, LEARN_SPOOL_CALM, LEARN_SPOOL_SPEED, LEARN_STOOD_FOR,
+    LEARN_VARIANCE, LEARN_WAIT,
+};
 
 /// Recursive least squares with forgetting, of `y = phi' theta`.
 #[derive(Clone, Debug)]
@@ -10,15 +17,10 @@ struct Fit<const N: usize> {
     covariance: [[f64; N]; N],
 }
 
-/// What is kept of the past at each sample (assumed).
-const KEPT: f64 = 0.9995;
-/// Variance of a number at the start, and the most that forgetting may make of it (assumed).
-const UNSURE: f64 = 0.1;
-
 impl<const N: usize> Fit<N> {
     fn new(theta: [f64; N]) -> Self {
         let mut covariance = [[0.0; N]; N];
-        (0..N).for_each(|i| covariance[i][i] = UNSURE);
+        (0..N).for_each(|i| covariance[i][i] = LEARN_VARIANCE);
         Fit { theta, covariance }
     }
 
@@ -36,8 +38,8 @@ impl<const N: usize> Fit<N> {
         }
         // What is not excited is not forgotten beyond what was not known at first.
         let most = (0..N).fold(0.0, |most: f64, i| most.max(p[i][i]));
-        if most / KEPT < UNSURE {
-            p.iter_mut().flatten().for_each(|own| *own /= KEPT);
+        if most / LEARN_KEPT < LEARN_VARIANCE {
+            p.iter_mut().flatten().for_each(|own| *own /= LEARN_KEPT);
         }
     }
 
@@ -98,50 +100,6 @@ pub struct Adaptation {
     calm: f64,
 }
 
-/// Lags behind which force balance and gas balance are compared, s (assumed).
-const MOTION_LAG: f64 = 0.02;
-const GAS_LAG: f64 = 0.015;
-/// Speeds above which friction is learned, and learned with full weight, m/s (assumed: beyond the fall of usual seals'
-/// friction with speed; below, how it falls may be described wrong).
-const SLIDES: f64 = 0.025;
-const FAST: f64 = 0.05;
-/// Speed above which a drive goes a way, m/s; what friction lacked is taken over where it did so for a time and stood for none
-/// longer than another before it turns, s, at this share of the weight (assumed: above the noise of an estimate at rest; slips
-/// and a force that is held tell little).
-const GOES: f64 = 5e-3;
-const GONE: f64 = 0.2;
-const STOOD: f64 = 0.1;
-const TURNED: f64 = 0.5;
-/// Lags after which the past is forgotten (assumed).
-const SETTLED: f64 = 4.0;
-/// Deviation of the balance of forces, N, at full weight, and of energy as a share of the full flow's (assumed).
-const FORCE_DEVIATION: f64 = 5.0;
-const FLOW_DEVIATION: f64 = 0.05;
-/// The former as a pressure on the piston, Pa, where that is more: what gains and zeros of pressure sensors miss grows with
-/// its area (assumed).
-const PRESSURE_DEVIATION: f64 = 6e3;
-/// Unit of a force that stays the same in both directions, N, at that least deviation, beside the described weight, which is as
-/// unsure as the mass (assumed).
-const OFFSET: f64 = 10.0;
-/// Shares of the described value within which estimates stay (assumed).
-const FRICTION_WITHIN: [f64; 2] = [0.3, 3.0];
-const MASS_WITHIN: [f64; 2] = [0.5, 3.0];
-const CONDUCTANCE_WITHIN: [f64; 2] = [0.4, 2.5];
-const OVERLAP_WITHIN: [f64; 2] = [0.0, 0.1];
-/// Share of the Coulomb friction that it takes to accelerate the mass, from which on the learned mass is believed (assumed).
-const HEAVY: f64 = 0.1;
-/// Distance behind the overlap from which the valve is learned, speed of the spool below which it is, 1/s, and for how long
-/// it has to be so slow, s (assumed).
-const OPEN: f64 = 0.012;
-const SLOW: f64 = 5.0;
-const CALM: f64 = 0.002;
-/// Share of the supply's pressure from which on a chamber is full (assumed: a supply 6 % lower fills it 12 % slower there).
-const FULL: f64 = 0.8;
-/// A disturbance that jumps in one direction by this share of the Coulomb friction, and of the inertia, is a load: friction
-/// is not learned for a time, s (assumed).
-const JUMP: f64 = 0.5;
-const WAIT: f64 = 0.5;
-
 impl Adaptation {
     /// Of a model as it is described.
     pub fn new(model: &Model) -> Self {
@@ -177,7 +135,7 @@ impl Adaptation {
     fn turn(&mut self, model: &mut Model, state: &mut State, period: f64) {
         let way = self.way;
         if way * state.friction >= 0.0 {
-            let goes = state.velocity.abs() > GOES && state.friction * state.velocity > 0.0;
+            let goes = state.velocity.abs() > LEARN_MOVES && state.friction * state.velocity > 0.0;
             if goes && way == 0.0 {
                 (self.way, self.gone) = (state.velocity.signum(), 0.0);
             }
@@ -186,12 +144,17 @@ impl Adaptation {
             return;
         }
         self.way = 0.0;
-        if self.rests > 0.0 || self.gone < GONE || self.stood > STOOD {
+        if self.rests > 0.0 || self.gone < LEARN_MOVED_FOR || self.stood > LEARN_STOOD_FOR {
             return;
         }
         let [level, _] = self.described.friction_levels([state.position, 0.0], state.pressures);
         let before = self.friction.theta[0];
-        self.balance([way * level, 0.0, 0.0], way * level * before - state.disturbance, level, 1.0 / TURNED);
+        self.balance(
+            [way * level, 0.0, 0.0],
+            way * level * before - state.disturbance,
+            level,
+            1.0 / LEARN_REVERSAL,
+        );
         let [coulomb, ..] = self.friction.theta;
         model.friction_shares[0] = coulomb;
         let taken = (coulomb - before) * way * level;
@@ -203,12 +166,12 @@ impl Adaptation {
     /// the level of friction, and a factor of its deviation.
     fn balance(&mut self, [coulomb, viscous, inertia]: [f64; 3], force: f64, level: f64, factor: f64) {
         let area = 0.5 * self.described.sides.iter().map(|side| side.area).sum::<f64>();
-        let least = FORCE_DEVIATION.max(PRESSURE_DEVIATION * area);
+        let least = LEARN_FORCE_DEVIATION.max(LEARN_PRESSURE_DEVIATION * area);
         let weight = self.described.load.abs();
-        let (deviation, offset) = (least * factor, OFFSET * (least / FORCE_DEVIATION) + weight);
-        let most = (level + (MASS_WITHIN[1] - 1.0) * weight) / offset;
+        let (deviation, offset) = (least * factor, LEARN_OFFSET * (least / LEARN_FORCE_DEVIATION) + weight);
+        let most = (level + (LEARN_MASS_WITHIN[1] - 1.0) * weight) / offset;
         let phi = [coulomb, viscous, offset, inertia].map(|own| own / deviation);
-        let within = [FRICTION_WITHIN, FRICTION_WITHIN, [-most, most], MASS_WITHIN];
+        let within = [LEARN_FRICTION_WITHIN, LEARN_FRICTION_WITHIN, [-most, most], LEARN_MASS_WITHIN];
         self.friction.observe(phi, force / deviation);
         self.friction.project(within);
     }
@@ -219,32 +182,32 @@ impl Adaptation {
         let sign = if v == 0.0 { 0.0 } else { v.signum() };
         let force = model.gas_force(state.pressures) + model.load;
         let now = [force, v, sign * level, viscous * v];
-        let [force, slow, coulomb, viscous] = self.motion.follow(now, period / (period + MOTION_LAG));
+        let [force, slow, coulomb, viscous] = self.motion.follow(now, period / (period + LEARN_MOTION_LAG));
         self.rests -= period;
         // What lies behind the lag of a time before it slid, or slid fast, is of no known friction.
-        for (own, least) in self.slid.iter_mut().zip([SLIDES, FAST]) {
+        for (own, least) in self.slid.iter_mut().zip([LEARN_SLIDES, LEARN_FAST]) {
             *own = if v.abs() < least { 0.0 } else { *own + period };
         }
         let [slid, fast] = self.slid;
-        let slid = if v.abs() < FAST { slid } else { fast };
-        if slid < SETTLED * MOTION_LAG || slow * v < 0.0 {
+        let slid = if v.abs() < LEARN_FAST { slid } else { fast };
+        if slid < LEARN_SETTLED * LEARN_MOTION_LAG || slow * v < 0.0 {
             return;
         }
         // Of one direction: wrong friction turns with the motion, and is to be learned.
         let known = &mut self.disturbance[usize::from(v < 0.0)];
-        let [known] = known.follow([state.disturbance], period / (period + WAIT));
-        let inertia = self.described.mass * (v - slow) / MOTION_LAG;
-        if (state.disturbance - known).abs() > JUMP * (level + inertia.abs()) {
-            self.rests = WAIT;
+        let [known] = known.follow([state.disturbance], period / (period + LEARN_WAIT));
+        let inertia = self.described.mass * (v - slow) / LEARN_MOTION_LAG;
+        if (state.disturbance - known).abs() > LEARN_JUMP * (level + inertia.abs()) {
+            self.rests = LEARN_WAIT;
         }
         if self.rests > 0.0 {
             return;
         }
-        self.balance([coulomb, viscous, inertia], force, level, (FAST / v.abs()).max(1.0));
+        self.balance([coulomb, viscous, inertia], force, level, (LEARN_FAST / v.abs()).max(1.0));
         let [coulomb, viscous, _, mass] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];
         // Where it weighs little, other errors of the balance look like mass: they are not friction's, but not believed either.
-        if inertia.abs() > HEAVY * level {
+        if inertia.abs() > LEARN_HEAVY * level {
             model.mass = mass * self.described.mass;
         }
     }
@@ -256,8 +219,8 @@ impl Adaptation {
         let full = described.chambers(place, gas, if spool > 0.0 { [1.0, 0.0] } else { [0.0, 1.0] });
         let shut = described.chambers(place, gas, [0.0; 2]);
         let k1 = described.gas.heat_capacity_ratio - 1.0;
-        self.calm = if speed.abs() < SLOW { self.calm + period } else { 0.0 };
-        let open = spool.abs() - model.valve.overlap > OPEN && self.calm > CALM;
+        self.calm = if speed.abs() < LEARN_SPOOL_SPEED { self.calm + period } else { 0.0 };
+        let open = spool.abs() - model.valve.overlap > LEARN_OPEN && self.calm > LEARN_SPOOL_CALM;
         // The chamber that fills first: so a drive learns alike in both directions, also at a bound.
         let [fills, vents] = if spool > 0.0 { [0, 1] } else { [1, 0] };
         let seen = [fills, vents].map(|side| {
@@ -268,25 +231,27 @@ impl Adaptation {
             let scale = described.valve.flow.gain * CHOKED * described.gas.cp * state.temperatures[side];
             let now =
                 [state.pressures[side] * volume / k1, shut.energy_rates[side], flow * spool.abs(), flow];
-            let [energy, other, by_spool, by_one] = self.gas[side].follow(now, period / (period + GAS_LAG));
-            let rate = (now[0] - energy) / GAS_LAG;
+            let [energy, other, by_spool, by_one] =
+                self.gas[side].follow(now, period / (period + LEARN_GAS_LAG));
+            let rate = (now[0] - energy) / LEARN_GAS_LAG;
             ([by_spool / scale, by_one / scale], (rate - other) / scale)
         });
         if !open {
             return;
         }
         // Near the supply's pressure what fills a chamber tells of that, and nothing of the valve.
-        let is_full = state.pressures[fills] > FULL * described.supply.pressure;
+        let is_full = state.pressures[fills] > LEARN_FULL * described.supply.pressure;
         for (phi, y) in seen.into_iter().skip(usize::from(is_full)) {
-            let d = OVERLAP_WITHIN;
-            let [low, high] = CONDUCTANCE_WITHIN;
+            let d = LEARN_OVERLAP_WITHIN;
+            let [low, high] = LEARN_CONDUCTANCE_WITHIN;
             let within = [[low, high / (1.0 - d[1])], [-high * d[1] / (1.0 - d[1]), 0.0]];
-            self.valve.observe(phi.map(|own| own / FLOW_DEVIATION), y / FLOW_DEVIATION);
+            self.valve.observe(phi.map(|own| own / LEARN_FLOW_DEVIATION), y / LEARN_FLOW_DEVIATION);
             self.valve.cut(within);
         }
         let [slope, offset] = self.valve.theta;
-        model.valve.overlap = (-offset / slope).clamp(OVERLAP_WITHIN[0], OVERLAP_WITHIN[1]);
-        let share = (slope * (1.0 - model.valve.overlap)).clamp(CONDUCTANCE_WITHIN[0], CONDUCTANCE_WITHIN[1]);
+        model.valve.overlap = (-offset / slope).clamp(LEARN_OVERLAP_WITHIN[0], LEARN_OVERLAP_WITHIN[1]);
+        let share = (slope * (1.0 - model.valve.overlap))
+            .clamp(LEARN_CONDUCTANCE_WITHIN[0], LEARN_CONDUCTANCE_WITHIN[1]);
         model.valve.flow.gain = share * described.valve.flow.gain;
     }
 }

@@ -10,6 +10,11 @@ use crate::observer::{Noise, Observer, Sample, State};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
 use crate::supervisor::{Rules, Supervisor};
+use crate::thresholds::{
+    COUNT_DEVIATIONS, FARTHEST, HOLD_DRIFTING, HOLD_ELASTIC, HOLD_FORGETS, HOLD_LEAVE, HOLD_NEARER,
+    HOLD_RELEASES, HOLD_ROOM, HOLD_SPEED, HOLD_SWITCHING, HOLD_VAIN, LEAST_UNKNOWN, PUSH_BOUND, PUSH_SLIPS,
+    TAKEOVER_TIME,
+};
 use crate::valves::{Commands, Valves};
 
 macro_rules! laws {
@@ -105,32 +110,6 @@ pub struct Hold<S = f64> {
     vain: S,
 }
 
-/// Force that no model knows, as a share of that of the supply on the piston, at least: a drive without friction has some,
-/// too (assumed).
-const LEAST_UNKNOWN: f64 = 1e-3;
-/// Speed below which a drive may hold, m/s.
-const REST: f64 = 1e-3;
-/// Rates at which the contact is drawn to where it is to be, and at which the gas follows the force that is kept, 1/s
-/// (assumed): usually, and behind proportional valves, of contacts that are elastic and that drift. There it has to be
-/// followed faster: within an overlap that is wider than believed a command opens nothing, and what leaks meanwhile draws
-/// the piston away.
-const USUAL: [f64; 2] = [3.0, 4.0];
-const ELASTIC: [f64; 2] = [5.0, 8.0];
-const DRIFTING: [f64; 2] = [8.0, 30.0];
-/// Bands at which it is left.
-const LEAVE: f64 = 2.5;
-/// Share of the friction that breaks away by which it may move the force that it began with, of contacts that are elastic and
-/// that drift: one that does not give way by then sticks. That force follows in a time, s, because one that creeps needs
-/// more and more (assumed).
-const ROOM: [f64; 2] = [0.35, 0.7];
-const FORGETS: f64 = 10.0;
-/// Slips past the target behind which it is kept where it is: one may be chance. Share of the least error to which a slip
-/// brings it nearer (assumed).
-const VAIN: f64 = 2.0;
-const NEARER: f64 = 0.8;
-/// Rate at which a contact that is kept where it is is relieved of its force, 1/s (assumed).
-const RELEASES: f64 = 50.0;
-
 impl<S: Number> Hold<S> {
     /// With a band, m, entered after a time, s.
     pub fn new(band: f64, after: f64) -> Self {
@@ -141,7 +120,7 @@ impl<S: Number> Hold<S> {
     /// 1 where a drive is to be kept where it rests, else 0: it has slipped past its target, and no nearer to it, twice.
     /// Another slip would do the same.
     fn kept(&self) -> S {
-        S::select(self.vain.lt(S::c(VAIN)), S::zero(), S::one())
+        S::select(self.vain.lt(S::c(HOLD_VAIN)), S::zero(), S::one())
     }
 
     /// Counts such slips while the reference stands.
@@ -155,7 +134,7 @@ impl<S: Number> Hold<S> {
         let passed = S::select((e * self.rest).lt(S::c(-self.band * self.band)), rests, zero);
         let is_first = self.nearest.lt(S::c(f64::MIN_POSITIVE));
         let is_nearer =
-            S::select(e.abs().lt(self.nearest.times(NEARER)), rests, S::select(is_first, rests, zero));
+            S::select(e.abs().lt(self.nearest.times(HOLD_NEARER)), rests, S::select(is_first, rests, zero));
         self.nearest = S::select(zero.lt(is_nearer), e.abs(), self.nearest) * stands;
         self.vain = S::select(zero.lt(is_nearer), zero, self.vain + passed) * stands;
         let takes = S::select(zero.lt(self.holds * self.kept()), zero, rests);
@@ -174,28 +153,28 @@ impl<S: Number> Hold<S> {
         let zero = S::zero();
         self.count(stands, e, period);
         let held = zero.lt(self.holds);
-        let limit = S::select(held, S::c(LEAVE * self.band), S::c(self.band));
+        let limit = S::select(held, S::c(HOLD_LEAVE * self.band), S::c(self.band));
         let is_far = limit.lt((e - self.rest * self.kept()).abs());
         // What takes it away from there may be another load: it is tried once more.
-        self.vain = S::select(is_far, self.vain.min(S::c(VAIN - 1.0)), self.vain);
+        self.vain = S::select(is_far, self.vain.min(S::c(HOLD_VAIN - 1.0)), self.vain);
         let kept = self.kept();
         let near = S::select(is_far, zero, stands);
-        let near = S::select(S::c(REST).lt(v.abs()), near * self.holds.max(kept), near);
+        let near = S::select(S::c(HOLD_SPEED).lt(v.abs()), near * self.holds.max(kept), near);
         let waited = (self.waited + S::c(period)).max(kept.times(self.after));
         self.waited = S::select(zero.lt(near), waited, zero);
         let force = S::select(held, self.force, gas);
-        let follows = self.begun + (force - self.begun).times(period / FORGETS);
+        let follows = self.begun + (force - self.begun).times(period / HOLD_FORGETS);
         self.begun = S::select(held, follows, gas);
         let drifts = model.slip == Slip::Always;
         let [creep, settle] = match (model.valve.arrangement.is_proportional(), drifts) {
-            (false, _) => USUAL,
-            (true, false) => ELASTIC,
-            (true, true) => DRIFTING,
+            (false, _) => HOLD_SWITCHING,
+            (true, false) => HOLD_ELASTIC,
+            (true, true) => HOLD_DRIFTING,
         };
         // Where it is kept, away from where friction gives way.
-        let released = (S::c(-model.load) - force).times(RELEASES * period);
+        let released = (S::c(-model.load) - force).times(HOLD_RELEASES * period);
         let drawn = S::select(zero.lt(kept), released, e.times(creep * model.stick_stiffness * period));
-        let room = level.times(ROOM[usize::from(drifts)]);
+        let room = level.times(HOLD_ROOM[usize::from(drifts)]);
         self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
         self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
         let creep = (self.force - force).times(1.0 / period);
@@ -257,14 +236,8 @@ struct Ramp {
     to: f64,
 }
 
-/// Time in which a law takes over, and a gain changes, s (assumed).
-const TAKEOVER: f64 = 0.2;
-/// Position, m, and speed, m/s, beyond which no drive is (assumed).
-const FARTHEST: f64 = 1e3;
 /// The law that stands by unless another one is named.
 const STANDBY: &str = "inversion";
-/// Deviations of a position whose noise is that of its counts, in a count.
-const COUNT: f64 = 3.464_101_615_137_754_6;
 
 /// Where a drive is to be now and when a command of now will act, whether it stands between them, and the reference.
 #[derive(Clone, Copy, Debug)]
@@ -284,12 +257,6 @@ pub(crate) struct Decided<S: Number> {
     pub disturbance: S,
     pub holds: S::Mask,
 }
-
-/// Bound of that force as a share of the Coulomb friction (assumed).
-const PUSH_BOUND: f64 = 1.5;
-
-/// Speed from which on a drive that was to stand has broken away, m/s (assumed).
-const SLIPS: f64 = 0.02;
 
 /// What a sample gave.
 #[derive(Clone, Copy, Debug)]
@@ -416,7 +383,7 @@ impl Controller {
                 bump.offset = *last - answer.command;
                 sample.time
             });
-            let [gone, ..] = blend((sample.time - begin) / TAKEOVER);
+            let [gone, ..] = blend((sample.time - begin) / TAKEOVER_TIME);
             answer.command = (answer.command + bump.offset * (1.0 - gone)).clamp(-1.0, 1.0);
             if gone >= 1.0 {
                 *slot = None;
@@ -489,11 +456,11 @@ impl Controller {
     /// Gains on their way at a time, s.
     fn go_on_tuning(&mut self, time: f64) {
         for own in &mut self.takeover.ramps {
-            let [share, ..] = blend((time - *own.begin.get_or_insert(time)) / TAKEOVER);
+            let [share, ..] = blend((time - *own.begin.get_or_insert(time)) / TAKEOVER_TIME);
             let value = own.from + share * (own.to - own.from);
             self.law.gains().filter(|(gain, _)| gain.key == own.key).for_each(|(_, gain)| *gain = value);
         }
-        self.takeover.ramps.retain(|own| own.begin.is_none_or(|begin| time - begin < TAKEOVER));
+        self.takeover.ramps.retain(|own| own.begin.is_none_or(|begin| time - begin < TAKEOVER_TIME));
     }
 
     /// The observer begins anew with the next sample.
@@ -527,7 +494,7 @@ impl Controller {
     /// that it does not know of moves a resting piston.
     pub(crate) fn grain(&self) -> f64 {
         let way = 0.5 * self.plant.coulomb / self.model.mass * self.period * self.period;
-        way.max(COUNT * self.noise.position)
+        way.max(COUNT_DEVIATIONS * self.noise.position)
     }
 
     /// Without the law: a command, and what the observer says.
@@ -593,7 +560,7 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
             (self.push + e.times(rate_of_push * model.mass * bandwidth * bandwidth)).within(-bound, bound);
         let fallen = self.push.times(1.0 - rate_of_push);
         // Once the contact slips, what broke it away would drive the piston past its target.
-        let slips = S::c(SLIPS).lt(observer.state.velocity.abs());
+        let slips = S::c(PUSH_SLIPS).lt(observer.state.velocity.abs());
         let grown = S::select(slips, self.push.times(1.0 - bandwidth * period), grown);
         let stands = S::select(S::zero().lt(ahead.stands), grown, fallen);
         self.push = S::select(holds, fallen, stands);

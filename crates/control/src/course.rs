@@ -1,6 +1,7 @@
 //! What a law follows: a reference, or a place to stand at, and the way there from where the drive is.
 
 use crate::reference::{PEAKS, Reference, Wanted, blend, series};
+use crate::thresholds::{RETURN_LEAST_TIME, SLOWS_WITHIN, STOP_LEAST_TIME};
 
 /// A way that starts with a distance, a speed and an acceleration and ends without any, with three continuous
 /// derivatives: with s the share of its duration T,
@@ -54,11 +55,12 @@ impl Fade {
         let a = a.clamp(-deceleration, deceleration);
         // The speed falls as 1 - 10 s^3 + 15 s^4 - 6 s^5: its way is half of v T, its steepest fall 1.875 v/T.
         let way = |duration: f64| duration * (0.5 * v + 0.1 * a * duration);
-        let mut duration = (STEEPEST * v.abs() / deceleration).max(LEAST_STOP);
+        let mut duration = (STEEPEST * v.abs() / deceleration).max(STOP_LEAST_TIME);
         let mut a = a;
         if way(duration) * v.signum() > room {
             a = 0.0;
-            duration = (2.0 * room.max(0.0) / v.abs().max(f64::MIN_POSITIVE)).clamp(LEAST_STOP, duration);
+            duration =
+                (2.0 * room.max(0.0) / v.abs().max(f64::MIN_POSITIVE)).clamp(STOP_LEAST_TIME, duration);
         }
         let end = x + duration * (0.5 * v + 0.1 * a * duration);
         (Fade { begin, duration, from: [x - end, v, a] }, end)
@@ -68,15 +70,12 @@ impl Fade {
     pub fn back(begin: f64, from: [f64; 3], acceleration: f64) -> Self {
         let [x, v, _] = from;
         let duration = (PEAKS[1] * x.abs() / acceleration).sqrt().max(STEEPEST * v.abs() / acceleration);
-        Fade { begin, duration: duration.max(LEAST_BACK), from }
+        Fade { begin, duration: duration.max(RETURN_LEAST_TIME), from }
     }
 }
 
 /// Steepest fall of a speed that ends, over its mean.
 const STEEPEST: f64 = 1.875;
-/// Least times of a stop and of a way back, s (assumed).
-const LEAST_STOP: f64 = 0.02;
-const LEAST_BACK: f64 = 0.2;
 
 /// A clock whose rate changes from a time on, within 0.2 s and with three continuous derivatives of its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,9 +85,6 @@ pub struct Slowed {
     /// Its rate until then, and behind the change.
     rates: [f64; 2],
 }
-
-/// Time in which a clock slows down, s (assumed).
-const SLOWS: f64 = 0.2;
 
 impl Slowed {
     /// The clock of the samples up to a time, s, or another one from there on, with a share of its rate.
@@ -104,19 +100,19 @@ impl Slowed {
 
     /// The time at which it has that rate, s.
     pub fn end(&self) -> f64 {
-        self.begin[0] + SLOWS
+        self.begin[0] + SLOWS_WITHIN
     }
 
     /// Its time, s, and three derivatives at a time, s.
     fn at(&self, t: f64) -> [f64; 4] {
         let ([begin, time], [before, behind]) = (self.begin, self.rates);
-        let (s, less) = (((t - begin) / SLOWS).clamp(0.0, 1.0), behind - before);
+        let (s, less) = (((t - begin) / SLOWS_WITHIN).clamp(0.0, 1.0), behind - before);
         let [gone, slope, bend, _] = blend(s);
         // The integral of the blend up to s.
         let so_far = s.powi(5) * (7.0 + s * (-14.0 + s * (10.0 - 2.5 * s)));
-        let over = (t - begin - SLOWS).max(0.0);
-        let time = time + before * (t - begin) + less * (SLOWS * so_far + over);
-        [time, before + less * gone, less * slope / SLOWS, less * bend / (SLOWS * SLOWS)]
+        let over = (t - begin - SLOWS_WITHIN).max(0.0);
+        let time = time + before * (t - begin) + less * (SLOWS_WITHIN * so_far + over);
+        [time, before + less * gone, less * slope / SLOWS_WITHIN, less * bend / (SLOWS_WITHIN * SLOWS_WITHIN)]
     }
 
     /// Where a reference is by this clock.

@@ -4,6 +4,10 @@ use crate::law::Plant;
 use crate::model::Model;
 use crate::observer::State;
 use crate::reference::Reference;
+use crate::thresholds::{
+    FEASIBLE_FOLLOWS, FEASIBLE_FOUND, FEASIBLE_LEAST_STEP, FEASIBLE_PIECES, FEASIBLE_SLOW, FEASIBLE_SLOWEST,
+    FEASIBLE_STEP,
+};
 
 /// What a reference takes of a drive along a time, the largest of each.
 #[derive(Clone, Copy, Debug)]
@@ -29,21 +33,10 @@ impl Demand {
     }
 }
 
-/// Step along the reference, s, and the least one; a move has at least so many (assumed).
-const STEP: f64 = 1e-3;
-const LEAST_STEP: f64 = 1e-5;
-const PIECES: f64 = 20.0;
 /// Steps after which the user is asked whether to stop.
 const LOOKS: u64 = 4096;
-/// Speed below which friction is followed by the way alone, m/s: well above the one at which its direction is smoothed.
-const SLOW: f64 = 2e-3;
 /// Moments at which a reference is looked at for its directions.
 const MOMENTS: u32 = 2000;
-/// Rate at which the force of the gas is drawn to the wanted one, 1/s (assumed: well above a law's bandwidth).
-const FOLLOWS: f64 = 300.0;
-/// Slowest that a reference is tried, as a factor in time, and relative width at which the search ends.
-const SLOWEST: f64 = 1e4;
-const FOUND: f64 = 1e-3;
 
 /// Force that the supply has in +x and against it, N.
 fn highest_forces(model: &Model) -> [f64; 2] {
@@ -81,7 +74,7 @@ pub fn demand(
     factor: f64,
     stop: &mut dyn FnMut(f64) -> bool,
 ) -> Demand {
-    let step = (factor * reference.shortest() / PIECES).clamp(LEAST_STEP, STEP);
+    let step = (factor * reference.shortest() / FEASIBLE_PIECES).clamp(FEASIBLE_LEAST_STEP, FEASIBLE_STEP);
     let highest = highest_forces(model);
     let first = reference.slowed(0.0, factor);
     let mut state = State {
@@ -106,9 +99,14 @@ pub fn demand(
         let [level, viscous] = model.friction_levels([wanted.position, wanted.velocity], state.pressures);
         // Friction follows the way, however slow that is gone.
         let speed = wanted.velocity.abs();
-        let share = (speed / SLOW).min(1.0);
-        let rate =
-            share * model.stick_rate(wanted.velocity.signum() * speed.max(SLOW), state.friction, level, step);
+        let share = (speed / FEASIBLE_SLOW).min(1.0);
+        let rate = share
+            * model.stick_rate(
+                wanted.velocity.signum() * speed.max(FEASIBLE_SLOW),
+                state.friction,
+                level,
+                step,
+            );
         state.friction += step * rate;
         let friction = state.friction + model.stick_damping_time * rate + viscous * wanted.velocity;
         model.mass * wanted.acceleration + friction - model.load
@@ -122,7 +120,7 @@ pub fn demand(
         }
         let now = state;
         let next = wanted_force(&mut state, t + step);
-        let rate = (next - force) / step + FOLLOWS * (force - model.gas_force(now.pressures));
+        let rate = (next - force) / step + FEASIBLE_FOLLOWS * (force - model.gas_force(now.pressures));
         let (way, share) = model.opening_for(&now, rate);
         let share = if share >= 0.0 { share } else { f64::INFINITY };
         if share > found.opening {
@@ -167,12 +165,12 @@ pub fn least_factor(
     }
     while found.is_none() {
         (low, high) = (high, 2.0 * high);
-        if high > SLOWEST {
+        if high > FEASIBLE_SLOWEST {
             return None;
         }
         found = fits(high);
     }
-    while high / low > 1.0 + FOUND {
+    while high / low > 1.0 + FEASIBLE_FOUND {
         let middle = (low * high).sqrt();
         match fits(middle) {
             Some(better) => (found, high) = (Some(better), middle),

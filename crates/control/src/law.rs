@@ -14,6 +14,7 @@ use crate::number::{Memory, Number};
 use crate::observer::State;
 use crate::reference::Wanted;
 use crate::spool::Spool;
+use crate::thresholds::LEAST_LAG;
 pub use fuzzy::{Fuzzy, sugeno};
 pub use inversion::Inversion;
 pub use nmpc::{Nmpc, Predicting, Predictor};
@@ -61,10 +62,6 @@ pub struct Plant {
     /// Coulomb friction, N.
     pub coulomb: f64,
 }
-
-/// The lag from which on a bandwidth follows, s: a faster valve makes no faster loop, as sensors and friction have lags of
-/// their own (assumed).
-const LEAST_LAG: f64 = 3e-3;
 
 impl Plant {
     /// Bandwidth that leaves a margin for the lag, 0.22/lag, rad/s.

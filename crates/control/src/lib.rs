@@ -18,6 +18,7 @@ pub mod own;
 pub mod reference;
 pub mod spool;
 pub mod supervisor;
+pub mod thresholds;
 pub mod valves;
 
 pub use adaptation::Adaptation;

@@ -2,6 +2,7 @@
 
 use crate::number::Number;
 use crate::observer::State;
+use crate::thresholds::{LEAST_SPEED, LEAST_VOLUME, OVERLAP_WIDTH, SLOPE_STEP, SMOOTH_SPEED};
 use crate::valves::Arrangement;
 use math::{Function, Over};
 use physics::chamber::{EnergyBalance, Exchange, GasState};
@@ -46,7 +47,7 @@ impl Side {
     #[inline(always)]
     pub fn volume<S: Over<f64>>(&self, x: S) -> S {
         let length = x.times_plus(self.sign, S::c(self.length));
-        length.times_plus(self.area, S::c(self.dead_volume)).max(S::c(FLOOR * self.dead_volume))
+        length.times_plus(self.area, S::c(self.dead_volume)).max(S::c(LEAST_VOLUME * self.dead_volume))
     }
 
     fn wall<S: Over<f64>>(&self, x: S) -> S {
@@ -54,9 +55,6 @@ impl Side {
         length.times_plus(self.perimeter, S::c(self.end_wall)).max(S::zero())
     }
 }
-
-/// Least share of the dead volume that a prediction leaves of a chamber.
-const FLOOR: f64 = 0.01;
 
 /// Edges that open: filling and venting of chambers a and b.
 pub type Edges<S> = [[S; 2]; 2];
@@ -217,8 +215,8 @@ impl Model {
             let gas = p.map(|p| GasState::at(p * (1.0 + by), temperature));
             self.chambers([x, 0.0], gas, self.openings(0.0)).pressure_rates
         };
-        let [low, high] = [-SMALL, SMALL].map(at);
-        [0, 1].map(|i| (low[i] - high[i]) / (2.0 * SMALL * p[i]))
+        let [low, high] = [-SLOPE_STEP, SLOPE_STEP].map(at);
+        [0, 1].map(|i| (low[i] - high[i]) / (2.0 * SLOPE_STEP * p[i]))
     }
 
     /// Share of the conductance that is open of the edges supply to a (and b to exhaust), and a to exhaust (and supply
@@ -351,7 +349,7 @@ impl Model {
     /// motion, none where the contact slips at its level alone.
     #[inline(always)]
     pub fn stick_rate<S: Over<f64>>(&self, v: S, f: S, level: S, h: f64) -> S {
-        let speed = (v * v + S::c(SMOOTH * SMOOTH)).sqrt();
+        let speed = (v * v + S::c(SMOOTH_SPEED * SMOOTH_SPEED)).sqrt();
         let rate = (speed.times(self.stick_stiffness) / level).min(S::c(1.0 / h));
         // g sgn v |v| = g v: no sign at rest.
         let sign = v / speed;
@@ -367,7 +365,8 @@ impl Model {
         };
         // Through rest the sign is steeper than a step can follow: its derivatives are no more so than would bring the mass to
         // rest within one.
-        let slope = || (S::c(SMOOTH * SMOOTH) / (speed * speed * speed)).min(S::c(self.mass / h) / level);
+        let slope =
+            || (S::c(SMOOTH_SPEED * SMOOTH_SPEED) / (speed * speed * speed)).min(S::c(self.mass / h) / level);
         let rest = (level * sign.sloped(v, slope) - f).times(1.0 / h);
         let elastic = S::select(rest.abs().lt(sprung.abs()), rest, sprung);
         S::select((left * v).lt(S::zero()), rate * left, elastic)
@@ -407,12 +406,3 @@ impl Function<f64, 1> for Steady<'_> {
         self.at([v, S::zero(), S::zero(), S::zero()])
     }
 }
-
-/// Share of a pressure by which it is moved for a slope.
-const SMALL: f64 = 1e-4;
-/// Share of opening within which the inverse of the overlap passes from one edge to the other (assumed).
-const OVERLAP_WIDTH: f64 = 0.004;
-/// Speed, m/s, at which friction has its level of rest.
-const LEAST_SPEED: f64 = 1e-12;
-/// Speed, m/s, below which the direction of friction has none.
-const SMOOTH: f64 = 1e-4;

@@ -5,6 +5,7 @@
 use crate::model::{Model, Openings};
 use crate::number::Number;
 use crate::spool::Spool;
+use crate::thresholds::{FOLLOWED, GAS_TEMPERATURES, LEAST_PRESSURE, LONGEST_PIECE, OBSERVER_REST};
 use math::Over;
 use physics::chamber::GasState;
 
@@ -46,7 +47,7 @@ impl<S: Over<f64>> State<S> {
         h: f64,
         measured: Option<[S; 2]>,
     ) -> S {
-        let pieces = (h / PIECE - 1e-6).ceil().max(1.0);
+        let pieces = (h / LONGEST_PIECE - 1e-6).ceil().max(1.0);
         self.advance_in(pieces as u32, model, openings, h, measured)
     }
 
@@ -98,7 +99,7 @@ impl<S: Over<f64>> State<S> {
                 let p = self.pressures[side] + chambers.pressure_rates[side].times(to);
                 let t = self.temperatures[side] + chambers.temperature_rates[side].times(to);
                 gas[0][side] = p.max(S::c(LEAST_PRESSURE));
-                gas[1][side] = t.max(S::c(TEMPERATURES[0])).min(S::c(TEMPERATURES[1]));
+                gas[1][side] = t.max(S::c(GAS_TEMPERATURES[0])).min(S::c(GAS_TEMPERATURES[1]));
             }
         }
         gas
@@ -115,8 +116,12 @@ impl<S: Over<f64>> State<S> {
 
     /// Acceleration by the model, m/s2.
     pub fn acceleration(&self, model: &Model) -> S {
-        self.pushed(model, model.gas_force(self.pressures), FOLLOWED * PIECE, [self.velocity, self.friction])
-            [1]
+        self.pushed(
+            model,
+            model.gas_force(self.pressures),
+            FOLLOWED * LONGEST_PIECE,
+            [self.velocity, self.friction],
+        )[1]
     }
 
     /// The gas of both chambers.
@@ -142,17 +147,6 @@ impl<S: Over<f64>> State<S> {
 fn gas_at<S: Over<f64>>([p, t]: &[[S; 2]; 2]) -> [GasState<S>; 2] {
     [0, 1].map(|side| GasState::at(p[side], t[side]))
 }
-
-/// Speed below which a contact rests, for what of a missing force is friction, m/s (assumed).
-const REST: f64 = 2e-3;
-/// Longest piece in which the motion is followed where nothing else is said, s.
-const PIECE: f64 = 1e-3;
-/// Share of a piece in which friction may reach its level: rates up to 2.7 over a piece are stable.
-const FOLLOWED: f64 = 0.5;
-/// Temperatures within which a prediction takes gas for gas, K (assumed).
-const TEMPERATURES: [f64; 2] = [100.0, 1000.0];
-/// Least pressure that a prediction takes for gas, Pa.
-const LEAST_PRESSURE: f64 = 1e3;
 
 /// Position, velocity and disturbance by a steady Kalman filter over the model's motion; gas, friction and spool run beside
 /// them by the model.
@@ -304,7 +298,7 @@ impl<S: Number> Observer<S> {
 ///
 ///   x += K_x e,   v += K_v e,   F_fr -= s K_d e within +-g,   d += K_d e + (change of F_fr)
 ///
-/// s = 1/(1 + (v/[`REST`])^2): at rest an unexplained force is friction's, as long as that can bear it. No sensor could tell
+/// s = 1/(1 + (v/[`OBSERVER_REST`])^2): at rest an unexplained force is friction's, as long as that can bear it. No sensor could tell
 /// them apart.
 fn correct<S: Number>(model: &Model, state: &mut State<S>, measured: S, gain: [f64; 3]) {
     let miss = measured - state.position;
@@ -312,7 +306,7 @@ fn correct<S: Number>(model: &Model, state: &mut State<S>, measured: S, gain: [f
     state.velocity += miss.times(gain[1]);
     let force = miss.times(gain[2]);
     let [level, _] = model.friction_levels([state.position, S::zero()], state.pressures);
-    let slides = state.velocity / S::c(REST);
+    let slides = state.velocity / S::c(OBSERVER_REST);
     let rests = S::one() / (S::one() + slides * slides);
     let before = state.friction;
     state.friction = (before - rests * force).max(-level).min(level);

@@ -2,6 +2,7 @@
 
 use crate::model::{Edges, Model, Openings, Valve};
 use crate::number::Number;
+use crate::thresholds::SPOOL_ROUNDING;
 use crate::valves::{Arrangement, MOST_VALVES};
 use std::collections::VecDeque;
 
@@ -16,9 +17,6 @@ pub struct Spool<S = f64> {
     damping_ratio: f64,
     beside: Beside<S>,
 }
-
-/// Share of a piece that is none but rounding of its times.
-const ROUNDING: f64 = 1e-6;
 
 /// Values by the times from which on they act, s; the first one acts now.
 type Line<S> = VecDeque<(f64, S)>;
@@ -129,7 +127,7 @@ impl<S: Number> Spool<S> {
         let mut t = from;
         // A spool without a lag is where its command is: one that acts at the end alone is none of this piece, however its
         // times are rounded.
-        let least = if self.angular_frequency.is_infinite() { ROUNDING * (to - from) } else { 0.0 };
+        let least = if self.angular_frequency.is_infinite() { SPOOL_ROUNDING * (to - from) } else { 0.0 };
         for place in 0..self.acts.len() {
             let until = self.acts.get(place + 1).map_or(to, |next| next.0.min(to));
             if until > t + least {

@@ -15,6 +15,10 @@ use crate::course::{Course, Fade, Slowed};
 use crate::model::Edges;
 use crate::observer::{Sample, State};
 use crate::reference::{Reference, Wanted};
+use crate::thresholds::{
+    CLOCK_WITHIN, LIMIT_ROUNDING, MODEL_TRUSTED, REFERENCE_JUMP, REVERSED_FOR, SLOW_FACTOR, SLOW_FULL,
+    SLOW_FULL_FOR, SLOW_LEAST, STOP_APART, STOP_NEAR,
+};
 use brake::Braking;
 pub use event::{Event, EventKind, Log};
 use gas::Gas;
@@ -79,20 +83,17 @@ impl Rules {
     pub fn refuses(&self, wanted: &Wanted, stroke: f64) -> Option<String> {
         let Wanted { position: x, velocity: v, .. } = *wanted;
         let [low, high] = [self.position[0].max(0.0), self.position[1].min(stroke)];
-        if !(low - ROUNDING..=high + ROUNDING).contains(&x) {
+        if !(low - LIMIT_ROUNDING..=high + LIMIT_ROUNDING).contains(&x) {
             let whose = if [low, high] == [0.0, stroke] { "the stroke" } else { "limits.position" };
             return Some(format!(
                 "the reference asks for {x} m: it must stay within {whose}, {low} to {high} m"
             ));
         }
         let fastest = self.speed;
-        (v.is_nan() || v.abs() > fastest + ROUNDING)
+        (v.is_nan() || v.abs() > fastest + LIMIT_ROUNDING)
             .then(|| format!("the reference asks for {v} m/s: limits.speed is {fastest} m/s"))
     }
 }
-
-/// What rounding may do to a reference at a limit, m and m/s.
-const ROUNDING: f64 = 1e-9;
 
 /// What others tell a supervisor at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -178,24 +179,6 @@ pub struct Supervisor {
     /// Until when a command that is tried again may act in reverse again, s.
     doubted_until: f64,
 }
-
-/// Periods that may lie between two samples, a jump of a reference that no law can follow, m, and the distance from a reference
-/// up to which a stop begins on it, m (assumed).
-const SKIPPED: [f64; 2] = [0.5, 1.5];
-const JUMP: f64 = 1e-3;
-const NEAR: f64 = 2e-3;
-/// Distance from an end stop at which a stop ramp ends, m, and time for which the model knows where the drive is, s
-/// (assumed).
-const APART: f64 = 2e-3;
-const TRUSTED: f64 = 0.08;
-/// Command that is full, and for how long, s, until a reference is slowed, by this share of its rate, down to this rate
-/// (assumed).
-const FULL: f64 = 0.95;
-const FULL_FOR: f64 = 0.02;
-const SLOWER: f64 = 0.8;
-const SLOWEST: f64 = 0.05;
-/// Time after which a command is tried again that acted in reverse, s (assumed).
-const REVERSED_FOR: f64 = 1.0;
 
 impl Supervisor {
     /// With a law that stands by.
@@ -308,7 +291,8 @@ impl Supervisor {
         let clock = sample.time;
         sample.time = self.corrected(clock);
         let gone = self.clock.map_or(period, |last| sample.time - last);
-        let is_wrong = !(clock.is_finite() && (SKIPPED[0] * period..=SKIPPED[1] * period).contains(&gone));
+        let is_wrong =
+            !(clock.is_finite() && (CLOCK_WITHIN[0] * period..=CLOCK_WITHIN[1] * period).contains(&gone));
         if is_wrong {
             sample.time = self.clock.unwrap_or(0.0) + period;
             if clock.is_finite() {
@@ -380,7 +364,7 @@ impl Supervisor {
         let is_number = [position, velocity, acceleration, jerk].iter().all(|own| own.is_finite());
         let jumps = self.asked.is_some_and(|last| {
             let way = 0.5 * (last.velocity + velocity) * own.period;
-            (position - last.position - way).abs() > JUMP
+            (position - last.position - way).abs() > REFERENCE_JUMP
         });
         self.asked = is_number.then_some(*asked);
         let refused = !is_number || jumps || self.rules.refuses(asked, own.model.stroke).is_some();
@@ -424,13 +408,13 @@ impl Supervisor {
     /// Slows the reference as long as the law asks for all that the valve has, on a supply that has fallen.
     fn slow(&mut self, own: &Controller, sample: &Sample) {
         let is_over = self.slowed.is_none_or(|clock| clock.end() <= sample.time);
-        let is_full = self.command.abs() >= FULL && self.mode == Mode::Follows;
+        let is_full = self.command.abs() >= SLOW_FULL && self.mode == Mode::Follows;
         self.full_for = if is_full && is_over { self.full_for + own.period } else { 0.0 };
-        if !self.slows || self.full_for < FULL_FOR {
+        if !self.slows || self.full_for < SLOW_FULL_FOR {
             return;
         }
-        let clock = Slowed::from(self.slowed, sample.time, SLOWER);
-        if clock.rate() < SLOWEST {
+        let clock = Slowed::from(self.slowed, sample.time, SLOW_FACTOR);
+        if clock.rate() < SLOW_LEAST {
             return self.react(own, sample, Reaction::Stop);
         }
         self.log.tell(sample.time, EventKind::Slowed, 1.0 / clock.rate());
@@ -451,10 +435,10 @@ impl Supervisor {
             let Wanted { position, velocity, acceleration, jerk } = last;
             let x = position + period * (velocity + 0.5 * period * acceleration);
             let v = velocity + period * acceleration;
-            if (x - state.position).abs() < NEAR { [x, v, acceleration + period * jerk] } else { seen }
+            if (x - state.position).abs() < STOP_NEAR { [x, v, acceleration + period * jerk] } else { seen }
         });
         let ahead = if from[1] > 0.0 { own.model.stroke - from[0] } else { from[0] };
-        let (fade, at) = Fade::stop(sample.time, from, self.rules.stop_deceleration, ahead - APART);
+        let (fade, at) = Fade::stop(sample.time, from, self.rules.stop_deceleration, ahead - STOP_APART);
         self.mode = Mode::Stops { fade, at, stood: false };
     }
 
@@ -549,7 +533,7 @@ impl Supervisor {
         }
         // Without readings the model is soon not to be trusted.
         self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
-        let is_known = self.lost_for < TRUSTED;
+        let is_known = self.lost_for < MODEL_TRUSTED;
         self.reversed = self.reversed.filter(|&(way, until)| command * way >= 0.0 && sample.time < until);
         if self.reversed.is_some() {
             // It would take air from the chamber that it is to fill.

@@ -5,6 +5,7 @@ use crate::law::Plant;
 use crate::model::Model;
 use crate::observer::{Observer, State};
 use crate::spool::Spool;
+use crate::thresholds::{STIFFNESS_MEAN, STIFFNESS_RATE, STIFFNESS_WEIGHT};
 use physics::{above, at_least};
 
 /// Valves of a drive at most.
@@ -152,13 +153,6 @@ law! {
     } memory<S> { missing: [S; 2] = [S::zero(); 2], open: [S; MOST_VALVES] = [S::zero(); MOST_VALVES] }
 }
 
-/// Weight of the stiffness beside the force (assumed).
-const STIFFNESS_SHARE: f64 = 0.3;
-/// Rate of the stiffness as a share of the bandwidth (assumed).
-const RATE_SHARE: f64 = 0.2;
-/// Shares of the way from ambient to supply pressure between which a stiffness is asked for (assumed).
-const MEAN_WITHIN: [f64; 2] = [0.25, 0.75];
-
 /// Valves with their numbers and what they remember.
 #[derive(Clone, Debug)]
 pub enum Valves {
@@ -178,7 +172,7 @@ impl Valves {
     /// With numbers that follow from the drive.
     pub fn tuned(model: &Model, plant: &Plant, period: f64) -> Self {
         let stiffness = plant.natural_frequency * plant.natural_frequency * model.mass;
-        let rate = RATE_SHARE * plant.bandwidth();
+        let rate = STIFFNESS_RATE * plant.bandwidth();
         let least = |armature: &Armature| {
             let pulse = armature.arrives();
             (pulse, 0.5 * plant.force_rate * samples(pulse, period) * period)
@@ -192,7 +186,7 @@ impl Valves {
             }
             Arrangement::Seven(armature) => {
                 let (pulse, band) = least(&armature);
-                Valves::Seven(armature, Seven::new(pulse, band, stiffness, rate, STIFFNESS_SHARE))
+                Valves::Seven(armature, Seven::new(pulse, band, stiffness, rate, STIFFNESS_WEIGHT))
             }
             Arrangement::Pulses(armature, pulses) => {
                 Valves::Pulses(armature, pulses, Pulses::new(stiffness, rate))
@@ -328,7 +322,7 @@ impl Reach {
             shut: rates([0.0, 0.0]),
             vented: rates([0.0, 1.0]),
             stiffness: of_pressure(0) * pressures[0] + of_pressure(1) * pressures[1],
-            within: MEAN_WITHIN.map(at),
+            within: STIFFNESS_MEAN.map(at),
             by_force,
             by_motion: grows(0) + grows(1),
         }

@@ -6,6 +6,7 @@ use crate::model::Model;
 use crate::number::{Memory, Number};
 use crate::observer::State;
 use crate::reference::Wanted;
+use crate::thresholds::{NMPC_ACCELERATION, NMPC_LAST, NMPC_ROUNDS, NMPC_SHORTER, NMPC_SLOW};
 use math::{Dual, Over, Real};
 use physics::above;
 use std::fmt;
@@ -15,16 +16,6 @@ pub const MOVES: usize = 8;
 /// How long each is held, ms; the last ones are followed in steps of 2 ms.
 const BLOCKS: [usize; MOVES] = [1, 1, 2, 2, 4, 6, 8, 16];
 const STEPS: [usize; MOVES] = [1, 1, 1, 1, 1, 1, 2, 2];
-/// Weight of the last block, for what comes behind the horizon (assumed).
-const LAST: f64 = 4.0;
-/// Weight of an error of acceleration (assumed).
-const ACCELERATION: f64 = 0.1;
-/// Share of a step that is taken where the whole costs more than none (assumed).
-const SHORTER: f64 = 0.25;
-/// Speed, m/s, below which the motion is followed in pieces of 1 ms, not in one of a whole step (assumed).
-const SLOW: f64 = 0.05;
-/// Rounds of the search for the moves that lie at a limit.
-const ROUNDS: usize = 20;
 
 /// Steps of all moves.
 const HORIZON: usize = {
@@ -154,7 +145,7 @@ fn within<const N: usize>(
 ) -> Option<[f64; N]> {
     let mut fixed: [Option<f64>; N] = [None; N];
     let mut x = [0.0; N];
-    for _ in 0..ROUNDS {
+    for _ in 0..NMPC_ROUNDS {
         x = solve(h, g, &fixed)?;
         let beyond = (0..N).find_map(|i| {
             let bound = if x[i] < low[i] {
@@ -262,10 +253,10 @@ impl Nmpc {
                 row((w - before.1).times(100.0 * self.move_penalty));
                 before = (block, w);
             }
-            let weight = (h * 1e3 * if block + 1 == MOVES { LAST } else { 1.0 }).sqrt() * 1e3;
+            let weight = (h * 1e3 * if block + 1 == MOVES { NMPC_LAST } else { 1.0 }).sqrt() * 1e3;
             row((x - S::c(wanted.position)).times(weight));
             row((v - S::c(wanted.velocity)).times(weight / l));
-            row((a - S::c(wanted.acceleration)).times(weight * ACCELERATION.sqrt() / (l * l)));
+            row((a - S::c(wanted.acceleration)).times(weight * NMPC_ACCELERATION.sqrt() / (l * l)));
         }
     }
 
@@ -318,7 +309,7 @@ fn by_model<S: Over<f64>>(
         [spool, speed] = go(whole);
         let open = model.opened_by(middle.max(S::c(-1.0)).min(S::one()));
         // Contacts that may break away or turn around are followed in shorter pieces.
-        let pieces = if state.velocity.abs().lt(S::c(SLOW)) { STEPS[block] } else { 1 };
+        let pieces = if state.velocity.abs().lt(S::c(NMPC_SLOW)) { STEPS[block] } else { 1 };
         let began = state.advance_in(pieces as u32, model, open, h, None);
         if step > 0 {
             foreseen[step - 1][2] = began;
@@ -370,7 +361,7 @@ impl Law for Nmpc {
             let whole: [f64; MOVES] = std::array::from_fn(|i| self.plan[i] + step[i]);
             let mut foreseen = 0.0;
             self.follow(tick, &horizon, &whole, |residual| foreseen += residual * residual);
-            let share = if foreseen > cost { SHORTER } else { 1.0 };
+            let share = if foreseen > cost { NMPC_SHORTER } else { 1.0 };
             for (own, step) in self.plan.iter_mut().zip(step) {
                 *own = (*own + share * step).clamp(-1.0, 1.0);
             }

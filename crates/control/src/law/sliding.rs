@@ -2,12 +2,8 @@ use super::{Law, Plant, Tick, Tuned, is_free};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
+use crate::thresholds::{SLIDING_BANDWIDTH, SLIDING_GAIN};
 use physics::{above, at_least};
-
-/// lambda of the surface, rad/s (assumed).
-const BANDWIDTH: f64 = 48.0;
-/// K_s as a share of the rate of the force over the mass (assumed).
-const SHARE: f64 = 0.1;
 
 /// The surface s = e'' + 2 lambda e' + lambda^2 e, and the jerk that holds the drive on it.
 fn surface<S: Number>(tick: &Tick<S>, l: S) -> [S; 2] {
@@ -34,8 +30,8 @@ impl Tuned for Sliding {
     const KEY: &'static str = "sliding-mode";
 
     fn tuned(model: &Model, plant: &Plant) -> Self {
-        let gain = SHARE * plant.force_rate / model.mass;
-        Sliding::new(BANDWIDTH, gain, gain / 72.0)
+        let gain = SLIDING_GAIN * plant.force_rate / model.mass;
+        Sliding::new(SLIDING_BANDWIDTH, gain, gain / 72.0)
     }
 }
 

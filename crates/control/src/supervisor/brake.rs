@@ -5,47 +5,11 @@ use crate::controller::Controller;
 use crate::model::Model;
 use crate::observer::{Observer, State};
 use crate::spool::Spool;
-
-/// Speed at which a drive may touch an end stop, m/s (assumed).
-const TOUCH: f64 = 0.03;
-/// Below this speed the valve is shut rather than opened against the motion where the end stop is then touched at most so
-/// fast, m/s (assumed): full braking opens the chamber ahead to a supply that may have fallen.
-const SLOW: f64 = 0.1;
-const SOFT: f64 = 0.04;
-/// A distance by which the model may be wrong, m (assumed).
-const APART: f64 = 0.5e-3;
-/// Steps in which a way is followed at most (assumed).
-const STEPS: usize = 300;
-/// Share of the force of the full pressure that brakes at least, for what needs no closer look (assumed).
-const LEAST_BRAKE: f64 = 0.2;
-/// Time in which a force of the gas turns, s (assumed).
-const TURN: f64 = 0.03;
-/// Time over which a force that is not there yet may act before braking begins, s: along the motion, and where it first has
-/// to turn the drive (assumed).
-const GAIN: [f64; 2] = [2e-3, 6e-3];
-/// Time for which a drive is followed that still moves away from the end, s (assumed).
-const AWAY: f64 = 0.03;
-
-/// Shares of the way by which the model may be wrong before it brakes, before it does so by trapped air alone, and while it
-/// brakes (assumed).
-const MARGINS: [f64; 3] = [0.5, 1.0, 1.5];
-/// Unknown force, as a share of the Coulomb friction, behind which a supply may have fallen, and time for which that is
-/// remembered, s (assumed): the pressure that a model believes in may hide it while the drive brakes.
-const MISSING: f64 = 2.0;
-const MISSED_FOR: f64 = 1.0;
-/// What a brake counts on as the pressure of a supply that did not fill a chamber, as a share of that chamber's, both above
-/// ambient; and what it hopes for where the shut valve leaves the drive faster than a speed, m/s, at the end stop (assumed).
-const COUNTED_ON: f64 = 0.4;
-const HOPED_FOR: f64 = 0.8;
-const LOST: f64 = 0.15;
-/// Share of the way behind a shut valve that has to be left beyond it where little air is ahead (assumed).
-const SURE: f64 = 0.2;
-
-/// Times that a drive which is to stand has to be braked above a speed, m/s, each within a time of the last one, s, until
-/// its law is taken off (assumed).
-const TIMES: u32 = 3;
-const FAST: f64 = 0.1;
-const WITHIN: f64 = 0.5;
+use crate::thresholds::{
+    BRAKE_APART, BRAKE_AWAY, BRAKE_COUNTED_ON, BRAKE_FAST, BRAKE_GAIN, BRAKE_HITS, BRAKE_HOPED_FOR,
+    BRAKE_LEAST, BRAKE_MARGINS, BRAKE_MISSED_FOR, BRAKE_MISSING, BRAKE_SLOW, BRAKE_SOFT, BRAKE_STEPS,
+    BRAKE_SURE, BRAKE_TIMES, BRAKE_TOUCH, BRAKE_TURN, BRAKE_WITHIN,
+};
 
 /// How often a drive that is to stand had to be braked, and when last, s: its law swings it about the target.
 #[derive(Clone, Copy, Debug, Default)]
@@ -57,13 +21,13 @@ pub struct Swings {
 impl Swings {
     /// Braking begins; how often it did by now, where that is too often.
     pub fn watch(&mut self, time: f64, velocity: f64, stands: bool) -> Option<u32> {
-        if stands && velocity.abs() > FAST {
-            self.times = if time - self.last < WITHIN { self.times + 1 } else { 1 };
+        if stands && velocity.abs() > BRAKE_FAST {
+            self.times = if time - self.last < BRAKE_WITHIN { self.times + 1 } else { 1 };
             self.last = time;
         } else if !stands {
             self.times = 0;
         }
-        (self.times >= TIMES).then_some(self.times)
+        (self.times >= BRAKE_TIMES).then_some(self.times)
     }
 }
 
@@ -117,13 +81,13 @@ impl Braking {
         let ambient = own.model.ambient.pressure;
         let below = gas.supplied_below().unwrap_or(ambient);
         let has_none = gas.has_no_supply();
-        let first = MARGINS[usize::from(has_none)];
-        let margin = if self.acts { MARGINS[2] } else { first };
+        let first = BRAKE_MARGINS[usize::from(has_none)];
+        let margin = if self.acts { BRAKE_MARGINS[2] } else { first };
         // Without pressure sensors a supply that has fallen is a force that is missing.
         let d = own.state().map_or(0.0, |state| state.disturbance);
-        let misses = d.abs() > MISSING * own.plant.coulomb;
+        let misses = d.abs() > BRAKE_MISSING * own.plant.coulomb;
         self.explained_for = if misses { 0.0 } else { self.explained_for + own.period };
-        let is_weak = !measured && self.explained_for < MISSED_FOR;
+        let is_weak = !measured && self.explained_for < BRAKE_MISSED_FOR;
         let observer = own.observer.as_ref()?;
         let trapped = is_weak.then(|| less_trapped(observer, &own.model, own.plant.coulomb));
         let trapped = trapped.as_ref().unwrap_or(observer);
@@ -133,18 +97,18 @@ impl Braking {
                 fallen.supply.pressure = ambient + share * (below - ambient);
                 brakes(fallen, trapped, (command, margin), own.period, tries)
             };
-            let found = on(COUNTED_ON)?;
+            let found = on(BRAKE_COUNTED_ON)?;
             if has_none {
                 // Where all else hits, what the supply may still have is tried.
-                let is_lost = found.shut_needs > 1.0 && found.shut_speed > LOST;
-                let hoped = if is_lost { on(HOPED_FOR) } else { None };
+                let is_lost = found.shut_needs > 1.0 && found.shut_speed > BRAKE_HITS;
+                let hoped = if is_lost { on(BRAKE_HOPED_FOR) } else { None };
                 return Some(hoped.unwrap_or(found).command);
             }
             // Shut it stops whatever the supply does. Where that is not enough, or just so with little air ahead, a supply that
             // presses brakes best, as most doubts pass.
             let ahead = trapped.state.pressures[usize::from(found.against < 0.0)];
-            let has_little = ahead - ambient < COUNTED_ON * (own.model.supply.pressure - ambient);
-            let needs = found.shut_needs * if has_little { 1.0 + SURE } else { 1.0 };
+            let has_little = ahead - ambient < BRAKE_COUNTED_ON * (own.model.supply.pressure - ambient);
+            let needs = found.shut_needs * if has_little { 1.0 + BRAKE_SURE } else { 1.0 };
             Some(if needs > 1.0 { found.against } else { 0.0 })
         };
         if gas.may_lack_supply() {
@@ -203,14 +167,14 @@ fn brakes_before(
     let velocity = way * observer.state.velocity;
     let far = |v: f64| {
         let area = model.sides[0].area.min(model.sides[1].area);
-        let pressure = LEAST_BRAKE * (model.supply.pressure - model.ambient.pressure);
+        let pressure = BRAKE_LEAST * (model.supply.pressure - model.ambient.pressure);
         let least = pressure * area / model.mass;
-        v * (model.valve.lag() + 2.0 * period + TURN) + 0.5 * v * v / least
+        v * (model.valve.lag() + 2.0 * period + BRAKE_TURN) + 0.5 * v * v / least
     };
     // What it may gain until a command of now acts, at the most.
     let room = |x: f64| if way > 0.0 { model.stroke - x } else { x };
-    let [along, turned] = GAIN;
-    let (gain, away) = if velocity >= 0.0 { (along, 0.0) } else { (turned, AWAY) };
+    let [along, turned] = BRAKE_GAIN;
+    let (gain, away) = if velocity >= 0.0 { (along, 0.0) } else { (turned, BRAKE_AWAY) };
     let gained = velocity.max(0.0) + gain * model.supply.pressure * model.sides[0].area / model.mass;
     if room(position) > far(gained) {
         return None;
@@ -222,11 +186,11 @@ fn brakes_before(
         spool.command(acts + period, brake);
         let begin = state.position;
         let (mut t, mut still) = (acts, away);
-        for step in 0..STEPS {
+        for step in 0..BRAKE_STEPS {
             let edges = spool.edges(model, t, t + period);
             t += period;
             state.advance(model, edges, period, None);
-            let is_slow = way * state.velocity < TOUCH;
+            let is_slow = way * state.velocity < BRAKE_TOUCH;
             still = if is_slow { still - period } else { 0.0 };
             let ends = is_slow && still <= 0.0 || room(state.position) < 0.0;
             if ends && step > 0 {
@@ -235,15 +199,15 @@ fn brakes_before(
         }
         (way * (state.position - begin), way * state.velocity)
     };
-    let left = room(state.position) - APART;
+    let left = room(state.position) - BRAKE_APART;
     let [full, shut] = [-way, 0.0].map(|brake| way_to(state, spool.clone(), brake));
     // Of two that both reach the end stop, the slower one.
-    let reach = [full, shut].iter().all(|(needed, end)| *needed > left && *end > TOUCH);
+    let reach = [full, shut].iter().all(|(needed, end)| *needed > left && *end > BRAKE_TOUCH);
     let is_shut_better = if reach { shut.1 < full.1 } else { shut.0 < full.0 };
     let needed = if is_shut_better { shut.0 } else { full.0 };
-    let is_soft = velocity < SLOW && shut.1 <= SOFT;
+    let is_soft = velocity < BRAKE_SLOW && shut.1 <= BRAKE_SOFT;
     let command = if is_shut_better || is_soft { 0.0 } else { -way };
-    let is_fast = velocity > TOUCH || full.1 > TOUCH;
+    let is_fast = velocity > BRAKE_TOUCH || full.1 > BRAKE_TOUCH;
     let shut_needs = if is_soft { 0.0 } else { shut.0 / left.max(0.0) };
     let brake = Brake { command, against: -way, shut_needs, shut_speed: shut.1 };
     (is_fast && needed > 0.0 && (1.0 + margin) * needed > left).then_some(brake)

@@ -3,48 +3,12 @@
 use super::event::{EventKind, Log};
 use crate::model::{Edges, Held, Model};
 use crate::observer::State;
-
-/// Distance from the twin at which a pressure is not credible, Pa, and for how long, s (assumed).
-const OFF: f64 = 0.3e5;
-const FOR: f64 = 0.02;
-/// Time in which the twin follows the measured pressures, s, and the share of the flow into a chamber by which the model of
-/// valve and supply may be wrong (assumed).
-const FOLLOWS: f64 = 0.1;
-const FLOW_SHARE: f64 = 0.4;
-/// Share of the full flow up to which all of a flow may be wrong: overlap and hysteresis of a valve that is hardly open
-/// (assumed).
-const HARDLY_OPEN: f64 = 0.025;
-/// Unknown force as a share of the friction up to which it is friction's (assumed).
-const BEYOND: f64 = 1.0;
-/// Time in which the pressure of a chamber that runs by the model takes what is missing beyond that, s (assumed).
-const BORNE: f64 = 0.02;
-/// Readings in a row that are not credible until a sensor is lost (assumed).
-const LOST: u32 = 3;
-/// Fall of the supply that is told, Pa, for how long, s, and the change of a pressure by flow, Pa, from which on it is seen
-/// (assumed).
-const FALLEN: f64 = 1e5;
-const FALLEN_FOR: f64 = 0.03;
-const FLOWN: f64 = 0.5e5;
-/// For how long a valve has to act in reverse until that is seen, s (assumed).
-const REVERSED: f64 = 0.01;
-/// The change from which on a supply is doubted, Pa (assumed).
-const DOUBTED: f64 = 0.2e5;
-
-/// How a chamber that the valve opens to a supply lower by [`FALLEN`] may differ from the model: the share of its flow, the
-/// opening that may be none, and the samples by which both may come late (assumed).
-const LESS: f64 = 0.3;
-const HARDLY: f64 = 0.02;
-const LATE: usize = 4;
-/// Share of the valve's conductance below which that of the supply does not lie (assumed): so much fills the chamber where it
-/// sags, however far the valve is open.
-const SAGS: f64 = 0.1;
-/// What is missing to that when a chamber lacks its supply, and the time in which that is forgotten while the valve is shut,
-/// Pa and s; the share of it that a single sample may lack; and the share of its own flow below which the other chamber speaks of
-/// the valve (assumed).
-const LACKS: f64 = 0.12e5;
-const FORGOTTEN: f64 = 0.01;
-const AT_ONCE: f64 = 1.0 / 3.0;
-const VENTS: f64 = 0.5;
+use crate::thresholds::{
+    PRESSURE_BEYOND, PRESSURE_BORNE, PRESSURE_FLOW, PRESSURE_FOLLOWS, PRESSURE_HARDLY_OPEN, PRESSURE_LOST,
+    PRESSURE_OFF, PRESSURE_OFF_FOR, SUPPLY_AT_ONCE, SUPPLY_DOUBTED, SUPPLY_FALLEN, SUPPLY_FALLEN_FOR,
+    SUPPLY_FLOWN, SUPPLY_FORGOTTEN, SUPPLY_HARDLY_OPEN, SUPPLY_LACKS, SUPPLY_LATE, SUPPLY_LESS,
+    SUPPLY_REVERSED, SUPPLY_SAGS, SUPPLY_VENTS,
+};
 
 /// What a chamber tells.
 #[derive(Clone, Copy, Debug, Default)]
@@ -64,32 +28,35 @@ struct Chamber {
     /// The valve opened it to the supply when it opened it last.
     fills: bool,
     /// The least rates at which a supply would have filled it at the last samples, Pa/s, and by how much it was filled less, Pa.
-    least: [f64; LATE],
+    least: [f64; SUPPLY_LATE],
     lacks: f64,
 }
 
 impl Chamber {
     /// The reading has rested for long.
     fn rests_for(&self, period: f64) -> bool {
-        f64::from(self.rests) * period >= FOR
+        f64::from(self.rests) * period >= PRESSURE_OFF_FOR
     }
 
     /// Whether its supply does not fill it: from how far the valve opens it to that, the rate at which one that has fallen
     /// would, Pa/s, and what flowed into it, Pa, if its reading tells that.
     fn starves(&mut self, (open, rate): (f64, f64), flowed: Option<f64>, period: f64) -> bool {
         self.least.rotate_right(1);
-        let [share, sure] =
-            if rate > 0.0 { [1.0 - LESS, (open - HARDLY).min(SAGS)] } else { [1.0 + LESS, open + HARDLY] };
-        self.least[0] = if open > HARDLY { share * rate * sure / open } else { f64::NAN };
+        let [share, sure] = if rate > 0.0 {
+            [1.0 - SUPPLY_LESS, (open - SUPPLY_HARDLY_OPEN).min(SUPPLY_SAGS)]
+        } else {
+            [1.0 + SUPPLY_LESS, open + SUPPLY_HARDLY_OPEN]
+        };
+        self.least[0] = if open > SUPPLY_HARDLY_OPEN { share * rate * sure / open } else { f64::NAN };
         let is_open = self.least.iter().all(|own| own.is_finite());
         self.lacks = match flowed {
             Some(flowed) if is_open => {
                 let least = self.least.iter().copied().fold(f64::INFINITY, f64::min);
-                (self.lacks + (least * period - flowed).min(AT_ONCE * LACKS)).max(0.0)
+                (self.lacks + (least * period - flowed).min(SUPPLY_AT_ONCE * SUPPLY_LACKS)).max(0.0)
             }
-            _ => self.lacks * (1.0 - period / FORGOTTEN).max(0.0),
+            _ => self.lacks * (1.0 - period / SUPPLY_FORGOTTEN).max(0.0),
         };
-        self.lacks > LACKS
+        self.lacks > SUPPLY_LACKS
     }
 }
 
@@ -171,33 +138,34 @@ impl Gas {
         let (described, shut) = (&model.supply, [[0.0; 2]; 2]);
         let (modelled, still) = (at(&twin, described, edges), at(&twin, described, shut));
         // A supply that has fallen is seen where the gas is, not where it would be on the one as described.
-        let fallen = Held { pressure: described.pressure - FALLEN, ..*described };
+        let fallen = Held { pressure: described.pressure - SUPPLY_FALLEN, ..*described };
         let (open, weak) = (at(state, described, edges), at(state, &fallen, edges));
         let shut = at(state, described, shut);
         twin.advance(model, edges, period, None);
         let mut starved = None;
-        let share = period / (period + FOLLOWS);
+        let share = period / (period + PRESSURE_FOLLOWS);
         for i in 0..2 {
             let own = &mut chambers[i];
             let reading = readings[i];
             let by_flow = (open[i] - shut[i]) * period;
             let (flow, full) = ((modelled[i] - still[i]).abs(), model.most_rate(i, twin.position));
-            own.unsure += (FLOW_SHARE * flow).max(flow.min(HARDLY_OPEN * full)) * period - share * own.unsure;
+            own.unsure += (PRESSURE_FLOW * flow).max(flow.min(PRESSURE_HARDLY_OPEN * full)) * period
+                - share * own.unsure;
             let measured = reading - own.last - shut[i] * period;
             own.rests = if reading == own.last { own.rests + 1 } else { 0 };
             let before = own.last;
             own.last = reading;
             // Faster than any valve fills a chamber.
-            let most = OFF + (model.most_rate(i, twin.position) + shut[i].abs()) * period;
+            let most = PRESSURE_OFF + (model.most_rate(i, twin.position) + shut[i].abs()) * period;
             let jumps = (reading - seen.pressures[i]).abs() > most;
             own.bad = if reading.is_finite() && !jumps { 0 } else { own.bad + 1 };
             let off = reading - twin.pressures[i];
             // A reading that rests while the model moves is off however wrong the flow may be.
             let unsure = if own.rests_for(period) { 0.0 } else { own.unsure };
-            let is_off = off.abs() > OFF + unsure;
+            let is_off = off.abs() > PRESSURE_OFF + unsure;
             own.off_for = if is_off { own.off_for + period } else { 0.0 };
             if is_off && own.rests_for(period) {
-                own.off_for = own.off_for.max(FOR);
+                own.off_for = own.off_for.max(PRESSURE_OFF_FOR);
             }
             let is_good = own.bad == 0 && !own.is_lost;
             own.pressure = twin.pressures[i] + if is_good { share * off } else { 0.0 };
@@ -205,12 +173,13 @@ impl Gas {
             let [supplied, vented] = edges[i];
             own.fills = if supplied == vented { own.fills } else { supplied > vented };
             // A reading that rests says nothing of a flow.
-            let tells = is_good && before.is_finite() && f64::from(own.rests) * period < 0.25 * FOR;
+            let tells =
+                is_good && before.is_finite() && f64::from(own.rests) * period < 0.25 * PRESSURE_OFF_FOR;
             if tells {
                 // What comes late, behind a valve that has shut, is of the flow before.
                 let side = usize::from(!own.fills);
                 let changes = [measured, by_flow, (weak[i] - shut[i]) * period];
-                let lately = period / (period + FALLEN_FOR);
+                let lately = period / (period + SUPPLY_FALLEN_FOR);
                 for (own, change) in self.flown[side].iter_mut().zip(changes) {
                     *own += change - share * *own;
                 }
@@ -222,7 +191,7 @@ impl Gas {
             if own.starves(filling, tells.then_some(measured), period) {
                 starved = Some(reading);
             }
-            if own.bad >= LOST && !own.is_lost {
+            if own.bad >= PRESSURE_LOST && !own.is_lost {
                 own.is_lost = true;
                 found.sensor = true;
                 log.tell(time, EventKind::PressureLost, i as f64);
@@ -232,7 +201,7 @@ impl Gas {
         // Nothing is learned from a reading that rests; a chamber whose sensor is given up goes on from the twin.
         found.modelled = stuck[0] || stuck[1];
         let mut foreseen = seen.pressures;
-        let off = chambers.map(|own| own.off_for >= FOR && !own.is_lost);
+        let off = chambers.map(|own| own.off_for >= PRESSURE_OFF_FOR && !own.is_lost);
         let both = off[0] && off[1] && stuck[0] == stuck[1];
         if both && !self.valve_told {
             self.valve_told = true;
@@ -246,7 +215,7 @@ impl Gas {
             // What a supply that has fallen does not fill.
             let is_starved = (self.supply_told || self.is_doubted) && own.last < own.pressure;
             let alone = (stuck[i] && !stuck[1 - i])
-                || (other.off_for == 0.0 && own.off_for >= 2.0 * FOR && !is_starved);
+                || (other.off_for == 0.0 && own.off_for >= 2.0 * PRESSURE_OFF_FOR && !is_starved);
             if off[i] && !both && alone && !self.valve_told && self.low_for == 0.0 {
                 chambers[i].is_lost = true;
                 found.sensor = true;
@@ -258,7 +227,7 @@ impl Gas {
         (found.supply, found.reversed) = self.watch_supply(model, way, (time, period), log);
         if let (Some(pressure), None, false) = (starved, self.below, self.valve_told) {
             let [_, [vented, vents, _]] = self.lately;
-            if vents < -0.5 * DOUBTED && vented > VENTS * vents {
+            if vents < -0.5 * SUPPLY_DOUBTED && vented > SUPPLY_VENTS * vents {
                 self.valve_told = true;
                 found.valve = true;
                 log.tell(time, EventKind::Valve, vented - vents);
@@ -277,8 +246,9 @@ impl Gas {
                 let i = usize::from(lost[1]);
                 let [level, _] = model.friction_levels([state.position, 0.0], state.pressures);
                 let d = state.disturbance;
-                let beyond = d - d.clamp(-BEYOND * level, BEYOND * level);
-                foreseen[i] += period / (period + BORNE) * model.sides[i].sign * beyond / model.sides[i].area;
+                let beyond = d - d.clamp(-PRESSURE_BEYOND * level, PRESSURE_BEYOND * level);
+                foreseen[i] +=
+                    period / (period + PRESSURE_BORNE) * model.sides[i].sign * beyond / model.sides[i].area;
             }
             for ((own, reading), foreseen) in chambers.iter().zip(readings).zip(&foreseen) {
                 if own.bad > 0 || own.is_lost {
@@ -303,32 +273,32 @@ impl Gas {
         let seen = |flown: f64| fills > flown && vents < -flown && vented < 0.0;
         // The flow that the other chamber makes of the valve, and by how many falls the filling one lacks it.
         let mut falls =
-            if seen(DOUBTED) { (fills - filled * vents / vented) / (fills - weakly) } else { 0.0 };
-        if fills > DOUBTED {
-            self.is_doubted = falls > 1.0 || filled < (1.0 - FLOW_SHARE) * weakly;
+            if seen(SUPPLY_DOUBTED) { (fills - filled * vents / vented) / (fills - weakly) } else { 0.0 };
+        if fills > SUPPLY_DOUBTED {
+            self.is_doubted = falls > 1.0 || filled < (1.0 - PRESSURE_FLOW) * weakly;
         }
         // What flowed long ago tells nothing of a valve that is open by little now.
         let [[now_filled, now_fills, _], [now_vented, now_vents, _]] = self.lately;
-        let flows = now_fills > 0.5 * DOUBTED && now_vents < -0.5 * DOUBTED;
-        let is_low = falls > 1.0 && seen(FLOWN) && flows;
+        let flows = now_fills > 0.5 * SUPPLY_DOUBTED && now_vents < -0.5 * SUPPLY_DOUBTED;
+        let is_low = falls > 1.0 && seen(SUPPLY_FLOWN) && flows;
         self.low_for = if is_low { self.low_for + period } else { 0.0 };
-        let was_reversed = self.reversed_for >= REVERSED;
-        let least = if self.supply_told { 0.0 } else { DOUBTED };
-        let lacks = now_fills > least && now_fills - now_filled > DOUBTED;
+        let was_reversed = self.reversed_for >= SUPPLY_REVERSED;
+        let least = if self.supply_told { 0.0 } else { SUPPLY_DOUBTED };
+        let lacks = now_fills > least && now_fills - now_filled > SUPPLY_DOUBTED;
         let loses = lacks && now_filled < now_vented && now_vented < 0.0;
         if self.reversed_for == 0.0 {
             self.way = way;
         }
         self.reversed_for = if loses { self.reversed_for + period } else { 0.0 };
-        let is_reversed = self.reversed_for >= REVERSED;
-        if is_reversed && !seen(DOUBTED) {
+        let is_reversed = self.reversed_for >= SUPPLY_REVERSED;
+        if is_reversed && !seen(SUPPLY_DOUBTED) {
             falls = (fills - filled) / (fills - weakly);
         }
-        let told = (self.low_for >= FALLEN_FOR || is_reversed) && !self.supply_told;
+        let told = (self.low_for >= SUPPLY_FALLEN_FOR || is_reversed) && !self.supply_told;
         if told {
             self.supply_told = true;
             let [ambient, supply] = [model.ambient.pressure, model.supply.pressure];
-            log.tell(time, EventKind::Supply, (supply - falls * FALLEN).max(ambient));
+            log.tell(time, EventKind::Supply, (supply - falls * SUPPLY_FALLEN).max(ambient));
         }
         (told, (is_reversed && !was_reversed).then_some(self.way))
     }

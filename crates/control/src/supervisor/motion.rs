@@ -4,6 +4,7 @@ use super::event::{EventKind, Log};
 use crate::model::Model;
 use crate::observer::State;
 use crate::reference::Wanted;
+use crate::thresholds::{MOTION_AIR, MOTION_HELD, MOTION_MOVED};
 
 /// When a motion is complete.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,13 +22,6 @@ impl Default for MotionRules {
         MotionRules { tolerance: 0.1e-3, settled_for: 0.05, timeout: 2.0 }
     }
 }
-
-/// Way that counts as moving, m (assumed).
-const MOVED: f64 = 1e-3;
-/// Shares of the supply below which there is no air, and of the friction above which something else holds the drive
-/// (assumed).
-const AIR: f64 = 0.3;
-const HELD: f64 = 1.5;
 
 /// What is known of a motion.
 #[derive(Clone, Debug, Default)]
@@ -57,11 +51,11 @@ impl Motion {
     ) {
         let (x, e) = (state.position, wanted.position - state.position);
         let from = *self.from.get_or_insert(x);
-        if (x - from).abs() > MOVED {
+        if (x - from).abs() > MOTION_MOVED {
             self.from = Some(x);
             self.waits = 0.0;
         }
-        self.waits = if e.abs() > MOVED { self.waits + period } else { 0.0 };
+        self.waits = if e.abs() > MOTION_MOVED { self.waits + period } else { 0.0 };
         if !stands {
             let waits = self.waits;
             *self = Motion { from: self.from, waits, told: self.told && waits > 0.0, ..Motion::default() };
@@ -95,11 +89,11 @@ impl Motion {
 /// Why a drive with an error does not move; with `no_air` its valve is shut, as the supply presses less than a chamber.
 fn held(model: &Model, state: &State, e: f64, no_air: bool) -> (EventKind, f64) {
     let [a, b] = state.pressures.map(|p| p - model.ambient.pressure);
-    if no_air || a.max(b) < AIR * (model.supply.pressure - model.ambient.pressure) {
+    if no_air || a.max(b) < MOTION_AIR * (model.supply.pressure - model.ambient.pressure) {
         return (EventKind::NoAir, a.max(b));
     }
     let force = model.gas_force(state.pressures) + model.load;
     let [level, _] = model.friction_levels([state.position, 0.0], state.pressures);
-    let kind = if force * e.signum() > HELD * level { EventKind::Blocked } else { EventKind::Stuck };
+    let kind = if force * e.signum() > MOTION_HELD * level { EventKind::Blocked } else { EventKind::Stuck };
     (kind, force)
 }

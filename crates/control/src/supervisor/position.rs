@@ -3,31 +3,10 @@
 use super::event::{EventKind, Log};
 use crate::model::{Edges, Model};
 use crate::observer::State;
-
-/// Grains, and deviations of its time, by which a reading may leave the model beside what the speed allows; grains that the
-/// model moves while a reading rests until that is stuck, beside what it moves, from rest, by a force as wrong as the Coulomb
-/// friction, for the time in which the observer corrects that, s: a contact may break away later than the model's (assumed).
-const JUMP: f64 = 5.0;
-const STUCK: f64 = 20.0;
-const CORRECTED: f64 = 5e-3;
-/// Grains on which the friction stops a drive that then rests, and share of it that such a drive may bear (assumed).
-const STOPS: f64 = 4.0;
-const BEARS: f64 = 1.25;
-/// Speed up to which a model may creep while its drive rests, m/s (assumed): with measured pressures, as its contact gives way
-/// smoothly below breakaway; without, or where it follows the position alone.
-const CREEPS: [f64; 2] = [5e-4, 5e-3];
-/// Share of the highest speed by which the speed of the model may be wrong (assumed).
-const SPEED_SHARE: f64 = 0.1;
-/// A twin that goes on without readings while a reading rests: the friction that it has of the model's, with measured
-/// pressures and without, as that may be wrong and breaks away higher behind a rest; the time in which it comes back to the
-/// observer, s, so that flows that are not known do not add up; its way from which on the reading is stuck, or the drive is
-/// jammed, m; and the distance from an end within which a drive may stand at its end stop, m (assumed).
-const RUBS: [f64; 2] = [2.0, 3.0];
-const COMES_BACK: f64 = 0.3;
-const GONE: f64 = 2e-3;
-const AT_END: f64 = 2e-3;
-/// Readings in a row that are not credible until the sensor is lost (assumed).
-const LOST: u32 = 3;
+use crate::thresholds::{
+    POSITION_AT_END, POSITION_BEARS, POSITION_CORRECTED, POSITION_CREEPS, POSITION_FRICTION, POSITION_GONE,
+    POSITION_JUMP, POSITION_LOST, POSITION_RETURNS, POSITION_SPEED, POSITION_STOPS, POSITION_STUCK,
+};
 
 /// What is known of a position sensor.
 #[derive(Clone, Debug, Default)]
@@ -59,7 +38,7 @@ struct Twin {
 
 /// A state goes on by a model for a period; on the way it comes back to `seen`.
 fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period: f64) {
-    let share = period / (period + COMES_BACK);
+    let share = period / (period + POSITION_RETURNS);
     let back = |own: &mut f64, seen: f64| *own += share * (seen - *own);
     back(&mut own.position, seen.position);
     back(&mut own.velocity, seen.velocity);
@@ -75,7 +54,7 @@ fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period
 impl Position {
     /// The sensor is not read any more.
     pub fn is_lost(&self) -> bool {
-        self.bad >= LOST
+        self.bad >= POSITION_LOST
     }
 
     /// Whether a reading that jumped is off by that jump still, beside where the model is by now, rather than right again.
@@ -102,21 +81,21 @@ impl Position {
         }
         let mut miss = reading - foreseen.position;
         // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
-        let creeps = is_held || foreseen.velocity.abs() < CREEPS[usize::from(!by_gas)];
+        let creeps = is_held || foreseen.velocity.abs() < POSITION_CREEPS[usize::from(!by_gas)];
         // So may one that sticks in truth: what it bears there is taken for a force that is missing.
         let [level, _] = model.friction_levels([reading, 0.0], seen.pressures);
         let force = model.gas_force(seen.pressures) + model.load;
-        let sticks = by_gas && self.stopped && force.abs() < BEARS * level;
+        let sticks = by_gas && self.stopped && force.abs() < POSITION_BEARS * level;
         let way = if creeps || sticks { 0.0 } else { foreseen.velocity * period };
         if self.last == Some(reading) {
             self.moved += way;
         } else {
             let v = foreseen.velocity;
-            (self.moved, self.from_rest) = (0.0, v.abs() < CREEPS[1]);
-            self.stopped = 0.5 * model.mass * v * v < level * STOPS * grain;
+            (self.moved, self.from_rest) = (0.0, v.abs() < POSITION_CREEPS[1]);
+            self.stopped = 0.5 * model.mass * v * v < level * POSITION_STOPS * grain;
         }
-        let apart = (SPEED_SHARE * period).max(JUMP * jitter) * fastest;
-        let jumps = miss.abs() > JUMP * grain + apart * f64::from(1 + self.bad);
+        let apart = (POSITION_SPEED * period).max(POSITION_JUMP * jitter) * fastest;
+        let jumps = miss.abs() > POSITION_JUMP * grain + apart * f64::from(1 + self.bad);
         // Without measured pressures a law that holds drives its gas by the model alone, for as long as it rests.
         let rests = self.last == Some(reading) && (by_gas || !is_held);
         if !rests {
@@ -124,7 +103,7 @@ impl Position {
         } else {
             let twin = self.twin.get_or_insert_with(|| {
                 let mut rubbing = model.clone();
-                rubbing.friction_shares[0] *= RUBS[usize::from(!by_gas)];
+                rubbing.friction_shares[0] *= POSITION_FRICTION[usize::from(!by_gas)];
                 Twin { rubbing, rubs: *seen, free: *seen }
             });
             go_on(&mut twin.rubs, &twin.rubbing, seen, edges, period);
@@ -132,15 +111,16 @@ impl Position {
         }
         let gone = self.twin.as_ref().map_or(0.0, |twin| twin.rubs.position - reading);
         let room = if gone > 0.0 { model.stroke - reading } else { reading };
-        let is_gone = gone.abs() > GONE.max(STUCK * grain) && room > AT_END;
+        let is_gone = gone.abs() > POSITION_GONE.max(POSITION_STUCK * grain) && room > POSITION_AT_END;
         if is_gone {
             miss = -gone;
         }
-        let breaks_away = (0.5 * level / model.mass * CORRECTED * CORRECTED).min(GONE);
+        let breaks_away =
+            (0.5 * level / model.mass * POSITION_CORRECTED * POSITION_CORRECTED).min(POSITION_GONE);
         let late = if self.from_rest { breaks_away } else { 0.0 };
         // A reading may come as late as the next one, whose time jitters by so much beyond what the speed is unsure anyway.
-        let jittered = (JUMP * jitter - SPEED_SHARE * period).max(0.0) * foreseen.velocity.abs();
-        let is_stuck = is_gone || self.moved.abs() > STUCK * grain + late + jittered;
+        let jittered = (POSITION_JUMP * jitter - POSITION_SPEED * period).max(0.0) * foreseen.velocity.abs();
+        let is_stuck = is_gone || self.moved.abs() > POSITION_STUCK * grain + late + jittered;
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);

@@ -1,0 +1,193 @@
+//! Thresholds of controllers, observer and supervisor: name, value, unit, meaning and reason of each, in one table.
+//!
+//! Bounds that users set stand in the controller file. The page on the theory prints [`thresholds`].
+
+/// A threshold.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Threshold {
+    /// Its name in the code.
+    pub name: &'static str,
+    /// Its value, or values, in its unit.
+    pub value: String,
+    /// Unit in SI, or what is counted; `1` for a pure number.
+    pub unit: &'static str,
+    /// Its meaning.
+    pub meaning: &'static str,
+    /// Why it has this value.
+    pub reason: &'static str,
+}
+
+macro_rules! thresholds {
+    ($($name:ident: $kind:ty = $value:expr, $unit:literal, $meaning:literal, $reason:literal;)*) => {
+        $(#[doc = concat!($meaning, "; ", $unit, " (", $reason, ")")] pub(crate) const $name: $kind = $value;)*
+
+        /// All thresholds, in the order of the code.
+        pub fn thresholds() -> Vec<Threshold> {
+            vec![$(Threshold {
+                name: stringify!($name), value: format!("{:?}", $name), unit: $unit, meaning: $meaning, reason: $reason,
+            }),*]
+        }
+    };
+}
+
+thresholds! {
+    // Observer and model.
+    OBSERVER_REST: f64 = 2e-3, "m/s", "speed below which an unexplained force is assigned to friction", "assumed";
+    LONGEST_PIECE: f64 = 1e-3, "s", "longest step of the simulated motion", "spool and friction need no shorter one";
+    FOLLOWED: f64 = 0.5, "1", "fraction of a step in which friction may reach its level", "rates up to 2.7 per step are stable";
+    GAS_TEMPERATURES: [f64; 2] = [100.0, 1000.0], "K", "bounds of simulated gas temperatures", "assumed";
+    LEAST_PRESSURE: f64 = 1e3, "Pa", "lower bound of simulated pressures", "assumed";
+    LEAST_VOLUME: f64 = 0.01, "1", "least fraction of the dead volume, beyond the stroke", "a prediction stays finite";
+    SLOPE_STEP: f64 = 1e-4, "1", "relative change of a pressure for a numerical slope", "rounding and curvature are both small";
+    OVERLAP_WIDTH: f64 = 0.004, "1", "opening within which the compensation of the overlap changes sign", "assumed";
+    LEAST_SPEED: f64 = 1e-12, "m/s", "speed at which friction has its level of rest", "formulas may be zero at rest";
+    SMOOTH_SPEED: f64 = 1e-4, "m/s", "speed below which the direction of friction is smoothed", "assumed";
+    SPOOL_ROUNDING: f64 = 1e-6, "1", "fraction of a step that rounding of times may take", "far above the rounding of f64";
+    LEAST_LAG: f64 = 3e-3, "s", "least lag for which a bandwidth is derived", "sensors and friction have lags of their own; assumed";
+
+    // Controllers.
+    LEAST_UNKNOWN: f64 = 1e-3, "1", "least unexplained force, as a fraction of the force of the supply", "a drive without friction has some, too; assumed";
+    TAKEOVER_TIME: f64 = 0.2, "s", "time in which a controller takes over, or a gain changes", "assumed";
+    FARTHEST: f64 = 1e3, "m and m/s", "position and speed beyond which the observer starts again", "assumed";
+    COUNT_DEVIATIONS: f64 = 3.464_101_615_137_754_6, "1", "standard deviations in one count of a sensor", "square root of 12: rounding is uniform";
+    PUSH_BOUND: f64 = 1.5, "1", "bound of the breakaway force, in Coulomb friction", "assumed";
+    PUSH_SLIPS: f64 = 0.02, "m/s", "speed from which a pushed drive has broken away", "assumed";
+    NMPC_LAST: f64 = 4.0, "1", "weight of the last move, for the time after the horizon", "assumed";
+    NMPC_ACCELERATION: f64 = 0.1, "1", "weight of an error of acceleration", "assumed";
+    NMPC_SHORTER: f64 = 0.25, "1", "fraction of a step that is taken if the whole step costs more", "assumed";
+    NMPC_SLOW: f64 = 0.05, "m/s", "speed below which the motion is simulated in steps of 1 ms", "assumed";
+    NMPC_ROUNDS: usize = 20, "1", "rounds of the search for moves at a limit", "eight moves need fewer";
+    SLIDING_BANDWIDTH: f64 = 48.0, "rad/s", "bandwidth of the sliding surface", "assumed";
+    SLIDING_GAIN: f64 = 0.1, "1", "gain as a fraction of force rate over mass", "assumed";
+    STIFFNESS_WEIGHT: f64 = 0.3, "1", "weight of the stiffness beside the force", "assumed";
+    STIFFNESS_RATE: f64 = 0.2, "1", "rate of the stiffness as a fraction of the bandwidth", "assumed";
+    STIFFNESS_MEAN: [f64; 2] = [0.25, 0.75], "1", "mean pressures between which a stiffness is reached, from ambient (0) to supply (1)", "assumed";
+
+    // Holding.
+    HOLD_SPEED: f64 = 1e-3, "m/s", "speed below which holding may begin", "assumed";
+    HOLD_SWITCHING: [f64; 2] = [3.0, 4.0], "1/s", "rates of contact and gas on switching valves", "assumed";
+    HOLD_ELASTIC: [f64; 2] = [5.0, 8.0], "1/s", "rates of contact and gas for an elastic contact", "faster, the next breakaway of a light piston is larger; assumed";
+    HOLD_DRIFTING: [f64; 2] = [8.0, 30.0], "1/s", "rates of contact and gas for a contact that drifts", "within an unknown overlap leakage draws the piston away; assumed";
+    HOLD_LEAVE: f64 = 2.5, "bands", "error at which holding ends", "assumed";
+    HOLD_ROOM: [f64; 2] = [0.35, 0.7], "1", "change of the held force, in breakaway friction: elastic contact, contact that drifts", "a contact that does not give way by then sticks; assumed";
+    HOLD_FORGETS: f64 = 10.0, "s", "time in which that room follows the force", "a contact that creeps needs more and more force; assumed";
+    HOLD_VAIN: f64 = 2.0, "1", "slips past the target until the drive is kept where it is", "one slip may be chance; assumed";
+    HOLD_NEARER: f64 = 0.8, "1", "fraction of the least error below which a slip comes nearer", "assumed";
+    HOLD_RELEASES: f64 = 50.0, "1/s", "rate at which a kept contact is relieved of its force", "assumed";
+
+    // Adaptation.
+    LEARN_KEPT: f64 = 0.9995, "1", "forgetting factor per sample", "assumed";
+    LEARN_VARIANCE: f64 = 0.1, "1", "variance of a parameter at the start, and its upper bound", "assumed";
+    LEARN_MOTION_LAG: f64 = 0.02, "s", "lag of the force balance", "assumed";
+    LEARN_GAS_LAG: f64 = 0.015, "s", "lag of the energy balance", "assumed";
+    LEARN_SLIDES: f64 = 0.025, "m/s", "speed above which friction is learned", "above the falling part of usual friction curves; assumed";
+    LEARN_FAST: f64 = 0.05, "m/s", "speed above which friction is learned with full weight", "assumed";
+    LEARN_MOVES: f64 = 5e-3, "m/s", "speed above which a drive moves in one direction", "above the noise of an estimate at rest; assumed";
+    LEARN_MOVED_FOR: f64 = 0.2, "s", "time in one direction before a reversal counts", "assumed";
+    LEARN_STOOD_FOR: f64 = 0.1, "s", "longest rest in a reversal that counts", "assumed";
+    LEARN_REVERSAL: f64 = 0.5, "1", "weight of a reversal", "assumed";
+    LEARN_SETTLED: f64 = 4.0, "lags", "time after which the past is forgotten", "assumed";
+    LEARN_FORCE_DEVIATION: f64 = 5.0, "N", "deviation of the force balance", "assumed";
+    LEARN_FLOW_DEVIATION: f64 = 0.05, "1", "deviation of the energy balance, as a fraction of the full flow", "assumed";
+    LEARN_PRESSURE_DEVIATION: f64 = 6e3, "Pa", "deviation of the force balance as a pressure on the piston", "errors of pressure sensors grow with the area; assumed";
+    LEARN_OFFSET: f64 = 10.0, "N", "unit of a constant force", "assumed";
+    LEARN_FRICTION_WITHIN: [f64; 2] = [0.3, 3.0], "1", "bounds of learned friction, of the described one", "assumed";
+    LEARN_MASS_WITHIN: [f64; 2] = [0.5, 3.0], "1", "bounds of the learned mass, of the described one", "assumed";
+    LEARN_CONDUCTANCE_WITHIN: [f64; 2] = [0.4, 2.5], "1", "bounds of the learned conductance, of the described one", "assumed";
+    LEARN_OVERLAP_WITHIN: [f64; 2] = [0.0, 0.1], "1", "bounds of the learned overlap", "assumed";
+    LEARN_HEAVY: f64 = 0.1, "1", "inertia above which the learned mass is used, in Coulomb friction", "below it other errors look like mass; assumed";
+    LEARN_OPEN: f64 = 0.012, "1", "opening beyond the overlap from which the valve is learned", "assumed";
+    LEARN_SPOOL_SPEED: f64 = 5.0, "1/s", "speed of the spool below which the valve is learned", "assumed";
+    LEARN_SPOOL_CALM: f64 = 0.002, "s", "time for which the spool has to be so slow", "assumed";
+    LEARN_FULL: f64 = 0.8, "1", "pressure of a full chamber, of the supply", "a supply 6 % lower fills it 12 % slower there; assumed";
+    LEARN_JUMP: f64 = 0.5, "1", "jump of the unexplained force that is a load, in friction and inertia", "assumed";
+    LEARN_WAIT: f64 = 0.5, "s", "time for which learning pauses after a load", "assumed";
+
+    // Reference and feasibility.
+    STOP_LEAST_TIME: f64 = 0.02, "s", "least time of a stop ramp", "assumed";
+    RETURN_LEAST_TIME: f64 = 0.2, "s", "least time of a return to the reference", "assumed";
+    SLOWS_WITHIN: f64 = 0.2, "s", "time in which the clock of a reference slows down", "assumed";
+    FEASIBLE_STEP: f64 = 1e-3, "s", "longest step along a reference", "assumed";
+    FEASIBLE_LEAST_STEP: f64 = 1e-5, "s", "shortest step along a reference", "assumed";
+    FEASIBLE_PIECES: f64 = 20.0, "1", "least steps of a move", "assumed";
+    FEASIBLE_SLOW: f64 = 2e-3, "m/s", "speed below which friction follows the way alone", "well above the smoothing of its direction";
+    FEASIBLE_FOLLOWS: f64 = 300.0, "1/s", "rate at which the force is drawn to the wanted one", "well above the bandwidth of a controller; assumed";
+    FEASIBLE_SLOWEST: f64 = 1e4, "1", "largest factor in time that is tried", "assumed";
+    FEASIBLE_FOUND: f64 = 1e-3, "1", "relative width at which the search ends", "a reference is rounded to a thousandth";
+
+    // Limits and reference (supervisor).
+    LIMIT_ROUNDING: f64 = 1e-9, "m and m/s", "rounding that a reference at a limit may have", "far above the rounding of f64";
+    CLOCK_WITHIN: [f64; 2] = [0.5, 1.5], "periods", "time between two samples that is no fault", "assumed";
+    REFERENCE_JUMP: f64 = 1e-3, "m", "jump of a reference that starts a stop ramp", "assumed";
+    STOP_NEAR: f64 = 2e-3, "m", "error up to which a stop ramp begins on the reference", "assumed";
+    STOP_APART: f64 = 2e-3, "m", "distance from an end stop at which a stop ramp ends", "assumed";
+    MODEL_TRUSTED: f64 = 0.08, "s", "time for which the model knows the position without readings", "assumed";
+    SLOW_FULL: f64 = 0.95, "1", "command that is saturated", "assumed";
+    SLOW_FULL_FOR: f64 = 0.02, "s", "saturation after which a reference slows down", "assumed";
+    SLOW_FACTOR: f64 = 0.8, "1", "factor of its rate each time", "assumed";
+    SLOW_LEAST: f64 = 0.05, "1", "rate below which the drive stops", "assumed";
+    REVERSED_FOR: f64 = 1.0, "s", "time for which no command is given that takes air from the chamber it should fill", "assumed";
+
+    // Position sensor (supervisor).
+    POSITION_JUMP: f64 = 5.0, "counts", "distance of a reading from the model that is not credible; also deviations of its time", "assumed";
+    POSITION_STUCK: f64 = 20.0, "counts", "way of the model while a reading rests", "assumed";
+    POSITION_CORRECTED: f64 = 5e-3, "s", "time in which the observer corrects friction at breakaway", "a contact may break away later than the model; assumed";
+    POSITION_STOPS: f64 = 4.0, "counts", "way in which friction stops a drive that then rests", "assumed";
+    POSITION_BEARS: f64 = 1.25, "1", "friction that such a drive may bear, in breakaway friction", "assumed";
+    POSITION_CREEPS: [f64; 2] = [5e-4, 5e-3], "m/s", "speed of the model while its drive rests: with pressure sensors, without", "its contact gives way smoothly below breakaway; assumed";
+    POSITION_SPEED: f64 = 0.1, "1", "error of the speed of the model, of the highest speed", "assumed";
+    POSITION_FRICTION: [f64; 2] = [2.0, 3.0], "1", "friction of the dead-reckoning model: with pressure sensors, without", "friction may be wrong, and is higher after a rest; assumed";
+    POSITION_RETURNS: f64 = 0.3, "s", "time in which the dead-reckoning model returns to the observer", "unknown flows do not add up; assumed";
+    POSITION_GONE: f64 = 2e-3, "m", "way of the dead-reckoning model after which a resting reading is stuck", "assumed";
+    POSITION_AT_END: f64 = 2e-3, "m", "distance from an end within which a drive may rest at its stop", "assumed";
+    POSITION_LOST: u32 = 3, "samples", "readings in a row that are not credible until the sensor is lost", "assumed";
+
+    // Pressure sensors, supply and valve (supervisor).
+    PRESSURE_OFF: f64 = 0.3e5, "Pa", "distance of a pressure from the model that is not credible", "assumed";
+    PRESSURE_OFF_FOR: f64 = 0.02, "s", "for how long", "assumed";
+    PRESSURE_FOLLOWS: f64 = 0.1, "s", "time in which the model follows the readings", "assumed";
+    PRESSURE_FLOW: f64 = 0.4, "1", "error of the modelled flow", "assumed";
+    PRESSURE_HARDLY_OPEN: f64 = 0.025, "1", "flow, of the full one, that may be wrong altogether", "overlap and hysteresis of a valve that is hardly open; assumed";
+    PRESSURE_BEYOND: f64 = 1.0, "1", "unexplained force that is assigned to friction, in breakaway friction", "assumed";
+    PRESSURE_BORNE: f64 = 0.02, "s", "time in which a modelled pressure takes the rest", "assumed";
+    PRESSURE_LOST: u32 = 3, "samples", "readings in a row that are not credible until the sensor is lost", "assumed";
+    SUPPLY_FALLEN: f64 = 1e5, "Pa", "fall of the supply that is reported", "assumed";
+    SUPPLY_FALLEN_FOR: f64 = 0.03, "s", "for how long", "assumed";
+    SUPPLY_FLOWN: f64 = 0.5e5, "Pa", "change of a pressure by flow from which a fall is seen", "assumed";
+    SUPPLY_REVERSED: f64 = 0.01, "s", "time for which a chamber loses air to its supply until that is seen", "assumed";
+    SUPPLY_DOUBTED: f64 = 0.2e5, "Pa", "change of a pressure from which the supply is doubted", "assumed";
+    SUPPLY_LESS: f64 = 0.3, "1", "error of the flow into a chamber", "assumed";
+    SUPPLY_HARDLY_OPEN: f64 = 0.02, "1", "opening that may be none", "assumed";
+    SUPPLY_LATE: usize = 4, "samples", "delay of opening and flow", "assumed";
+    SUPPLY_SAGS: f64 = 0.1, "1", "least conductance of a supply, of the valve's", "so much fills a chamber if the supply sags; assumed";
+    SUPPLY_LACKS: f64 = 0.12e5, "Pa", "missing pressure of a chamber that is not filled", "assumed";
+    SUPPLY_FORGOTTEN: f64 = 0.01, "s", "time in which that is forgotten", "assumed";
+    SUPPLY_AT_ONCE: f64 = 1.0 / 3.0, "1", "fraction of it that one sample may lack", "assumed";
+    SUPPLY_VENTS: f64 = 0.5, "1", "flow of the other chamber below which the valve is the cause", "assumed";
+
+    // End-stop brake (supervisor).
+    BRAKE_TOUCH: f64 = 0.03, "m/s", "speed at which the drive may touch an end stop", "assumed";
+    BRAKE_SLOW: f64 = 0.1, "m/s", "speed below which the valve is shut instead of reversed", "full braking opens the chamber ahead to a supply that may have fallen; assumed";
+    BRAKE_SOFT: f64 = 0.04, "m/s", "speed of a touch that is then allowed", "assumed";
+    BRAKE_APART: f64 = 0.5e-3, "m", "error of the position", "assumed";
+    BRAKE_STEPS: usize = 300, "samples", "longest simulation of a way", "0.3 s: a drive has turned by then";
+    BRAKE_LEAST: f64 = 0.2, "1", "least braking force, of that of the full pressure", "farther away nothing is simulated; assumed";
+    BRAKE_TURN: f64 = 0.03, "s", "time in which the force of the gas turns", "assumed";
+    BRAKE_GAIN: [f64; 2] = [2e-3, 6e-3], "s", "time for which the full force may act before braking: along the motion, after a turn", "assumed";
+    BRAKE_AWAY: f64 = 0.03, "s", "time for which a drive that moves away from the end is simulated", "assumed";
+    BRAKE_MARGINS: [f64; 3] = [0.5, 1.0, 1.5], "1", "error of the way: usually, with trapped air alone, while it brakes", "assumed";
+    BRAKE_MISSING: f64 = 2.0, "1", "unexplained force after which the supply is doubted, in Coulomb friction", "assumed";
+    BRAKE_MISSED_FOR: f64 = 1.0, "s", "for how long it is doubted", "assumed";
+    BRAKE_COUNTED_ON: f64 = 0.4, "1", "pressure of a supply that did not fill a chamber, of that chamber's", "assumed";
+    BRAKE_HOPED_FOR: f64 = 0.8, "1", "the same if the drive hits otherwise", "assumed";
+    BRAKE_HITS: f64 = 0.15, "m/s", "speed of a hit above which that is tried", "assumed";
+    BRAKE_SURE: f64 = 0.2, "1", "part of the way to spare if little air is ahead", "assumed";
+    BRAKE_TIMES: u32 = 3, "1", "times that a drive at rest is braked until its valve is shut", "assumed";
+    BRAKE_FAST: f64 = 0.1, "m/s", "speed above which such a brake counts", "assumed";
+    BRAKE_WITHIN: f64 = 0.5, "s", "time between two of them", "assumed";
+
+    // Motion monitor (supervisor).
+    MOTION_MOVED: f64 = 1e-3, "m", "way that counts as motion", "assumed";
+    MOTION_AIR: f64 = 0.3, "1", "pressure below which there is no air, of the supply", "assumed";
+    MOTION_HELD: f64 = 1.5, "1", "force above which something else blocks the drive, in breakaway friction", "assumed";
+}
