@@ -1,7 +1,6 @@
 //! What a law believes, brought to what its drive does: friction, mass and valve, by recursive least squares while it moves.
 
 use crate::model::Model;
-use crate::observer::State;
 use crate::thresholds::{
     LEARN_CONDUCTANCE_WITHIN, LEARN_FAST, LEARN_FLOW_DEVIATION, LEARN_FORCE_DEVIATION, LEARN_FRICTION_WITHIN,
     LEARN_FULL, LEARN_GAS_LAG, LEARN_HEAVY, LEARN_JUMP, LEARN_KEPT, LEARN_MASS_WITHIN, LEARN_MOTION_LAG,
@@ -9,6 +8,7 @@ use crate::thresholds::{
     LEARN_REVERSAL, LEARN_SETTLED, LEARN_SLIDES, LEARN_SPOOL_CALM, LEARN_SPOOL_SPEED, LEARN_STOOD_FOR,
     LEARN_VARIANCE, LEARN_WAIT,
 };
+use crate::types::State;
 
 /// Recursive least squares with forgetting, of `y = phi' theta`.
 #[derive(Clone, Debug)]

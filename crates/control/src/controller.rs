@@ -3,18 +3,16 @@
 use crate::adaptation::Adaptation;
 use crate::course::Course;
 use crate::gains::{FACTOR_BOUNDS, FACTORS, Gain, Gains};
-use crate::law::{FACTORED, Fuzzy, Inversion, Law, Nmpc, Pid, Plant, Sliding, SuperTwisting, Tick, Tuned};
-use crate::model::{Edges, Model, Slip};
+use crate::hold::{Hold, Resting};
+use crate::law::{FACTORED, Fuzzy, Inversion, Law, Nmpc, Pid, Sliding, SuperTwisting, Tick, Tuned};
+use crate::model::Model;
 use crate::number::{Memory, Number};
-use crate::observer::{Noise, Observer, Sample, State};
+use crate::observer::{Noise, Observer};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
 use crate::supervisor::{Rules, Supervisor};
-use crate::thresholds::{
-    COUNT_DEVIATIONS, FARTHEST, HOLD_DRIFTING, HOLD_ELASTIC, HOLD_FORGETS, HOLD_LEAVE, HOLD_NEARER,
-    HOLD_RELEASES, HOLD_ROOM, HOLD_SPEED, HOLD_SWITCHING, HOLD_VAIN, LEAST_UNKNOWN, PUSH_BOUND, PUSH_SLIPS,
-    TAKEOVER_TIME,
-};
+use crate::thresholds::{COUNT_DEVIATIONS, FARTHEST, LEAST_UNKNOWN, PUSH_BOUND, PUSH_SLIPS, TAKEOVER_TIME};
+use crate::types::{Edges, Moment, Plant, Sample, State};
 use crate::valves::{Commands, Valves};
 
 macro_rules! laws {
@@ -87,100 +85,6 @@ macro_rules! laws {
 }
 
 laws!(Pid, Fuzzy, Sliding, SuperTwisting, Inversion, Nmpc);
-
-/// Standing still: the force at which the seal rests is kept.
-#[derive(Clone, Debug)]
-pub struct Hold<S = f64> {
-    /// Error below which it is entered, m.
-    pub band: f64,
-    /// For how long before, s.
-    pub after: f64,
-    /// For how long it has been near the place, and within the band about a place anywhere, s, and the error there, m.
-    waited: S,
-    rested: S,
-    place: S,
-    /// Whether it holds, 0 or 1, the force that it keeps, and about the one that it began with, N.
-    holds: S,
-    force: S,
-    begun: S,
-    /// While the reference stands: the error at which it rested last, the least size of one, m, and how often it slipped past
-    /// its target since, no nearer.
-    rest: S,
-    nearest: S,
-    vain: S,
-}
-
-impl<S: Number> Hold<S> {
-    /// With a band, m, entered after a time, s.
-    pub fn new(band: f64, after: f64) -> Self {
-        let [waited, rested, place, holds, force, begun, rest, nearest, vain] = [S::zero(); 9];
-        Hold { band, after, waited, rested, place, holds, force, begun, rest, nearest, vain }
-    }
-
-    /// 1 where a drive is to be kept where it rests, else 0: it has slipped past its target, and no nearer to it, twice.
-    /// Another slip would do the same.
-    fn kept(&self) -> S {
-        S::select(self.vain.lt(S::c(HOLD_VAIN)), S::zero(), S::one())
-    }
-
-    /// Counts such slips while the reference stands.
-    fn count(&mut self, stands: S, e: S, period: f64) {
-        let (zero, one) = (S::zero(), S::one());
-        // By the place: the velocity of an observer trembles behind each slip.
-        let has_moved = S::c(self.band).lt((e - self.place).abs());
-        self.place = S::select(has_moved, e, self.place);
-        self.rested = S::select(has_moved, zero, self.rested + S::c(period)) * stands;
-        let rests = S::select(self.rested.lt(S::c(0.5 * self.after)), zero, one);
-        let passed = S::select((e * self.rest).lt(S::c(-self.band * self.band)), rests, zero);
-        let is_first = self.nearest.lt(S::c(f64::MIN_POSITIVE));
-        let is_nearer =
-            S::select(e.abs().lt(self.nearest.times(HOLD_NEARER)), rests, S::select(is_first, rests, zero));
-        self.nearest = S::select(zero.lt(is_nearer), e.abs(), self.nearest) * stands;
-        self.vain = S::select(zero.lt(is_nearer), zero, self.vain + passed) * stands;
-        let takes = S::select(zero.lt(self.holds * self.kept()), zero, rests);
-        self.rest = S::select(zero.lt(takes), e, self.rest) * stands;
-    }
-
-    /// Whether it holds, and the rate of the force of the gas then, N/s: the contact gives way by what is missing. `stands` is
-    /// 1 while the reference stands, else 0; `level` is the friction that breaks away, N.
-    fn rate(
-        &mut self,
-        stands: S,
-        [e, v]: [S; 2],
-        [gas, level]: [S; 2],
-        (model, period): (&Model, f64),
-    ) -> (S::Mask, S) {
-        let zero = S::zero();
-        self.count(stands, e, period);
-        let held = zero.lt(self.holds);
-        let limit = S::select(held, S::c(HOLD_LEAVE * self.band), S::c(self.band));
-        let is_far = limit.lt((e - self.rest * self.kept()).abs());
-        // What takes it away from there may be another load: it is tried once more.
-        self.vain = S::select(is_far, self.vain.min(S::c(HOLD_VAIN - 1.0)), self.vain);
-        let kept = self.kept();
-        let near = S::select(is_far, zero, stands);
-        let near = S::select(S::c(HOLD_SPEED).lt(v.abs()), near * self.holds.max(kept), near);
-        let waited = (self.waited + S::c(period)).max(kept.times(self.after));
-        self.waited = S::select(zero.lt(near), waited, zero);
-        let force = S::select(held, self.force, gas);
-        let follows = self.begun + (force - self.begun).times(period / HOLD_FORGETS);
-        self.begun = S::select(held, follows, gas);
-        let drifts = model.slip == Slip::Always;
-        let [creep, settle] = match (model.valve.arrangement.is_proportional(), drifts) {
-            (false, _) => HOLD_SWITCHING,
-            (true, false) => HOLD_ELASTIC,
-            (true, true) => HOLD_DRIFTING,
-        };
-        // Where it is kept, away from where friction gives way.
-        let released = (S::c(-model.load) - force).times(HOLD_RELEASES * period);
-        let drawn = S::select(zero.lt(kept), released, e.times(creep * model.stick_stiffness * period));
-        let room = level.times(HOLD_ROOM[usize::from(drifts)]);
-        self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
-        self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
-        let creep = (self.force - force).times(1.0 / period);
-        (zero.lt(self.holds), creep + (self.force - gas).times(settle))
-    }
-}
 
 /// A law, what it believes, and what it remembers.
 #[derive(Clone, Debug)]
@@ -313,7 +217,7 @@ impl Controller {
     pub fn give(&mut self, time: f64, command: f64) -> Commands {
         let Controller { valves, model, observer, period, .. } = self;
         match observer {
-            Some(observer) => valves.open(model, observer, (time, *period), command),
+            Some(observer) => valves.open(model, observer, Moment { time, period: *period }, command),
             None => valves.shut(command),
         }
     }
@@ -519,10 +423,8 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
             observer.numbers(see);
         }
         self.friction.iter_mut().chain([&mut self.push]).for_each(&mut *see);
-        if let Some(Hold { waited, rested, place, holds, force, begun, rest, nearest, vain, .. }) =
-            &mut self.hold
-        {
-            [waited, rested, place, holds, force, begun, rest, nearest, vain].into_iter().for_each(&mut *see);
+        if let Some(hold) = &mut self.hold {
+            hold.each(see);
         }
         self.law.each(see);
     }
@@ -546,13 +448,15 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         let rate = model.stick_rate(wanted.velocity, *along, level, period);
         *along += rate.times(period);
         let e = ahead.now.position - observer.state.position;
-        let gas = model.gas_force(state.pressures);
-        let seen = [e, observer.state.velocity];
+        let seen = Resting {
+            stands: ahead.stands,
+            error: e,
+            velocity: observer.state.velocity,
+            gas: model.gas_force(state.pressures),
+            level,
+        };
         let never = (S::zero().lt(S::zero()), S::zero());
-        let (holds, held) = self
-            .hold
-            .as_mut()
-            .map_or(never, |hold| hold.rate(ahead.stands, seen, [gas, level], (model, period)));
+        let (holds, held) = self.hold.as_mut().map_or(never, |hold| hold.rate(&seen, model, period));
         let bandwidth = self.plant.bandwidth();
         let rate_of_push = self.law.push() * bandwidth * period;
         let bound = PUSH_BOUND * self.plant.coulomb;

@@ -4,14 +4,16 @@
 mod print;
 mod traced;
 
+use crate::types::Sample;
 pub use print::Language;
 pub use traced::{Function, Graph, Node, Operator, Traced, record};
 
-use crate::controller::{Ahead, AnyLaw, Controller, Decided, Hold, Takeover};
+use crate::controller::{Ahead, AnyLaw, Controller, Decided, Takeover};
 use crate::course::Course;
 use crate::gains::Gain;
+use crate::hold::Hold;
 use crate::law::Law;
-use crate::observer::{Observer, Sample};
+use crate::observer::Observer;
 use crate::reference::{Reference, Wanted, between, blend};
 use crate::valves::Valves;
 use math::Real;

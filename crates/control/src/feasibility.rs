@@ -1,13 +1,12 @@
 //! Whether a drive can follow a reference: the inverse of its model, run along the reference.
 
-use crate::law::Plant;
 use crate::model::Model;
-use crate::observer::State;
 use crate::reference::Reference;
 use crate::thresholds::{
     FEASIBLE_FOLLOWS, FEASIBLE_FOUND, FEASIBLE_LEAST_STEP, FEASIBLE_PIECES, FEASIBLE_SLOW, FEASIBLE_SLOWEST,
     FEASIBLE_STEP,
 };
+use crate::types::{Plant, State};
 
 /// What a reference takes of a drive along a time, the largest of each.
 #[derive(Clone, Copy, Debug)]

@@ -1,9 +1,8 @@
 //! What a law believes of its drive: the equations of gas, motion and friction, written with the laws of `physics`.
 
 use crate::number::Number;
-use crate::observer::State;
 use crate::thresholds::{LEAST_SPEED, LEAST_VOLUME, OVERLAP_WIDTH, SLOPE_STEP, SMOOTH_SPEED};
-use crate::valves::Arrangement;
+use crate::types::{Arrangement, Edges, Plant, State};
 use math::{Function, Over};
 use physics::chamber::{EnergyBalance, Exchange, GasState};
 use physics::flow::{End, Iso6358, leaking, opened};
@@ -55,9 +54,6 @@ impl Side {
         length.times_plus(self.perimeter, S::c(self.end_wall)).max(S::zero())
     }
 }
-
-/// Edges that open: filling and venting of chambers a and b.
-pub type Edges<S> = [[S; 2]; 2];
 
 /// Openings of edges: of each chamber, or those of one 5/3 valve, supply to a and a to exhaust.
 pub trait Openings<S> {
@@ -382,6 +378,31 @@ impl Model {
     #[inline(always)]
     pub fn acceleration<S: Over<f64>>(&self, gas: S, v: S, viscous: S, f: S, d: S) -> S {
         (gas + S::c(self.load) - f - viscous * v + d).times(1.0 / self.mass)
+    }
+}
+
+impl Plant {
+    /// Of a model with its piston at x between the pressures `p` Pa, sampled with a period:
+    ///
+    ///   omega^2 = k (p_a A_a^2/V_a + p_b A_b^2/V_b)/M,   K_v = C rho0 R T/A,   zeta = Fv/(2 M omega)
+    pub fn of(model: &Model, x: f64, p: [f64; 2], period: f64) -> Self {
+        let k = model.gas.heat_capacity_ratio;
+        let stiffness: f64 =
+            (model.sides.iter().zip(p)).map(|(side, p)| k * p * side.area * side.area / side.volume(x)).sum();
+        let natural_frequency = (stiffness / model.mass).sqrt();
+        let [coulomb, viscous] = model.friction_levels([x, 1.0], p);
+        let area = 0.5 * (model.sides[0].area + model.sides[1].area);
+        // Choked exhaust: the gas leaves at its density times this volume flow.
+        let volume_flow = model.volume_flow();
+        let volume = 0.5 * (model.sides[0].volume(x) + model.sides[1].volume(x));
+        Plant {
+            natural_frequency,
+            damping_ratio: viscous / (2.0 * model.mass * natural_frequency),
+            speed: volume_flow / area,
+            force_rate: k * volume_flow * model.supply.pressure * area / volume,
+            lag: model.valve.lag() + 0.5 * model.valve.arrangement.acts_for(period),
+            coulomb,
+        }
     }
 }
 

@@ -6,36 +6,8 @@ use crate::model::{Model, Openings};
 use crate::number::Number;
 use crate::spool::Spool;
 use crate::thresholds::{FOLLOWED, GAS_TEMPERATURES, LEAST_PRESSURE, LONGEST_PIECE, OBSERVER_REST};
+use crate::types::{Sample, State, gas_at};
 use math::Over;
-use physics::chamber::GasState;
-
-/// What sensors say at a sample.
-#[derive(Clone, Copy, Debug)]
-pub struct Sample<S = f64> {
-    /// s.
-    pub time: f64,
-    /// m.
-    pub position: S,
-    /// Pa absolute in chambers a and b; none: they run by the model alone.
-    pub pressures: Option<[S; 2]>,
-}
-
-/// The state of a drive as a law sees it.
-#[derive(Clone, Copy, Debug)]
-pub struct State<S = f64> {
-    /// m.
-    pub position: S,
-    /// m/s.
-    pub velocity: S,
-    /// Force that the model knows nothing of, N in +x.
-    pub disturbance: S,
-    /// Friction force beside its viscous part, N.
-    pub friction: S,
-    /// Pa absolute.
-    pub pressures: [S; 2],
-    /// K.
-    pub temperatures: [S; 2],
-}
 
 impl<S: Over<f64>> State<S> {
     /// Goes on for `h` s with edges open by `openings`; with `measured` pressures, gas follows those. Returns the acceleration
@@ -123,29 +95,6 @@ impl<S: Over<f64>> State<S> {
             [self.velocity, self.friction],
         )[1]
     }
-
-    /// The gas of both chambers.
-    pub fn gas(&self) -> [GasState<S>; 2] {
-        gas_at(&[self.pressures, self.temperatures])
-    }
-
-    /// The same in other numbers.
-    pub fn map<T: Copy>(&self, f: impl Fn(S) -> T) -> State<T> {
-        State {
-            position: f(self.position),
-            velocity: f(self.velocity),
-            disturbance: f(self.disturbance),
-            friction: f(self.friction),
-            pressures: self.pressures.map(&f),
-            temperatures: self.temperatures.map(&f),
-        }
-    }
-}
-
-/// The gas of both chambers at their pressures, Pa, and temperatures, K.
-#[inline(always)]
-fn gas_at<S: Over<f64>>([p, t]: &[[S; 2]; 2]) -> [GasState<S>; 2] {
-    [0, 1].map(|side| GasState::at(p[side], t[side]))
 }
 
 /// Position, velocity and disturbance by a steady Kalman filter over the model's motion; gas, friction and spool run beside

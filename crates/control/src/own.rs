@@ -1,8 +1,9 @@
 //! Laws of one's own: they are given what sensors and the observer say, and return a command.
 
 use crate::model::Model;
-use crate::observer::{Observer, Sample};
+use crate::observer::Observer;
 use crate::reference::Reference;
+use crate::types::Sample;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 

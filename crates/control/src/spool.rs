@@ -1,9 +1,10 @@
 //! A twin of the valve's spool: where it is and will be under the commands given so far.
 
-use crate::model::{Edges, Model, Openings, Valve};
+use crate::model::{Model, Openings, Valve};
 use crate::number::Number;
 use crate::thresholds::SPOOL_ROUNDING;
-use crate::valves::{Arrangement, MOST_VALVES};
+use crate::types::{Arrangement, Edges};
+use crate::valves::MOST_VALVES;
 use std::collections::VecDeque;
 
 /// A spool of second order behind a dead time, advanced exactly for commands that hold from tick to tick.

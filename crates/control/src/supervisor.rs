@@ -12,19 +12,19 @@ mod position;
 
 use crate::controller::{Answer, AnyLaw, Controller};
 use crate::course::{Course, Fade, Slowed};
-use crate::model::Edges;
-use crate::observer::{Sample, State};
+use crate::model::Model;
 use crate::reference::{Reference, Wanted};
 use crate::thresholds::{
     CLOCK_WITHIN, LIMIT_ROUNDING, MODEL_TRUSTED, REFERENCE_JUMP, REVERSED_FOR, SLOW_FACTOR, SLOW_FULL,
     SLOW_FULL_FOR, SLOW_LEAST, STOP_APART, STOP_NEAR,
 };
+use crate::types::{Edges, Moment, Sample, State};
 use brake::Braking;
 pub use event::{Event, EventKind, Log};
 use gas::Gas;
-use motion::Motion;
 pub use motion::MotionRules;
-use position::Position;
+use motion::{Motion, Moves};
+use position::{Position, Read};
 
 /// What is done about a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +37,19 @@ pub enum Reaction {
     Block,
     /// The reference is slowed in time until its commands are within the valve's; where that does not help, a stop ramp.
     Slow,
+}
+
+/// What the model says of a sample.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Believed<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// The state at the last sample.
+    pub last: &'a State,
+    /// Where that leads by now.
+    pub foreseen: &'a State,
+    /// How far edges were open since.
+    pub edges: Edges<f64>,
 }
 
 /// What a supervisor watches.
@@ -258,7 +271,7 @@ impl Supervisor {
             self.begin_return(own, &sample, &state, &asked);
         }
         if let Some(by) = skipped {
-            self.stop(own, &sample, (EventKind::Clock, by));
+            self.stop(own, &sample, EventKind::Clock, by);
         }
         self.check_reference(own, &sample, &asked);
         self.check_inputs(own, &sample, &state);
@@ -276,11 +289,11 @@ impl Supervisor {
         }
         let (wanted, stands) = (course.at(sample.time), course.stands(sample.time, own.plant.lag));
         self.followed = Some(wanted);
-        answer.command = self.guarded(own, &sample, &state, (answer.command, stands));
+        answer.command = self.guarded(own, &sample, answer.command, stands);
         if !self.is_shut() {
-            let rules = self.rules.motion;
-            let told = (&state, &wanted, stands, self.reversed.is_some());
-            self.motion.watch(&rules, &own.model, (sample.time, own.period), told, &mut self.log);
+            let at = Moment { time: sample.time, period: own.period };
+            let moves = Moves { state, wanted, stands, no_air: self.reversed.is_some() };
+            self.motion.watch(&self.rules.motion, &own.model, at, &moves, &mut self.log);
         }
         (self.command, self.is_held) = (answer.command, answer.holds);
         answer
@@ -316,13 +329,19 @@ impl Supervisor {
             return [None; 2];
         };
         let was_lost = self.position.is_lost();
-        let scale = (own.grain(), own.plant.speed, (own.period, self.inputs.jitter));
-        let reading = (sample.time, sample.position);
         self.measures_gas = sample.pressures.is_some();
-        let by_gas = self.measures_gas && !self.gas.is_lost();
-        let seen = (&foreseen, self.is_held, by_gas);
-        let model = (&own.model, &before, edges);
-        let (position, free) = self.position.checked(reading, seen, scale, model, &mut self.log);
+        let read = Read {
+            time: sample.time,
+            reading: sample.position,
+            period: own.period,
+            jitter: self.inputs.jitter,
+            grain: own.grain(),
+            fastest: own.plant.speed,
+            is_held: self.is_held,
+            by_gas: self.measures_gas && !self.gas.is_lost(),
+        };
+        let believed = Believed { model: &own.model, last: &before, foreseen: &foreseen, edges };
+        let (position, free) = self.position.checked(&read, &believed, &mut self.log);
         sample.position = position;
         if let (Some(free), Some(observer)) = (free, &mut own.observer) {
             let gas = observer.state;
@@ -330,9 +349,9 @@ impl Supervisor {
         }
         let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
         if let Some(pressures) = &mut sample.pressures {
-            let states = (&before, &foreseen);
-            let readings = (sample.time, pressures);
-            let found = self.gas.checked(&own.model, readings, states, (edges, own.period), &mut self.log);
+            let at = Moment { time: sample.time, period: own.period };
+            let believed = Believed { model: &own.model, last: &before, foreseen: &foreseen, edges };
+            let found = self.gas.checked(at, pressures, &believed, &mut self.log);
             self.modelled = found.modelled;
             if let Some(way) = found.reversed {
                 self.reverse_for(sample.time, way);
@@ -369,7 +388,7 @@ impl Supervisor {
         self.asked = is_number.then_some(*asked);
         let refused = !is_number || jumps || self.rules.refuses(asked, own.model.stroke).is_some();
         if refused && matches!(self.mode, Mode::Follows | Mode::Returns(_)) {
-            self.stop(own, sample, (EventKind::Reference, position));
+            self.stop(own, sample, EventKind::Reference, position);
         }
     }
 
@@ -384,13 +403,13 @@ impl Supervisor {
         }
         let moves = matches!(self.mode, Mode::Follows | Mode::Returns(_));
         if moves && self.inputs.emergency_stop {
-            self.stop(own, sample, (EventKind::EmergencyStop, v));
+            self.stop(own, sample, EventKind::EmergencyStop, v);
         } else if moves {
             let Rules { position: [low, high], speed, pressure, .. } = self.rules;
             let x = state.position;
             let pressed = state.pressures.iter().any(|p| !(pressure[0]..=pressure[1]).contains(p));
             if x < low || x > high || v.abs() > speed || pressed {
-                self.stop(own, sample, (EventKind::Limit, x));
+                self.stop(own, sample, EventKind::Limit, x);
             }
         }
     }
@@ -421,7 +440,7 @@ impl Supervisor {
         self.slowed = Some(clock);
     }
 
-    fn stop(&mut self, own: &Controller, sample: &Sample, (kind, value): (EventKind, f64)) {
+    fn stop(&mut self, own: &Controller, sample: &Sample, kind: EventKind, value: f64) {
         self.log.tell(sample.time, kind, value);
         self.react(own, sample, Reaction::Stop);
     }
@@ -521,13 +540,8 @@ impl Supervisor {
     }
 
     /// A command that keeps off end stops and limit switches.
-    fn guarded(
-        &mut self,
-        own: &Controller,
-        sample: &Sample,
-        state: &State,
-        (mut command, stands): (f64, bool),
-    ) -> f64 {
+    fn guarded(&mut self, own: &Controller, sample: &Sample, mut command: f64, stands: bool) -> f64 {
+        let Some(state) = own.state() else { return command };
         if command.is_nan() {
             return command;
         }
@@ -541,7 +555,7 @@ impl Supervisor {
         }
         if let Some(brake) = self
             .braking
-            .needed(own, command, (&self.gas, self.measures_gas), self.doubted_until)
+            .needed(own, command, &self.gas, self.measures_gas, self.doubted_until)
             .filter(|_| is_known)
         {
             if !self.braking.acts {

@@ -1,11 +1,11 @@
 //! Valves that a share of opening is given to: one 5/3 valve, two 3/2 valves, valves that are open or shut.
 
 use crate::gains::{Gain, law, listed};
-use crate::law::Plant;
 use crate::model::Model;
-use crate::observer::{Observer, State};
+use crate::observer::Observer;
 use crate::spool::Spool;
 use crate::thresholds::{STIFFNESS_MEAN, STIFFNESS_RATE, STIFFNESS_WEIGHT};
+use crate::types::{Armature, Arrangement, Moment, Plant, State, samples};
 use physics::{above, at_least};
 
 /// Valves of a drive at most.
@@ -35,70 +35,6 @@ impl Commands {
         self.values = self.values.map(f);
         self
     }
-}
-
-/// How the armature of a switching valve moves: there, and back.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Armature {
-    /// From a command until it moves, s.
-    pub dead: [f64; 2],
-    /// For which it moves, s.
-    pub travel: [f64; 2],
-}
-
-impl Armature {
-    /// From a command until it is at a share of its way, s.
-    fn at(&self, back: bool, share: f64) -> f64 {
-        self.dead[usize::from(back)] + share * self.travel[usize::from(back)]
-    }
-
-    /// A time in which it arrives either way, s.
-    fn arrives(&self) -> f64 {
-        self.at(false, 1.0).max(self.at(true, 1.0))
-    }
-
-    /// The mean of both times to the middle of its way, s.
-    pub fn mean(&self) -> f64 {
-        0.5 * (self.at(false, 0.5) + self.at(true, 0.5))
-    }
-}
-
-/// Valves as a circuit has them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Arrangement {
-    /// One proportional 5/3 valve.
-    One,
-    /// Two proportional 3/2 valves, at chambers a and b.
-    Pair,
-    /// One 5/3 switching valve with a shut centre.
-    Three(Armature),
-    /// Four 2/2 switching valves: filling and venting a, filling and venting b.
-    Seven(Armature),
-    /// The same under pulses of a period, s.
-    Pulses(Armature, f64),
-}
-
-impl Arrangement {
-    /// They open by any share; else they switch.
-    pub fn is_proportional(&self) -> bool {
-        matches!(self, Arrangement::One | Arrangement::Pair)
-    }
-
-    /// How long a command of a law that is sampled with a period acts at least, s.
-    pub fn acts_for(&self, period: f64) -> f64 {
-        match self {
-            Arrangement::One | Arrangement::Pair => period,
-            Arrangement::Three(armature) | Arrangement::Seven(armature) => {
-                samples(armature.arrives(), period) * period
-            }
-            Arrangement::Pulses(_, pulses) => *pulses,
-        }
-    }
-}
-
-/// Samples that a time takes.
-fn samples(time: f64, period: f64) -> f64 {
-    (time / period - 1e-6).ceil().max(1.0)
 }
 
 law! {
@@ -220,9 +156,10 @@ impl Valves {
         &mut self,
         model: &Model,
         observer: &mut Observer,
-        (time, period): (f64, f64),
+        at: Moment,
         command: f64,
     ) -> Commands {
+        let Moment { time, period } = at;
         let acts = time + model.valve.delay;
         if matches!(self, Valves::One) {
             observer.spool.command(acts, command);
@@ -241,8 +178,8 @@ impl Valves {
                 Commands::of(each)
             }
             Valves::Three(armature, own) => {
-                let rules =
-                    (samples(own.shortest_pulse.max(armature.arrives()), period), period, own.dead_band, 0.0);
+                let stays = samples(own.shortest_pulse.max(armature.arrives()), period);
+                let rules = Choosing { stays, period, dead_band: own.dead_band, share: 0.0 };
                 let before = own.switched.mode[0];
                 let [now, _] = own.switched.choose(&reach, reach.wanted(share, None), &THREE, rules);
                 switch_three(spool, armature, time, [before, now]);
@@ -250,12 +187,8 @@ impl Valves {
             }
             Valves::Seven(armature, own) => {
                 let wanted = reach.wanted(share, Some([own.stiffness, own.rate]));
-                let rules = (
-                    samples(own.shortest_pulse.max(armature.arrives()), period),
-                    period,
-                    own.dead_band,
-                    own.stiffness_share,
-                );
+                let stays = samples(own.shortest_pulse.max(armature.arrives()), period);
+                let rules = Choosing { stays, period, dead_band: own.dead_band, share: own.stiffness_share };
                 let before = own.switched.mode.map(edges);
                 let now = own.switched.choose(&reach, wanted, &SEVEN, rules).map(edges);
                 for edge in 0..MOST_VALVES {
@@ -269,7 +202,7 @@ impl Valves {
             Valves::Pulses(armature, pulses, own) => {
                 let wanted = reach.wanted(share, Some([own.stiffness, own.rate]));
                 let each = [0, 1].map(|i| reach.opening(i, wanted[i]));
-                own.pulse(each, (armature, *pulses), spool, (time, period))
+                own.pulse(each, armature, *pulses, spool, at)
             }
         }
     }
@@ -380,16 +313,23 @@ impl<S: crate::number::Number> crate::number::Memory<S> for Switched<S> {
     }
 }
 
+/// How a mode is chosen.
+#[derive(Clone, Copy, Debug)]
+struct Choosing {
+    /// Samples for which a mode stays.
+    stays: f64,
+    /// s.
+    period: f64,
+    /// Force that is missing when a valve switches, N.
+    dead_band: f64,
+    /// Weight of the stiffness beside the force.
+    share: f64,
+}
+
 impl Switched<f64> {
-    /// The mode of a sample, for rates of both chambers' forces that are wanted; `rules` are the samples for which a mode
-    /// stays, the period, the dead band and the share of the stiffness.
-    fn choose(
-        &mut self,
-        reach: &Reach,
-        wanted: [f64; 2],
-        modes: &[[f64; 2]],
-        (stays, period, dead_band, share): (f64, f64, f64, f64),
-    ) -> [f64; 2] {
+    /// The mode of a sample, for rates of both chambers' forces that are wanted, N/s.
+    fn choose(&mut self, reach: &Reach, wanted: [f64; 2], modes: &[[f64; 2]], rules: Choosing) -> [f64; 2] {
+        let Choosing { stays, period, dead_band, share } = rules;
         let span = stays * period;
         let left = |mode: [f64; 2], span: f64| {
             [0, 1].map(|i| self.missing[i] + (wanted[i] - reach.rate(i, mode[i])) * span)
@@ -439,10 +379,12 @@ impl Pulses {
     fn pulse(
         &mut self,
         openings: [f64; 2],
-        (armature, pulses): (&Armature, f64),
+        armature: &Armature,
+        pulses: f64,
         spool: &mut Spool,
-        (time, period): (f64, f64),
+        at: Moment,
     ) -> Commands {
+        let Moment { time, period } = at;
         let begins = ((time / pulses + 1e-9).floor() + 1.0) * pulses;
         let counts = begins <= time + period * (1.0 + 1e-9);
         let [on, off] = [false, true].map(|back| armature.at(back, 0.5));

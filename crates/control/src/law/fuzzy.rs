@@ -1,9 +1,10 @@
+use super::base::{Law, Tick, Tuned, fed_forward, is_free};
 use super::pid::Errors;
-use super::{Law, Plant, Tick, Tuned, fed_forward, is_free};
+use super::pid::Pid;
 use crate::gains::law;
-use crate::law::Pid;
 use crate::model::Model;
 use crate::number::Number;
+use crate::types::Plant;
 use physics::{above, at_least};
 
 /// Sets on each side of zero: negative and positive big, medium, small.

@@ -1,7 +1,8 @@
-use super::{Law, Plant, Tick, Tuned};
+use super::base::{Law, Tick, Tuned};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
+use crate::types::Plant;
 use physics::{above, at_least};
 
 law! {

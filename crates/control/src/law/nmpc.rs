@@ -1,12 +1,12 @@
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices
 
-use super::{Law, Plant, Tick, Tuned};
+use super::base::{Law, Tick, Tuned};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::{Memory, Number};
-use crate::observer::State;
 use crate::reference::Wanted;
 use crate::thresholds::{NMPC_ACCELERATION, NMPC_LAST, NMPC_ROUNDS, NMPC_SHORTER, NMPC_SLOW};
+use crate::types::{Plant, State};
 use math::{Dual, Over, Real};
 use physics::above;
 use std::fmt;

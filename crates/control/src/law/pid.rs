@@ -1,7 +1,8 @@
-use super::{Law, Plant, Tick, Tuned, fed_forward, is_free};
+use super::base::{Law, Tick, Tuned, fed_forward, is_free};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::{Memory, Number};
+use crate::types::Plant;
 use physics::{above, at_least};
 
 /// An error with its slope behind a filter, and its integral, from the position as it is measured.

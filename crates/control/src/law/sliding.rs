@@ -1,8 +1,9 @@
-use super::{Law, Plant, Tick, Tuned, is_free};
+use super::base::{Law, Tick, Tuned, is_free};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
 use crate::thresholds::{SLIDING_BANDWIDTH, SLIDING_GAIN};
+use crate::types::Plant;
 use physics::{above, at_least};
 
 /// The surface s = e'' + 2 lambda e' + lambda^2 e, and the jerk that holds the drive on it.

@@ -3,13 +3,14 @@
 use super::gas::Gas;
 use crate::controller::Controller;
 use crate::model::Model;
-use crate::observer::{Observer, State};
+use crate::observer::Observer;
 use crate::spool::Spool;
 use crate::thresholds::{
     BRAKE_APART, BRAKE_AWAY, BRAKE_COUNTED_ON, BRAKE_FAST, BRAKE_GAIN, BRAKE_HITS, BRAKE_HOPED_FOR,
     BRAKE_LEAST, BRAKE_MARGINS, BRAKE_MISSED_FOR, BRAKE_MISSING, BRAKE_SLOW, BRAKE_SOFT, BRAKE_STEPS,
     BRAKE_SURE, BRAKE_TIMES, BRAKE_TOUCH, BRAKE_TURN, BRAKE_WITHIN,
 };
+use crate::types::State;
 
 /// How often a drive that is to stand had to be braked, and when last, s: its law swings it about the target.
 #[derive(Clone, Copy, Debug, Default)]
@@ -74,7 +75,8 @@ impl Braking {
         &mut self,
         own: &Controller,
         command: f64,
-        (gas, measured): (&Gas, bool),
+        gas: &Gas,
+        measured: bool,
         doubted_until: f64,
     ) -> Option<f64> {
         let fallen = self.fallen.get_or_insert_with(|| Box::new(own.model.clone()));
@@ -95,7 +97,7 @@ impl Braking {
         let mut weak = |margin| {
             let mut on = |share: f64| {
                 fallen.supply.pressure = ambient + share * (below - ambient);
-                brakes(fallen, trapped, (command, margin), own.period, tries)
+                brakes(fallen, trapped, command, margin, own.period, tries)
             };
             let found = on(BRAKE_COUNTED_ON)?;
             if has_none {
@@ -114,7 +116,7 @@ impl Braking {
         if gas.may_lack_supply() {
             return weak(margin);
         }
-        let brake = brakes(&own.model, observer, (command, margin), own.period, false);
+        let brake = brakes(&own.model, observer, command, margin, own.period, false);
         let mut brake = brake.map(|found| found.command);
         if gas.is_doubted || is_weak || tries {
             brake = brake.or_else(|| weak(margin));
@@ -143,12 +145,13 @@ struct Brake {
 fn brakes(
     model: &Model,
     observer: &Observer,
-    (command, margin): (f64, f64),
+    command: f64,
+    margin: f64,
     period: f64,
     either_way: bool,
 ) -> Option<Brake> {
     let along = if observer.state.velocity >= 0.0 { 1.0 } else { -1.0 };
-    let before = |way| brakes_before(way, model, observer, (command, margin), period);
+    let before = |way| brakes_before(way, model, observer, command, margin, period);
     before(along).or_else(|| if command * along < 0.0 || either_way { before(-along) } else { None })
 }
 
@@ -160,7 +163,8 @@ fn brakes_before(
     way: f64,
     model: &Model,
     observer: &Observer,
-    (command, margin): (f64, f64),
+    command: f64,
+    margin: f64,
     period: f64,
 ) -> Option<Brake> {
     let position = observer.state.position;

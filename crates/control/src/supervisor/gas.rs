@@ -1,14 +1,15 @@
 //! Pressures against a twin of the gas: sensors, valve and supply.
 
+use super::Believed;
 use super::event::{EventKind, Log};
-use crate::model::{Edges, Held, Model};
-use crate::observer::State;
+use crate::model::{Held, Model};
 use crate::thresholds::{
     PRESSURE_BEYOND, PRESSURE_BORNE, PRESSURE_FLOW, PRESSURE_FOLLOWS, PRESSURE_HARDLY_OPEN, PRESSURE_LOST,
     PRESSURE_OFF, PRESSURE_OFF_FOR, SUPPLY_AT_ONCE, SUPPLY_DOUBTED, SUPPLY_FALLEN, SUPPLY_FALLEN_FOR,
     SUPPLY_FLOWN, SUPPLY_FORGOTTEN, SUPPLY_HARDLY_OPEN, SUPPLY_LACKS, SUPPLY_LATE, SUPPLY_LESS,
     SUPPLY_REVERSED, SUPPLY_SAGS, SUPPLY_VENTS,
 };
+use crate::types::{Moment, State};
 
 /// What a chamber tells.
 #[derive(Clone, Copy, Debug, Default)]
@@ -40,7 +41,7 @@ impl Chamber {
 
     /// Whether its supply does not fill it: from how far the valve opens it to that, the rate at which one that has fallen
     /// would, Pa/s, and what flowed into it, Pa, if its reading tells that.
-    fn starves(&mut self, (open, rate): (f64, f64), flowed: Option<f64>, period: f64) -> bool {
+    fn starves(&mut self, open: f64, rate: f64, flowed: Option<f64>, period: f64) -> bool {
         self.least.rotate_right(1);
         let [share, sure] = if rate > 0.0 {
             [1.0 - SUPPLY_LESS, (open - SUPPLY_HARDLY_OPEN).min(SUPPLY_SAGS)]
@@ -106,16 +107,16 @@ impl Gas {
         self.valve_told || self.lacks_sensor()
     }
 
-    /// Readings that are not credible become what the model foresees; `state` is that of the observer before the sample, `seen` that
-    /// which it foresees, `edges` how far edges were open between them.
+    /// Readings that are not credible become what the model foresees.
     pub fn checked(
         &mut self,
-        model: &Model,
-        (time, readings): (f64, &mut [f64; 2]),
-        (state, seen): (&State, &State),
-        (edges, period): (Edges<f64>, f64),
+        moment: Moment,
+        readings: &mut [f64; 2],
+        believed: &Believed,
         log: &mut Log,
     ) -> Found {
+        let Moment { time, period } = moment;
+        let Believed { model, last: state, foreseen: seen, edges } = *believed;
         let mut found = Found::default();
         let chambers = self.chambers.get_or_insert_with(|| {
             [0, 1].map(|i| Chamber {
@@ -187,8 +188,7 @@ impl Gas {
                     *own += change - lately * *own;
                 }
             }
-            let filling = (supplied - vented, weak[i] - shut[i]);
-            if own.starves(filling, tells.then_some(measured), period) {
+            if own.starves(supplied - vented, weak[i] - shut[i], tells.then_some(measured), period) {
                 starved = Some(reading);
             }
             if own.bad >= PRESSURE_LOST && !own.is_lost {
@@ -224,7 +224,7 @@ impl Gas {
             }
         }
         let way = if edges[0][0] > edges[0][1] { 1.0 } else { -1.0 };
-        (found.supply, found.reversed) = self.watch_supply(model, way, (time, period), log);
+        (found.supply, found.reversed) = self.watch_supply(model, way, moment, log);
         if let (Some(pressure), None, false) = (starved, self.below, self.valve_told) {
             let [_, [vented, vents, _]] = self.lately;
             if vents < -0.5 * SUPPLY_DOUBTED && vented > SUPPLY_VENTS * vents {
@@ -262,13 +262,8 @@ impl Gas {
 
     /// Both chambers share the valve: what the filling one falls short of beside the other one is the supply's. Whether its
     /// fall, and that the valve acts in reverse, are seen from this sample on.
-    fn watch_supply(
-        &mut self,
-        model: &Model,
-        way: f64,
-        (time, period): (f64, f64),
-        log: &mut Log,
-    ) -> (bool, Option<f64>) {
+    fn watch_supply(&mut self, model: &Model, way: f64, at: Moment, log: &mut Log) -> (bool, Option<f64>) {
+        let Moment { time, period } = at;
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;
         let seen = |flown: f64| fills > flown && vents < -flown && vented < 0.0;
         // The flow that the other chamber makes of the valve, and by how many falls the filling one lacks it.

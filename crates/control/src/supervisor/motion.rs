@@ -2,9 +2,9 @@
 
 use super::event::{EventKind, Log};
 use crate::model::Model;
-use crate::observer::State;
 use crate::reference::Wanted;
 use crate::thresholds::{MOTION_AIR, MOTION_HELD, MOTION_MOVED};
+use crate::types::{Moment, State};
 
 /// When a motion is complete.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,16 +39,24 @@ pub struct Motion {
     settled: bool,
 }
 
+/// Where the drive is, and where it is to be.
+#[derive(Clone, Copy, Debug)]
+pub struct Moves {
+    /// Where it is.
+    pub state: State,
+    /// Where it is to be.
+    pub wanted: Wanted,
+    /// The reference stands.
+    pub stands: bool,
+    /// A command gives no air.
+    pub no_air: bool,
+}
+
 impl Motion {
     /// Goes on by a period, s; what is wrong is told once for each motion.
-    pub fn watch(
-        &mut self,
-        rules: &MotionRules,
-        model: &Model,
-        (time, period): (f64, f64),
-        (state, wanted, stands, no_air): (&State, &Wanted, bool, bool),
-        log: &mut Log,
-    ) {
+    pub fn watch(&mut self, rules: &MotionRules, model: &Model, at: Moment, moves: &Moves, log: &mut Log) {
+        let Moment { time, period } = at;
+        let Moves { state, wanted, stands, no_air } = *moves;
         let (x, e) = (state.position, wanted.position - state.position);
         let from = *self.from.get_or_insert(x);
         if (x - from).abs() > MOTION_MOVED {
@@ -72,7 +80,7 @@ impl Motion {
             return;
         }
         if self.waits >= rules.timeout {
-            let (kind, value) = held(model, state, e, no_air);
+            let (kind, value) = held(model, &state, e, no_air);
             log.tell(time, kind, value);
             self.told = true;
         } else if self.stands >= rules.timeout && !self.settled {

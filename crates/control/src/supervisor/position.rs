@@ -1,12 +1,13 @@
 //! Readings of a position against what the model foresees.
 
+use super::Believed;
 use super::event::{EventKind, Log};
-use crate::model::{Edges, Model};
-use crate::observer::State;
+use crate::model::Model;
 use crate::thresholds::{
     POSITION_AT_END, POSITION_BEARS, POSITION_CORRECTED, POSITION_CREEPS, POSITION_FRICTION, POSITION_GONE,
     POSITION_JUMP, POSITION_LOST, POSITION_RETURNS, POSITION_SPEED, POSITION_STOPS, POSITION_STUCK,
 };
+use crate::types::{Edges, State};
 
 /// What is known of a position sensor.
 #[derive(Clone, Debug, Default)]
@@ -51,6 +52,27 @@ fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period
     own.advance(model, edges, period, None);
 }
 
+/// A reading, and what is known of its sensor and of the drive.
+#[derive(Clone, Copy, Debug)]
+pub struct Read {
+    /// s.
+    pub time: f64,
+    /// m.
+    pub reading: f64,
+    /// s.
+    pub period: f64,
+    /// Standard deviation of the time of a reading, s.
+    pub jitter: f64,
+    /// How finely the model can know a position, m.
+    pub grain: f64,
+    /// Highest speed, m/s.
+    pub fastest: f64,
+    /// The law held at the last sample.
+    pub is_held: bool,
+    /// The model follows measured pressures.
+    pub by_gas: bool,
+}
+
 impl Position {
     /// The sensor is not read any more.
     pub fn is_lost(&self) -> bool {
@@ -64,18 +86,13 @@ impl Position {
     }
 
     /// A reading, or what the model foresees where that is not credible; and the state at the last sample as it would be without
-    /// the readings that rested, once they are not credible. `grain` is how finely the model can know a
-    /// position, m, `fastest` the highest speed, m/s, `jitter` the standard deviation of the time of a reading, s;
-    /// `is_held`: the law held at the last sample; `by_gas`: the model follows measured pressures; `seen` is the state at
-    /// the last sample, `edges` how far edges were open since.
-    pub fn checked(
-        &mut self,
-        (time, reading): (f64, f64),
-        (foreseen, is_held, by_gas): (&State, bool, bool),
-        (grain, fastest, (period, jitter)): (f64, f64, (f64, f64)),
-        (model, seen, edges): (&Model, &State, Edges<f64>),
-        log: &mut Log,
-    ) -> (f64, Option<State>) {
+    /// the readings that rested, once they are not credible.
+    ///
+    /// A reading x is not credible if |x - x_model| > 5 counts + (0.1 T + 5 jitter) v_max, if the model moves by 20 counts while
+    /// x rests, or if a model with more friction, that goes on without readings, has left it by 2 mm.
+    pub fn checked(&mut self, read: &Read, believed: &Believed, log: &mut Log) -> (f64, Option<State>) {
+        let Read { time, reading, period, jitter, grain, fastest, is_held, by_gas } = *read;
+        let Believed { model, last: seen, foreseen, edges } = *believed;
         if self.is_lost() {
             return (foreseen.position, None);
         }

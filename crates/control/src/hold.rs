@@ -1,0 +1,122 @@
+//! Holding: a drive at rest at its target.
+
+use crate::model::{Model, Slip};
+use crate::number::{Memory, Number};
+use crate::thresholds::{
+    HOLD_DRIFTING, HOLD_ELASTIC, HOLD_FORGETS, HOLD_LEAVE, HOLD_NEARER, HOLD_RELEASES, HOLD_ROOM, HOLD_SPEED,
+    HOLD_SWITCHING, HOLD_VAIN,
+};
+
+/// Standing still: the force at which the seal rests is kept.
+#[derive(Clone, Debug)]
+pub struct Hold<S = f64> {
+    /// Error below which it is entered, m.
+    pub band: f64,
+    /// For how long before, s.
+    pub after: f64,
+    /// For how long it has been near the place, and within the band about a place anywhere, s, and the error there, m.
+    waited: S,
+    rested: S,
+    place: S,
+    /// Whether it holds, 0 or 1, the force that it keeps, and about the one that it began with, N.
+    holds: S,
+    force: S,
+    begun: S,
+    /// While the reference stands: the error at which it rested last, the least size of one, m, and how often it slipped past
+    /// its target since, no nearer.
+    rest: S,
+    nearest: S,
+    vain: S,
+}
+
+/// What holding needs of a sample.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Resting<S> {
+    /// 1 while the reference stands, else 0.
+    pub stands: S,
+    /// Error of the position, m.
+    pub error: S,
+    /// m/s.
+    pub velocity: S,
+    /// Force of the gas, N.
+    pub gas: S,
+    /// Friction that breaks away, N.
+    pub level: S,
+}
+
+impl<S: Number> Memory<S> for Hold<S> {
+    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+        let Hold { waited, rested, place, holds, force, begun, rest, nearest, vain, .. } = self;
+        [waited, rested, place, holds, force, begun, rest, nearest, vain].into_iter().for_each(see);
+    }
+}
+
+impl<S: Number> Hold<S> {
+    /// With a band, m, entered after a time, s.
+    pub fn new(band: f64, after: f64) -> Self {
+        let [waited, rested, place, holds, force, begun, rest, nearest, vain] = [S::zero(); 9];
+        Hold { band, after, waited, rested, place, holds, force, begun, rest, nearest, vain }
+    }
+
+    /// 1 where a drive is to be kept where it rests, else 0: it has slipped past its target, and no nearer to it, twice.
+    /// Another slip would do the same.
+    fn kept(&self) -> S {
+        S::select(self.vain.lt(S::c(HOLD_VAIN)), S::zero(), S::one())
+    }
+
+    /// Counts such slips while the reference stands.
+    fn count(&mut self, stands: S, e: S, period: f64) {
+        let (zero, one) = (S::zero(), S::one());
+        // By the place: the velocity of an observer trembles behind each slip.
+        let has_moved = S::c(self.band).lt((e - self.place).abs());
+        self.place = S::select(has_moved, e, self.place);
+        self.rested = S::select(has_moved, zero, self.rested + S::c(period)) * stands;
+        let rests = S::select(self.rested.lt(S::c(0.5 * self.after)), zero, one);
+        let passed = S::select((e * self.rest).lt(S::c(-self.band * self.band)), rests, zero);
+        let is_first = self.nearest.lt(S::c(f64::MIN_POSITIVE));
+        let is_nearer =
+            S::select(e.abs().lt(self.nearest.times(HOLD_NEARER)), rests, S::select(is_first, rests, zero));
+        self.nearest = S::select(zero.lt(is_nearer), e.abs(), self.nearest) * stands;
+        self.vain = S::select(zero.lt(is_nearer), zero, self.vain + passed) * stands;
+        let takes = S::select(zero.lt(self.holds * self.kept()), zero, rests);
+        self.rest = S::select(zero.lt(takes), e, self.rest) * stands;
+    }
+
+    /// Whether it holds, and the rate of the force of the gas then, N/s:
+    ///
+    ///   F_h' = c s e within room of where it began,   F' = F_h' + k_s (F_h - F)
+    ///
+    /// F_h the force that is kept, s the stiffness of the contact, c and k_s the rates of contact and gas.
+    pub(crate) fn rate(&mut self, seen: &Resting<S>, model: &Model, period: f64) -> (S::Mask, S) {
+        let Resting { stands, error: e, velocity: v, gas, level } = *seen;
+        let zero = S::zero();
+        self.count(stands, e, period);
+        let held = zero.lt(self.holds);
+        let limit = S::select(held, S::c(HOLD_LEAVE * self.band), S::c(self.band));
+        let is_far = limit.lt((e - self.rest * self.kept()).abs());
+        // What takes it away from there may be another load: it is tried once more.
+        self.vain = S::select(is_far, self.vain.min(S::c(HOLD_VAIN - 1.0)), self.vain);
+        let kept = self.kept();
+        let near = S::select(is_far, zero, stands);
+        let near = S::select(S::c(HOLD_SPEED).lt(v.abs()), near * self.holds.max(kept), near);
+        let waited = (self.waited + S::c(period)).max(kept.times(self.after));
+        self.waited = S::select(zero.lt(near), waited, zero);
+        let force = S::select(held, self.force, gas);
+        let follows = self.begun + (force - self.begun).times(period / HOLD_FORGETS);
+        self.begun = S::select(held, follows, gas);
+        let drifts = model.slip == Slip::Always;
+        let [creep, settle] = match (model.valve.arrangement.is_proportional(), drifts) {
+            (false, _) => HOLD_SWITCHING,
+            (true, false) => HOLD_ELASTIC,
+            (true, true) => HOLD_DRIFTING,
+        };
+        // Where it is kept, away from where friction gives way.
+        let released = (S::c(-model.load) - force).times(HOLD_RELEASES * period);
+        let drawn = S::select(zero.lt(kept), released, e.times(creep * model.stick_stiffness * period));
+        let room = level.times(HOLD_ROOM[usize::from(drifts)]);
+        self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
+        self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
+        let creep = (self.force - force).times(1.0 / period);
+        (zero.lt(self.holds), creep + (self.force - gas).times(settle))
+    }
+}

@@ -1,0 +1,94 @@
+//! Ground of all controllers: what they are given at a sample, and the traits that they have.
+
+use crate::course::Course;
+use crate::gains::Gains;
+use crate::model::Model;
+use crate::number::{Memory, Number};
+use crate::reference::Wanted;
+use crate::spool::Spool;
+use crate::types::{Plant, State};
+
+/// What a law is given at a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Tick<'a, S = f64> {
+    /// The belief.
+    pub model: &'a Model,
+    /// What the drive is about mid-stroke.
+    pub plant: &'a Plant,
+    /// The period, s.
+    pub period: f64,
+    /// The state when a command of now will act.
+    pub state: State<S>,
+    /// Its acceleration, m/s2.
+    pub acceleration: S,
+    /// Where the drive is to be then.
+    pub wanted: Wanted<S>,
+    /// Friction force along the reference, N, and its rate, N/s.
+    pub friction: [S; 2],
+    /// Position as it is measured now, m, and where the drive is to be now.
+    pub now: (S, Wanted<S>),
+    /// When a command of now will act, s: then the state is that of `state`.
+    pub acts: f64,
+    /// The spool then.
+    pub spool: &'a Spool<S>,
+    /// Where the drive is to go.
+    pub preview: &'a Course<'a>,
+}
+
+impl<S: Number> Tick<'_, S> {
+    /// Error of position, m, velocity and acceleration: wanted minus what will be.
+    pub fn errors(&self) -> [S; 3] {
+        let Wanted { position, velocity, acceleration, .. } = self.wanted;
+        [position - self.state.position, velocity - self.state.velocity, acceleration - self.acceleration]
+    }
+
+    /// The share of opening under which the force of the gas changes at a rate, N/s, or the nearest that there is.
+    pub fn opening_for(&self, rate: S) -> S {
+        let (way, share) = self.model.opening_for(&self.state, rate);
+        way * share.within(0.0, 1.0)
+    }
+}
+
+/// The share of opening that makes a mass on its air follow a motion, with a share of the friction along it,
+///
+///   (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v
+pub(super) fn fed_forward<S: Number>(tick: &Tick<S>, wanted: &Wanted<S>, share: S) -> S {
+    let (w, zeta) = (tick.plant.natural_frequency, tick.plant.damping_ratio);
+    let jerk = wanted.jerk + share * tick.friction[1] / S::c(tick.model.mass);
+    (wanted.velocity + wanted.acceleration.times(2.0 * zeta / w) + jerk / S::c(w * w))
+        / S::c(tick.plant.speed)
+}
+
+/// Whether a share of opening can be given as it is asked for.
+pub(super) fn is_free<S: Number>(asked: S) -> S::Mask {
+    asked.abs().lt(S::c(1.0 + f64::EPSILON))
+}
+
+/// A law whose gains follow from the drive.
+pub trait Tuned: Gains + Sized {
+    /// Its word in a controller file.
+    const KEY: &'static str;
+
+    /// With gains that follow from the drive.
+    fn tuned(model: &Model, plant: &Plant) -> Self;
+}
+
+/// A law. Its memory is numbers; it has no clock.
+pub trait Law<S: Number = f64>: Memory<S> {
+    /// It predicts the spool by itself: its state is that behind the dead time, not behind all of the lag.
+    fn predicts(&self) -> bool {
+        false
+    }
+
+    /// Rate at which a force grows that breaks a resting drive away, as a share of the bandwidth; zero: the law has
+    /// a way of its own, or none.
+    fn push(&self) -> f64 {
+        0.0
+    }
+
+    /// The share of opening, -1 .. 1, before the overlap is taken into account; it may lie beyond.
+    fn step(&mut self, tick: &Tick<S>) -> S;
+
+    /// Told that the share that it asked for was given, within limits.
+    fn given(&mut self, _asked: S, _tick: &Tick<S>) {}
+}

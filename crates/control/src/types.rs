@@ -1,0 +1,158 @@
+//! Ground floor: sample, state and plant of a drive, arrangement of its valves. These types know no other file.
+
+use crate::thresholds::LEAST_LAG;
+use math::Over;
+use physics::chamber::GasState;
+
+/// What sensors say at a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample<S = f64> {
+    /// s.
+    pub time: f64,
+    /// m.
+    pub position: S,
+    /// Pa absolute in chambers a and b; none: they run by the model alone.
+    pub pressures: Option<[S; 2]>,
+}
+
+/// The time of a sample, and the period until the next one, s.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    /// s.
+    pub time: f64,
+    /// s.
+    pub period: f64,
+}
+
+/// The state of a drive as a law sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct State<S = f64> {
+    /// m.
+    pub position: S,
+    /// m/s.
+    pub velocity: S,
+    /// Force that the model knows nothing of, N in +x.
+    pub disturbance: S,
+    /// Friction force beside its viscous part, N.
+    pub friction: S,
+    /// Pa absolute.
+    pub pressures: [S; 2],
+    /// K.
+    pub temperatures: [S; 2],
+}
+
+impl<S: Over<f64>> State<S> {
+    /// The gas of both chambers.
+    pub fn gas(&self) -> [GasState<S>; 2] {
+        gas_at(&[self.pressures, self.temperatures])
+    }
+
+    /// The same in other numbers.
+    pub fn map<T: Copy>(&self, f: impl Fn(S) -> T) -> State<T> {
+        State {
+            position: f(self.position),
+            velocity: f(self.velocity),
+            disturbance: f(self.disturbance),
+            friction: f(self.friction),
+            pressures: self.pressures.map(&f),
+            temperatures: self.temperatures.map(&f),
+        }
+    }
+}
+
+/// The gas of both chambers at their pressures, Pa, and temperatures, K.
+#[inline(always)]
+pub(crate) fn gas_at<S: Over<f64>>([p, t]: &[[S; 2]; 2]) -> [GasState<S>; 2] {
+    [0, 1].map(|side| GasState::at(p[side], t[side]))
+}
+
+/// What a drive is to its law at a place, from its description alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Plant {
+    /// Natural frequency of the mass on its air, shut in, rad/s.
+    pub natural_frequency: f64,
+    /// Its damping ratio.
+    pub damping_ratio: f64,
+    /// Steady speed for each share of opening, m/s.
+    pub speed: f64,
+    /// Rate of the force of a chamber at full opening, N/s.
+    pub force_rate: f64,
+    /// Time by which a command acts late, s: dead time, spool, half of the time for which it acts.
+    pub lag: f64,
+    /// Coulomb friction, N.
+    pub coulomb: f64,
+}
+
+impl Plant {
+    /// Bandwidth that leaves a margin for the lag, 0.22/lag, rad/s.
+    pub fn bandwidth(&self) -> f64 {
+        0.22 / self.lag.max(LEAST_LAG)
+    }
+}
+
+/// How the armature of a switching valve moves: there, and back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Armature {
+    /// From a command until it moves, s.
+    pub dead: [f64; 2],
+    /// For which it moves, s.
+    pub travel: [f64; 2],
+}
+
+impl Armature {
+    /// From a command until it is at a share of its way, s.
+    pub(crate) fn at(&self, back: bool, share: f64) -> f64 {
+        self.dead[usize::from(back)] + share * self.travel[usize::from(back)]
+    }
+
+    /// A time in which it arrives either way, s.
+    pub(crate) fn arrives(&self) -> f64 {
+        self.at(false, 1.0).max(self.at(true, 1.0))
+    }
+
+    /// The mean of both times to the middle of its way, s.
+    pub fn mean(&self) -> f64 {
+        0.5 * (self.at(false, 0.5) + self.at(true, 0.5))
+    }
+}
+
+/// Valves as a circuit has them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Arrangement {
+    /// One proportional 5/3 valve.
+    One,
+    /// Two proportional 3/2 valves, at chambers a and b.
+    Pair,
+    /// One 5/3 switching valve with a shut centre.
+    Three(Armature),
+    /// Four 2/2 switching valves: filling and venting a, filling and venting b.
+    Seven(Armature),
+    /// The same under pulses of a period, s.
+    Pulses(Armature, f64),
+}
+
+impl Arrangement {
+    /// They open by any share; else they switch.
+    pub fn is_proportional(&self) -> bool {
+        matches!(self, Arrangement::One | Arrangement::Pair)
+    }
+
+    /// How long a command of a law that is sampled with a period acts at least, s.
+    pub fn acts_for(&self, period: f64) -> f64 {
+        match self {
+            Arrangement::One | Arrangement::Pair => period,
+            Arrangement::Three(armature) | Arrangement::Seven(armature) => {
+                samples(armature.arrives(), period) * period
+            }
+            Arrangement::Pulses(_, pulses) => *pulses,
+        }
+    }
+}
+
+/// Samples that a time takes.
+pub(crate) fn samples(time: f64, period: f64) -> f64 {
+    (time / period - 1e-6).ceil().max(1.0)
+}
+
+/// Edges that open: filling and venting of chambers a and b.
+pub type Edges<S> = [[S; 2]; 2];
