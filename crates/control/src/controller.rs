@@ -11,7 +11,9 @@ use crate::observer::{Noise, Observer};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
 use crate::supervisor::{Rules, Supervisor};
-use crate::thresholds::{COUNT_DEVIATIONS, FARTHEST, LEAST_UNKNOWN, PUSH_BOUND, PUSH_SLIPS, TAKEOVER_TIME};
+use crate::thresholds::{
+    COUNT_DEVIATIONS, FARTHEST, LEAST_UNKNOWN, NMPC_MASS, NMPC_WANDER, PUSH_BOUND, PUSH_SLIPS, TAKEOVER_TIME,
+};
 use crate::types::{Edges, Moment, Plant, Sample, State};
 use crate::valves::{Commands, Valves};
 
@@ -69,6 +71,10 @@ macro_rules! laws {
                 match self { $(AnyLaw::$name(law) => law.predicts(),)* AnyLaw::Own(_) => false }
             }
 
+            fn is_cautious(&self) -> bool {
+                match self { $(AnyLaw::$name(law) => law.is_cautious(),)* AnyLaw::Own(_) => false }
+            }
+
             fn push(&self) -> f64 {
                 match self { $(AnyLaw::$name(law) => law.push(),)* AnyLaw::Own(_) => 0.0 }
             }
@@ -109,6 +115,8 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub(crate) factors: [f64; FACTORS.len()],
     pub(crate) takeover: Takeover,
     pub(crate) noise: Noise,
+    /// Mass, kg, and force, N, as they are described.
+    pub(crate) described: [f64; 2],
     pub(crate) observer: Option<Observer<S>>,
     pub(crate) friction: Option<S>,
     /// The force that breaks a resting drive away, N.
@@ -187,7 +195,7 @@ impl Controller {
         let unknown = plant.coulomb.max(LEAST_UNKNOWN * full);
         let noise = Noise { disturbance: 0.5 * unknown, position: deviation };
         let standby = AnyLaw::tuned(STANDBY, model, &plant)?;
-        Some(Controller {
+        let mut own = Controller {
             law: AnyLaw::tuned(key, model, &plant)?,
             supervisor: Some(Box::new(Supervisor::new(Rules::default(), standby))),
             takeover: Takeover::default(),
@@ -198,11 +206,33 @@ impl Controller {
             plant,
             period,
             noise,
+            described: [model.mass, model.load],
             observer: None,
             friction: None,
             push: 0.0,
             factors: [1.0; FACTORS.len()],
-        })
+        };
+        own.assume_mass();
+        Some(own)
+    }
+
+    /// The model of a law that is cautious has less mass than described, m = 0.65 M, until the mass is learned. A plan for a drive
+    /// that is heavier than the true one oscillates; one for a lighter drive is slower.
+    fn assume_mass(&mut self) {
+        let [mass, _] = self.described;
+        if self.law.is_cautious() && self.model.mass == mass {
+            self.model.mass = NMPC_MASS * mass;
+        } else if !self.law.is_cautious() && self.mass_beyond() > 0.0 {
+            self.model.mass = mass;
+        }
+    }
+
+    /// The described mass beyond that of the model, M - m, kg; none once it is learned. It is believed to follow the reference:
+    ///
+    ///   m a = F + load - F_fr + d - (M - m) a_d
+    pub(crate) fn mass_beyond(&self) -> f64 {
+        let [mass, _] = self.described;
+        if self.model.mass == NMPC_MASS * mass { mass - self.model.mass } else { 0.0 }
     }
 
     /// The command for a sample, on the way along a reference, given to the valve as it is.
@@ -246,6 +276,7 @@ impl Controller {
     /// The observer takes over a sample, and the model what is learned from it.
     pub(crate) fn learn(&mut self, sample: &Sample, measured: bool) {
         self.observe(sample);
+        self.model.load = self.described[1];
         let lost = self.state().is_some_and(|own| {
             let State { position, velocity, disturbance, friction, pressures: [a, b], temperatures: [c, d] } =
                 own;
@@ -278,7 +309,9 @@ impl Controller {
             let stands = f64::from(u8::from(course.stands(sample.time, self.plant.lag)));
             let then = course.at(sample.time + self.ahead());
             let ahead = Ahead { now, then, stands, preview: course };
-            let Decided { command, velocity, disturbance, holds } = self.command(sample, &ahead);
+            let beyond = self.mass_beyond();
+            self.model.load = self.described[1] - beyond * now.acceleration;
+            let Decided { command, velocity, disturbance, holds } = self.command(sample, &ahead, beyond);
             Answer { command, wanted: now, velocity, disturbance, holds }
         };
         let Takeover { last, bump: slot, .. } = &mut self.takeover;
@@ -302,6 +335,7 @@ impl Controller {
     /// Another law takes over without a bump: its command begins at that of the law before.
     pub fn switch(&mut self, law: AnyLaw) {
         self.law = law;
+        self.assume_mass();
         self.factors = [1.0; FACTORS.len()];
         self.takeover.ramps.clear();
         self.takeover.bump = Some(Bump { begin: None, offset: 0.0 });
@@ -350,11 +384,12 @@ impl Controller {
         Ok(())
     }
 
-    /// Gains are where they go at once: for a law that has not begun.
+    /// Gains are where they go at once, and the mass is that of the law: for one that has not begun.
     pub fn arrive(&mut self) {
         for own in std::mem::take(&mut self.takeover.ramps) {
             self.law.gains().filter(|(gain, _)| gain.key == own.key).for_each(|(_, gain)| *gain = own.to);
         }
+        self.assume_mass();
     }
 
     /// Gains on their way at a time, s.
@@ -411,8 +446,10 @@ impl Controller {
 impl<S: Number, L: Law<S>> Controller<L, S> {
     /// Takes over a sample.
     pub(crate) fn observe(&mut self, sample: &Sample<S>) {
+        let wander = if self.law.is_cautious() { NMPC_WANDER } else { 1.0 };
         let Controller { model, period, noise, .. } = self;
-        let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, *noise));
+        let noise = Noise { disturbance: wander * noise.disturbance, ..*noise };
+        let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, noise));
         observer.update(model, sample);
         self.friction.get_or_insert(observer.state.friction);
     }
@@ -435,7 +472,12 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
     }
 
     /// The command for a sample that was taken over.
-    pub(crate) fn command(&mut self, sample: &Sample<S>, ahead: &Ahead<'_, S>) -> Decided<S> {
+    pub(crate) fn command(
+        &mut self,
+        sample: &Sample<S>,
+        ahead: &Ahead<'_, S>,
+        mass_beyond: f64,
+    ) -> Decided<S> {
         let acts = sample.time + self.ahead();
         let period = self.period;
         let (Some(observer), Some(along), model) = (&self.observer, &mut self.friction, &self.model) else {
@@ -484,6 +526,7 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
             acts,
             spool: &spool,
             preview: ahead.preview,
+            mass_beyond,
         };
         let of_law = |law: &mut L| {
             let asked = law.step(&tick);

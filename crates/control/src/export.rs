@@ -196,6 +196,7 @@ impl Recorder<'_> {
             supervisor: None,
             takeover: Takeover::default(),
             noise: *noise,
+            described: [model.mass, model.load],
             observer: Some(observer.at_rest()),
             friction: Some(Traced::zero()),
             push: Traced::zero(),
@@ -277,7 +278,7 @@ impl Recorder<'_> {
                 let Inputs { now, then, stands, .. } = *given;
                 let preview = Course::from(&nowhere);
                 let ahead = Ahead { now, then, stands, preview: &preview };
-                let Decided { command, velocity, disturbance, holds } = own.command(&at, &ahead);
+                let Decided { command, velocity, disturbance, holds } = own.command(&at, &ahead, 0.0);
                 own.told(at.time, command);
                 let holds = Traced::select(holds, Traced::one(), Traced::zero());
                 results = vec![command, velocity, disturbance, holds];

@@ -3,8 +3,8 @@
 use crate::model::{Model, Slip};
 use crate::number::{Memory, Number};
 use crate::thresholds::{
-    HOLD_DRIFTING, HOLD_ELASTIC, HOLD_FORGETS, HOLD_LEAVE, HOLD_NEARER, HOLD_RELEASES, HOLD_ROOM, HOLD_SPEED,
-    HOLD_SWITCHING, HOLD_VAIN,
+    HOLD_DRIFTING, HOLD_ELASTIC, HOLD_FORGETS, HOLD_LEAVE, HOLD_MANY, HOLD_NEARER, HOLD_RAMP, HOLD_RELEASES,
+    HOLD_ROOM, HOLD_SPEED, HOLD_SWITCHING, HOLD_TRIES_AFTER, HOLD_VAIN,
 };
 
 /// Standing still: the force at which the seal rests is kept.
@@ -27,6 +27,12 @@ pub struct Hold<S = f64> {
     rest: S,
     nearest: S,
     vain: S,
+    /// For how long it has been kept many bands away, s, and whether it is drawn nearer, 0 or 1.
+    far_for: S,
+    tries: S,
+    /// The error where it was tried last, m, and how often in a row that came no nearer.
+    tried: S,
+    missed: S,
 }
 
 /// What holding needs of a sample.
@@ -46,16 +52,50 @@ pub(crate) struct Resting<S> {
 
 impl<S: Number> Memory<S> for Hold<S> {
     fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
-        let Hold { waited, rested, place, holds, force, begun, rest, nearest, vain, .. } = self;
-        [waited, rested, place, holds, force, begun, rest, nearest, vain].into_iter().for_each(see);
+        let Hold {
+            waited,
+            rested,
+            place,
+            holds,
+            force,
+            begun,
+            rest,
+            nearest,
+            vain,
+            far_for,
+            tries,
+            tried,
+            missed,
+            ..
+        } = self;
+        [waited, rested, place, holds, force, begun, rest, nearest, vain, far_for, tries, tried, missed]
+            .into_iter()
+            .for_each(see);
     }
 }
 
 impl<S: Number> Hold<S> {
     /// With a band, m, entered after a time, s.
     pub fn new(band: f64, after: f64) -> Self {
-        let [waited, rested, place, holds, force, begun, rest, nearest, vain] = [S::zero(); 9];
-        Hold { band, after, waited, rested, place, holds, force, begun, rest, nearest, vain }
+        let [waited, rested, place, holds, force, begun, rest, nearest, vain, far_for, tries, tried, missed] =
+            [S::zero(); 13];
+        Hold {
+            band,
+            after,
+            waited,
+            rested,
+            place,
+            holds,
+            force,
+            begun,
+            rest,
+            nearest,
+            vain,
+            far_for,
+            tries,
+            tried,
+            missed,
+        }
     }
 
     /// 1 where a drive is to be kept where it rests, else 0: it has slipped past its target, and no nearer to it, twice.
@@ -64,8 +104,8 @@ impl<S: Number> Hold<S> {
         S::select(self.vain.lt(S::c(HOLD_VAIN)), S::zero(), S::one())
     }
 
-    /// Counts such slips while the reference stands.
-    fn count(&mut self, stands: S, e: S, period: f64) {
+    /// Counts such slips while the reference stands; 1 if the place has changed, else 0.
+    fn count(&mut self, stands: S, e: S, period: f64) -> S {
         let (zero, one) = (S::zero(), S::one());
         // By the place: the velocity of an observer trembles behind each slip.
         let has_moved = S::c(self.band).lt((e - self.place).abs());
@@ -80,6 +120,26 @@ impl<S: Number> Hold<S> {
         self.vain = S::select(zero.lt(is_nearer), zero, self.vain + passed) * stands;
         let takes = S::select(zero.lt(self.holds * self.kept()), zero, rests);
         self.rest = S::select(zero.lt(takes), e, self.rest) * stands;
+        S::select(has_moved, one, zero)
+    }
+
+    /// A drive that is kept many bands away tries again after a time: its force grows slowly until the contact gives way, so that
+    /// it slips by little. Two tries in a row that come no nearer are the last ones. `moved` is 1 once the place changes.
+    fn try_again(&mut self, stands: S, e: S, moved: S, period: f64) {
+        let (zero, one, after) = (S::zero(), S::one(), S::c(HOLD_TRIES_AFTER));
+        let is_far = S::select(e.abs().lt(S::c(HOLD_MANY * self.band)), zero, self.kept());
+        let goes_on = S::select(zero.lt(moved), zero, is_far);
+        let before = self.far_for;
+        self.far_for = S::select(zero.lt(goes_on), before + S::c(period), zero);
+        let is_due = S::select(self.far_for.lt(after), zero, one);
+        let begins = S::select(before.lt(after), is_due, zero);
+        let is_nearer = e.abs().lt(self.tried.times(HOLD_NEARER));
+        let is_first = self.tried.lt(S::c(f64::MIN_POSITIVE));
+        let missed = S::select(is_first, zero, S::select(is_nearer, zero, self.missed + one));
+        self.missed = S::select(zero.lt(begins), missed, self.missed) * stands;
+        self.tried = S::select(zero.lt(begins), e.abs(), self.tried) * stands;
+        self.tries = S::select(self.missed.lt(S::c(HOLD_VAIN)), is_due, zero);
+        self.rest = S::select(zero.lt(self.kept() * moved), e, self.rest);
     }
 
     /// Whether it holds, and the rate of the force of the gas then, N/s:
@@ -90,7 +150,8 @@ impl<S: Number> Hold<S> {
     pub(crate) fn rate(&mut self, seen: &Resting<S>, model: &Model, period: f64) -> (S::Mask, S) {
         let Resting { stands, error: e, velocity: v, gas, level } = *seen;
         let zero = S::zero();
-        self.count(stands, e, period);
+        let moved = self.count(stands, e, period);
+        self.try_again(stands, e, moved, period);
         let held = zero.lt(self.holds);
         let limit = S::select(held, S::c(HOLD_LEAVE * self.band), S::c(self.band));
         let is_far = limit.lt((e - self.rest * self.kept()).abs());
@@ -112,8 +173,11 @@ impl<S: Number> Hold<S> {
         };
         // Where it is kept, away from where friction gives way.
         let released = (S::c(-model.load) - force).times(HOLD_RELEASES * period);
+        let tries = zero.lt(self.tries * kept);
+        let pushed = S::select(e.lt(zero), -level, level).times(period / HOLD_RAMP);
+        let released = S::select(tries, pushed, released);
         let drawn = S::select(zero.lt(kept), released, e.times(creep * model.stick_stiffness * period));
-        let room = level.times(HOLD_ROOM[usize::from(drifts)]);
+        let room = S::select(tries, level.times(2.0), level.times(HOLD_ROOM[usize::from(drifts)]));
         self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
         self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
         let creep = (self.force - force).times(1.0 / period);

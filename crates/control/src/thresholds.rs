@@ -63,7 +63,13 @@ thresholds! {
     STIFFNESS_RATE: f64 = 0.2, "1", "rate of the stiffness as a fraction of the bandwidth", "assumed";
     STIFFNESS_MEAN: [f64; 2] = [0.25, 0.75], "1", "mean pressures between which a stiffness is reached, from ambient (0) to supply (1)", "assumed";
 
+    NMPC_MASS: f64 = 0.65, "1", "mass of the model of nmpc until it is learned, of the described one", "stable for masses of 0.5 to 1.6 of the described one; measured";
+    NMPC_WANDER: f64 = 0.5, "1", "random walk of the unexplained force for nmpc, of that for other controllers", "assumed";
+
     // Holding.
+    HOLD_MANY: f64 = 10.0, "bands", "error of a kept drive that is tried again", "assumed";
+    HOLD_TRIES_AFTER: f64 = 0.3, "s", "rest until it is tried again", "assumed";
+    HOLD_RAMP: f64 = 0.5, "s", "time in which the force then grows by the breakaway friction", "slow, so that a slip is short; assumed";
     HOLD_SPEED: f64 = 1e-3, "m/s", "speed below which holding may begin", "assumed";
     HOLD_SWITCHING: [f64; 2] = [3.0, 4.0], "1/s", "rates of contact and gas on switching valves", "assumed";
     HOLD_ELASTIC: [f64; 2] = [5.0, 8.0], "1/s", "rates of contact and gas for an elastic contact", "faster, the next breakaway of a light piston is larger; assumed";
@@ -187,6 +193,8 @@ thresholds! {
     BRAKE_WITHIN: f64 = 0.5, "s", "time between two of them", "assumed";
 
     // Motion monitor (supervisor).
+    MOTION_SWING: f64 = 5.0, "tolerances", "least error of a limit cycle along a reference, peak to peak", "assumed";
+    MOTION_SWINGS: u32 = 4, "1", "changes of sign of an error beyond its tolerance for each reversal of the reference, beyond which it is a limit cycle", "a reversal gives two; assumed";
     MOTION_MOVED: f64 = 1e-3, "m", "way that counts as motion", "assumed";
     MOTION_AIR: f64 = 0.3, "1", "pressure below which there is no air, of the supply", "assumed";
     MOTION_HELD: f64 = 1.5, "1", "force above which something else blocks the drive, in breakaway friction", "assumed";

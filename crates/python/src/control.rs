@@ -28,6 +28,13 @@ pub fn control_choices() -> Vec<(&'static str, &'static str, Vec<&'static str>, 
     CHOICES.iter().map(|own| (own.law, own.key, own.options.to_vec(), own.meaning)).collect()
 }
 
+/// Thresholds of controllers, observer and supervisor: name, value, unit, meaning and reason.
+#[pyfunction]
+pub fn control_thresholds() -> Vec<(&'static str, String, &'static str, &'static str, &'static str)> {
+    let row = |own: control::thresholds::Threshold| (own.name, own.value, own.unit, own.meaning, own.reason);
+    control::thresholds::thresholds().into_iter().map(row).collect()
+}
+
 /// Factors on gains: controller, factor, gain.
 #[pyfunction]
 pub fn control_factors() -> Vec<(&'static str, &'static str, &'static str)> {

@@ -83,6 +83,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::control_laws, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_choices, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_factors, m)?)?;
+    m.add_function(wrap_pyfunction!(control::control_thresholds, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_run, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_signals, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_feasibility, m)?)?;

@@ -93,7 +93,7 @@ fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
     ]);
     let (rows, controller) = run(&plant, "nmpc", &sine(1.0), 12.0, 1);
     let [begin, error] = [&rows[..4000], &rows[8000..]].map(|rows| largest(rows) * 1e3);
-    assert!(begin < 0.3 && error < 0.12, "largest error {error} mm, {begin} mm in the first 4 s");
+    assert!(begin < 0.4 && error < 0.12, "largest error {error} mm, {begin} mm in the first 4 s");
     let [coulomb, viscous] = controller.model.friction_shares;
     assert!((coulomb - 1.2).abs() < 0.03 && (viscous - 1.2).abs() < 0.06, "friction {coulomb}, {viscous}");
     let described = belief(&axis()).expect("a belief").0;
@@ -102,6 +102,43 @@ fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
     let (described, valve) = (described.valve, controller.model.valve);
     assert!((valve.flow.gain / described.flow.gain - 0.8).abs() < 0.03, "conductance");
     assert!((valve.overlap - 0.03).abs() < 0.002, "overlap {}", valve.overlap);
+}
+
+/// Drives of half to 1.6 of the described mass, which a slow sine does not show: a model with all of the mass made the law swing
+/// the lighter ones by 1.7 to 2.4 mm.
+#[test]
+fn predictive_control_leads_drives_much_lighter_and_heavier_than_described() {
+    for mass in [0.5, 0.6, 1.6] {
+        let (rows, controller) = run(&deviating(&[("moving_mass", mass)]), "nmpc", &sine(0.5), 8.0, 1);
+        let error = largest(&rows[4000..]) * 1e3;
+        assert!(error < 0.2, "{error} mm at {mass} of the mass");
+        let log = controller.supervisor.as_ref().expect("a supervisor").log();
+        assert_eq!(log.count(control::EventKind::LimitCycle), 0, "{mass}");
+    }
+}
+
+/// A law that believes in twice the mass of its drive swings along a sine, and the supervisor reports that once.
+#[test]
+fn a_limit_cycle_along_a_moving_reference_is_reported() {
+    let light = deviating(&[("moving_mass", 0.5)]);
+    let (mut under, mut controller) = begin(axis(), &light, ("nmpc", None), &setup(1), 0.25);
+    controller.model.mass = belief(&axis()).expect("a belief").0.mass;
+    let mut never = |_| false;
+    under.run(&mut controller, &sine(0.5), 6.0, &mut Look::new(&mut never)).expect("it runs");
+    let log = controller.supervisor.as_ref().expect("a supervisor").log();
+    assert_eq!(log.count(control::EventKind::LimitCycle), 1, "{:?}", log.events());
+}
+
+/// Dry friction that is described as a contact that drifts makes the drive slip past its target. Kept many bands away, it is drawn
+/// nearer by short slips.
+#[test]
+fn a_drive_that_rests_many_bands_away_tries_again() {
+    let dry = rubbing(2.0, "coulomb", &[("coulomb", 30.0), ("viscous", 40.0)]);
+    let moves = vec![Move { begin: 0.2, duration: 0.3, to: 0.28 }];
+    let to = Reference::Moves { start: 0.22, moves };
+    let (rows, _) = run_believing(axis(), &dry, "nmpc", &to, 12.0, 1);
+    let error = (rows[rows.len() - 1][5] - rows[rows.len() - 1][1]).abs() * 1e6;
+    assert!(error < 350.0, "{error} um");
 }
 
 /// What such friction leaves unexplained turns with the motion, twice a second: it is learned, and not taken for a load that
@@ -230,16 +267,16 @@ fn a_drive_that_slips_in_vain_stands_where_it_is() {
     let dry = rubbing(2.0, "stribeck", &falls);
     for (law, slip) in [("nmpc", 1e-3), ("inversion", 5e-3)] {
         let to = Reference::Moves { start: 0.22, moves: vec![Move { begin: 0.2, duration: 0.3, to: 0.28 }] };
-        let (rows, _) = run_believing(dry.clone(), &dry, law, &to, 4.0, 1);
+        let (rows, _) = run_believing(dry.clone(), &dry, law, &to, 10.0, 1);
         let swings = |rows: &[[f64; COLUMNS.len()]]| {
             let [low, high] = rows
                 .iter()
                 .fold([f64::MAX, f64::MIN], |[low, high], row| [low.min(row[1]), high.max(row[1])]);
             high - low
         };
-        let [tried, stood] = [&rows[500..1500], &rows[2500..]].map(swings);
+        let [tried, stood] = [&rows[500..1500], &rows[8500..]].map(swings);
         assert!(tried > 0.4e-3 && stood < 30e-6, "{law}: {tried} m, then {stood} m");
-        let error = largest(&rows[2500..]);
+        let error = largest(&rows[8500..]);
         assert!(error < slip, "{law}: {error} m from its target");
     }
 }

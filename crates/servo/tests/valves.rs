@@ -74,7 +74,6 @@ fn told(law: &str, plant: &Circuit) -> specification::Controller {
         choices: BTreeMap::new(),
         factors: [1.0; 3],
         valves: BTreeMap::new(),
-        observer: None,
         adaptation: true,
         hold: Some(specification::Hold { band_m: 3e-5, after_s: 0.02 }),
         supervision: None,

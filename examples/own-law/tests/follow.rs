@@ -46,7 +46,6 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
         choices: BTreeMap::new(),
         factors: [1.0; 3],
         valves: BTreeMap::new(),
-        observer: None,
         hold: None,
         adaptation: false,
         supervision: None,

@@ -78,6 +78,7 @@ def tune(
     found = tuned(described, law, setup=setup)
     _show_tuning(found)
     _try_out(described, found, setup)
+    _show_suitability(described, setup)
     if out is not None:
         replace(found, source=drive).save(out)
     tell([out])
@@ -109,6 +110,15 @@ def _try_out(drive: Drive | Circuit, found: Tuning, setup: str) -> None:
     if score.lost or score.max_error_m > MOST_TRIED * way_m:
         missed = f"{found.law} misses by up to {1e3 * score.max_error_m:.3g} mm where it was tried"
         warn(f"{missed}: take another law or drive")
+
+
+def _show_suitability(drive: Drive | Circuit, setup: str) -> None:
+    """Say of each controller whether it suits the drive."""
+    from pneudrive.control.suitability import suitability
+
+    rows = [(one.law, "suits" if one.suits else "does not suit", one.reason) for one in suitability(drive, setup)]
+    typer.echo("\nEach controller along R3, as described and with half of the mass, simulated; take the first one:")
+    show_table(("<controller", "<suits", "<because"), rows)
 
 
 def _show_run(found: Run) -> Score:

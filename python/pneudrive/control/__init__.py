@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from pneudrive.control.references import reference
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
+    from pneudrive.control.suitability import Suitability, suitability
     from pneudrive.control.tuning import LawModel, Plant, TunedGain, Tuning, laws, tune
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "Score",
     "Setup",
     "StoredComparison",
+    "Suitability",
     "TunedGain",
     "Tuning",
     "c_header",
@@ -58,6 +60,7 @@ __all__ = [
     "score",
     "signals",
     "standard",
+    "suitability",
     "tune",
 ]
 
@@ -76,6 +79,7 @@ __getattr__ = lazy(
         "motion": ["Reference"],
         "references": ["reference"],
         "setup": ["Setup", "read_setup"],
+        "suitability": ["Suitability", "suitability"],
         "tuning": ["LawModel", "Plant", "TunedGain", "Tuning", "laws", "tune"],
     },
 )

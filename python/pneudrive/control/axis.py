@@ -99,3 +99,10 @@ def _chambers(joints: list[list[str]], port: str, cylinder: str, ends: set[str])
 
 def _component(port: str) -> str:
     return port.rpartition(".")[0]
+
+
+def supply_of(core_json: str) -> tuple[float, float]:
+    """Return absolute pressure, Pa, and temperature, K, of the supply of a circuit in the core's form."""
+    form = json.loads(core_json)
+    numbers = next(one["numbers"] for one in form["components"] if one["kind"].startswith("reservoir"))
+    return numbers["pressure"], numbers.get("temperature", form["ambient"]["temperature_k"])

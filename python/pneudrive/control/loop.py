@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import __version__, _core
+from pneudrive.control.axis import supply_of
 from pneudrive.control.measures import air_of, score_of
 from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
 from pneudrive.control.references import check_reach
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setups
 from pneudrive.control.standard_references import named_or_read
 from pneudrive.control.supervision import told
-from pneudrive.control.tuning import Tuning, alone, supply_of, tune
+from pneudrive.control.tuning import Tuning, alone, tune
 from pneudrive.describe.starts import start_table
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, SimulationError, warn

@@ -33,6 +33,8 @@ pub struct Tick<'a, S = f64> {
     pub spool: &'a Spool<S>,
     /// Where the drive is to go.
     pub preview: &'a Course<'a>,
+    /// Mass beyond that of the model, which is believed to follow the reference, kg.
+    pub mass_beyond: f64,
 }
 
 impl<S: Number> Tick<'_, S> {
@@ -77,6 +79,11 @@ pub trait Tuned: Gains + Sized {
 pub trait Law<S: Number = f64>: Memory<S> {
     /// It predicts the spool by itself: its state is that behind the dead time, not behind all of the lag.
     fn predicts(&self) -> bool {
+        false
+    }
+
+    /// Its model has less mass than described, so that it also leads lighter drives.
+    fn is_cautious(&self) -> bool {
         false
     }
 

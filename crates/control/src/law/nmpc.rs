@@ -244,7 +244,7 @@ impl Nmpc {
         plan: &[S; MOVES],
         mut row: impl FnMut(S),
     ) {
-        let foreseen = self.foreseen(tick, &horizon.transitions, plan);
+        let foreseen = self.foreseen(tick, horizon, plan);
         let l = self.bandwidth;
         let mut before = (MOVES, S::c(self.last));
         for ((wanted, [x, v, a]), (block, h)) in horizon.wanted.iter().zip(foreseen).zip(steps()) {
@@ -264,7 +264,7 @@ impl Nmpc {
     fn foreseen<S: Planned>(
         &mut self,
         tick: &Tick,
-        transitions: &Transitions,
+        horizon: &Horizon,
         plan: &[S; MOVES],
     ) -> [[S; 3]; HORIZON] {
         let mut foreseen = [[S::zero(); 3]; HORIZON];
@@ -275,7 +275,7 @@ impl Nmpc {
             Predicting::By(own) => S::ask(&mut **own, plan, &mut see),
         };
         if !is_done {
-            by_model(tick, transitions, plan, &mut foreseen);
+            by_model(tick, horizon, plan, &mut foreseen);
         }
         foreseen
     }
@@ -285,13 +285,13 @@ impl Nmpc {
 /// the [`steps`], with derivatives.
 pub fn by_the_model(tick: &Tick, plan: &[ByMoves; MOVES]) -> Vec<[ByMoves; 3]> {
     let mut foreseen = [[ByMoves::zero(); 3]; HORIZON];
-    by_model(tick, &transitions(tick), plan, &mut foreseen);
+    by_model(tick, &Horizon::of(tick), plan, &mut foreseen);
     foreseen.to_vec()
 }
 
 fn by_model<S: Over<f64>>(
     tick: &Tick,
-    transitions: &Transitions,
+    horizon: &Horizon,
     plan: &[S; MOVES],
     foreseen: &mut [[S; 3]; HORIZON],
 ) {
@@ -300,7 +300,9 @@ fn by_model<S: Over<f64>>(
     let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(S::c);
     for (step, (block, h)) in steps().enumerate() {
         let w = plan[block];
-        let [half, whole] = transitions[STEPS[block] - 1];
+        let [half, whole] = horizon.transitions[STEPS[block] - 1];
+        let turns = horizon.wanted[step].acceleration - tick.now.1.acceleration;
+        state.disturbance = S::c(tick.state.disturbance - tick.mass_beyond * turns);
         let go = |by: [f64; 4]| {
             let e = spool - w;
             [w + e.times(by[0]) + speed.times(by[1]), e.times(by[2]) + speed.times(by[3])]
@@ -335,6 +337,11 @@ impl Law for Nmpc {
 
     fn predicts(&self) -> bool {
         true
+    }
+
+    /// A circuit predicts with all of its mass.
+    fn is_cautious(&self) -> bool {
+        matches!(self.predicting, Predicting::Model)
     }
 
     fn step(&mut self, tick: &Tick) -> f64 {

@@ -54,7 +54,7 @@ events! {
     Blocked: "blocked", "N", "the drive does not move: its air force is above its friction; value: the air force";
     Stuck: "stuck", "N", "the drive does not move: its air force is within its friction; value: the air force";
     NotSettled: "not-settled", "m", "the drive rests outside its tolerance; value: the error";
-    LimitCycle: "limit-cycle", "m", "the drive does not settle: it swings about its target; value: peak to peak";
+    LimitCycle: "limit-cycle", "m", "the drive swings about its target or along its reference: a limit cycle; value: peak to peak";
 }
 
 /// Something that happened.

@@ -3,7 +3,7 @@
 use super::event::{EventKind, Log};
 use crate::model::Model;
 use crate::reference::Wanted;
-use crate::thresholds::{MOTION_AIR, MOTION_HELD, MOTION_MOVED};
+use crate::thresholds::{MOTION_AIR, MOTION_HELD, MOTION_MOVED, MOTION_SWING, MOTION_SWINGS};
 use crate::types::{Moment, State};
 
 /// When a motion is complete.
@@ -37,6 +37,47 @@ pub struct Motion {
     told: bool,
     /// It has settled since the reference stands.
     settled: bool,
+    swings: Swings,
+}
+
+/// Error along a reference that moves, within a time.
+#[derive(Clone, Copy, Debug, Default)]
+struct Swings {
+    /// s.
+    lasts: f64,
+    /// Side on which the error was beyond the tolerance last, and how often that changed.
+    side: f64,
+    changes: u32,
+    /// Way of the reference, and how often it turned around.
+    way: f64,
+    turns: u32,
+    /// Least and largest error, m.
+    range: [f64; 2],
+    told: bool,
+}
+
+impl Swings {
+    /// The error, peak to peak, m, if it swings: its sign changes more than four times for each reversal of the reference.
+    fn watch(&mut self, rules: &MotionRules, e: f64, velocity: f64, period: f64) -> Option<f64> {
+        self.lasts += period;
+        self.range = [self.range[0].min(e), self.range[1].max(e)];
+        if e.abs() > rules.tolerance && e * self.side <= 0.0 {
+            self.side = e.signum();
+            self.changes += 1;
+        }
+        if velocity != 0.0 && velocity * self.way <= 0.0 {
+            self.way = velocity.signum();
+            self.turns += 1;
+        }
+        if self.lasts < rules.timeout {
+            return None;
+        }
+        let [low, high] = self.range;
+        let is_large = high - low > MOTION_SWING * rules.tolerance;
+        let swings = is_large && self.changes > MOTION_SWINGS * (self.turns + 1) && !self.told;
+        *self = Swings { told: self.told || swings, ..Swings::default() };
+        swings.then_some(high - low)
+    }
 }
 
 /// Where the drive is, and where it is to be.
@@ -65,8 +106,11 @@ impl Motion {
         }
         self.waits = if e.abs() > MOTION_MOVED { self.waits + period } else { 0.0 };
         if !stands {
-            let waits = self.waits;
-            *self = Motion { from: self.from, waits, told: self.told && waits > 0.0, ..Motion::default() };
+            if let Some(size) = self.swings.watch(rules, e, wanted.velocity, period) {
+                log.tell(time, EventKind::LimitCycle, size);
+            }
+            let Motion { from, waits, swings, .. } = *self;
+            *self = Motion { from, waits, swings, told: self.told && waits > 0.0, ..Motion::default() };
         } else {
             self.stands += period;
             self.within = if e.abs() <= rules.tolerance { self.within + period } else { 0.0 };

@@ -127,7 +127,6 @@ pub fn begin_choosing(
         factors: [1.0; 3],
         adaptation: true,
         valves: Default::default(),
-        observer: None,
         hold: Some(Hold { band_m: 3e-5, after_s: 0.02 }),
         supervision,
         belief,
