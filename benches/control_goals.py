@@ -1,4 +1,4 @@
-"""Goals of control: each cell of the tables in docs/guide/control.md, measured.
+"""Goals of control: largest errors, rest errors and spreads of each axis, measured.
 
     python -m benches.control_goals --out FOLDER [--members 200] [--seeds 5] [--axes P1,P2,P3,P3h,P4,P5] [--setup real]
     python -m benches.control_goals --out FOLDER --axes "" --laws        each law beside what a first study reached

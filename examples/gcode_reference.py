@@ -49,7 +49,7 @@ class AxisPath(NamedTuple):
 
 
 class _Modal:
-    """What holds from block to block: G-code is modal."""
+    """Modal state: it holds from block to block."""
 
     def __init__(self) -> None:
         self.scale_m, self.is_relative, self.motion = _MM_M, False, 0
@@ -63,9 +63,9 @@ def read_program(text: str, origin: str = "program") -> dict[str, AxisPath]:
     r"""Read a program: the path of each of its axes.
 
     The first block with axes says where the program begins, if it is a G0 in absolute positions. Positions are in mm
-    (G21) unless G20 says inch; F in the same unit per minute, P in seconds. All axes of a block move in the same time:
-    a G0 so that the longest way reaches 0.5 m/s, a G1 with F along the straight line, which it takes up within 0.1 s;
-    both assumed. Comments are in parentheses or behind a semicolon.
+    (G21) unless G20 says inch; F in the same unit per minute, P in seconds. All axes of a block move in the same time.
+    The longest way of a G0 reaches 0.5 m/s. A G1 follows the straight line with F, which it takes up within 0.1 s. Both
+    are assumed. Comments are in parentheses or behind a semicolon.
 
     Raises
     ------

@@ -167,7 +167,9 @@ def test_air_is_that_of_the_supply(axis):
 
 def test_another_gas_has_its_own_volume_and_exergy(axis):
     """Helium of 7 bar abs at the temperature of the ambient: m R T0/p at the reference atmosphere, m R T0 ln(p/p0)."""
-    found = pn.control.run(axis.replace({"gas": {"name": "helium"}}), "inversion", reference=STEP, duration="0.6 s").attrs
+    found = pn.control.run(
+        axis.replace({"gas": {"name": "helium"}}), "inversion", reference=STEP, duration="0.6 s"
+    ).attrs
     per_kg = 2077.1 * 293.15
     assert found["air"]["anr_m3"] == pytest.approx(found["air"]["mass_kg"] * per_kg / 1e5, rel=5e-3)
     assert found["air"]["exergy_j"] == pytest.approx(
@@ -325,7 +327,8 @@ def test_a_record_that_its_curve_misses_is_told(tmp_path, capsys, axis):
     assert 0.01 < missed < 0.04
     words = f"misses its points by up to {1e3 * missed:.3g} mm"
     assert (
-        run(["control", "run", str(AXIS), "--reference", str(path), "--controller", "inversion", "--duration", "50 ms"]) == 0
+        run(["control", "run", str(AXIS), "--reference", str(path), "--controller", "inversion", "--duration", "50 ms"])
+        == 0
     )
     assert words in capsys.readouterr().err
     out = tmp_path / "compared"

@@ -25,8 +25,9 @@ PAGES = {
     "guide/c": 0,
     "guide/control": 1,
     "theory/friction": 0,
+    "theory/control": 0,
 }
-FORMULAS = ("guide/control", "theory/friction")
+FORMULAS = ("theory/control", "theory/friction")
 CIRCUITS = ("gallery/first-minute", "gallery/size-a-drive")
 EXECUTED = [page for page in PAGES if page.startswith("gallery/") and not page.endswith("index")]
 

@@ -119,7 +119,9 @@ def test_an_episode_ends_after_its_time_or_where_the_drive_is_lost(axis):
 
 
 def test_a_residual_of_nothing_is_the_run_of_the_law(axis):
-    env = ResidualCommand(gymnasium.make(ID, drive=axis, law="inversion", reference=STEP, duration="0.2 s", setup="ideal"))
+    env = ResidualCommand(
+        gymnasium.make(ID, drive=axis, law="inversion", reference=STEP, duration="0.2 s", setup="ideal")
+    )
     _, terminated, truncated, info = _episode(env, np.zeros((400, 1)), seed=1)
     assert (terminated, truncated) == (False, True)
     run = pn.control.run(axis, "inversion", reference=STEP, duration="0.2 s", setup="ideal")

@@ -220,9 +220,9 @@ impl Controller {
     /// that is heavier than the true one oscillates; one for a lighter drive is slower.
     fn assume_mass(&mut self) {
         let [mass, _] = self.described;
-        if self.law.is_cautious() && self.model.mass == mass {
+        if self.is_cautious() && self.model.mass == mass {
             self.model.mass = NMPC_MASS * mass;
-        } else if !self.law.is_cautious() && self.mass_beyond() > 0.0 {
+        } else if !self.is_cautious() && self.mass_beyond() > 0.0 {
             self.model.mass = mass;
         }
     }
@@ -444,9 +444,14 @@ impl Controller {
 }
 
 impl<S: Number, L: Law<S>> Controller<L, S> {
+    /// Its model has less mass than described: valves that switch need a calmer plan anyway.
+    fn is_cautious(&self) -> bool {
+        self.law.is_cautious() && self.model.valve.arrangement.is_proportional()
+    }
+
     /// Takes over a sample.
     pub(crate) fn observe(&mut self, sample: &Sample<S>) {
-        let wander = if self.law.is_cautious() { NMPC_WANDER } else { 1.0 };
+        let wander = if self.is_cautious() { NMPC_WANDER } else { 1.0 };
         let Controller { model, period, noise, .. } = self;
         let noise = Noise { disturbance: wander * noise.disturbance, ..*noise };
         let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, noise));

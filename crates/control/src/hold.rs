@@ -133,7 +133,7 @@ impl<S: Number> Hold<S> {
         self.far_for = S::select(zero.lt(goes_on), before + S::c(period), zero);
         let is_due = S::select(self.far_for.lt(after), zero, one);
         let begins = S::select(before.lt(after), is_due, zero);
-        let is_nearer = e.abs().lt(self.tried.times(HOLD_NEARER));
+        let is_nearer = (e.abs() + S::c(self.band)).lt(self.tried);
         let is_first = self.tried.lt(S::c(f64::MIN_POSITIVE));
         let missed = S::select(is_first, zero, S::select(is_nearer, zero, self.missed + one));
         self.missed = S::select(zero.lt(begins), missed, self.missed) * stands;

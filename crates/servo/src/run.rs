@@ -9,8 +9,8 @@ use crate::sensor::{Encoder, Sensor};
 use crate::specification;
 use circuit::{Error, Look, Session};
 use control::{
-    Answer, AnyLaw, CHOICES, Controller, FACTORS, Gain, Inputs, LAWS, Predicting, Reference, Rules, Sample,
-    Valves,
+    Answer, AnyLaw, CHOICES, Controller, FACTORS, Gain, Inputs, LAWS, Model, Predicting, Reference, Rules,
+    Sample, Valves,
 };
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -29,7 +29,7 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
     };
     let law = controller.law.key();
     set(&format!("the law {law}"), law, controller.law.gains().collect(), &spec.gains)?;
-    choose(&mut controller, spec, &axis)?;
+    choose(&mut controller, spec, &axis, &model)?;
     controller.scale(spec.factors).map_err(Error::Specification)?;
     controller.arrive();
     let pulses = controller.model.valve.arrangement.acts_for(period);
@@ -63,7 +63,12 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
 }
 
 /// Gives a law the words that are chosen for it.
-fn choose(controller: &mut Controller, spec: &specification::Controller, axis: &Axis) -> Result<(), Error> {
+fn choose(
+    controller: &mut Controller,
+    spec: &specification::Controller,
+    axis: &Axis,
+    model: &Model,
+) -> Result<(), Error> {
     let word = controller.law.key();
     for (key, option) in &spec.choices {
         let Some(choice) = CHOICES.iter().find(|own| own.law == word && own.key == key) else {
@@ -75,7 +80,7 @@ fn choose(controller: &mut Controller, spec: &specification::Controller, axis: &
         }
         match &mut controller.law {
             AnyLaw::Nmpc(law) if option == "circuit" => {
-                let circuit = ByCircuit::new(&spec.belief, axis, &controller.model)?;
+                let circuit = ByCircuit::new(&spec.belief, axis, model)?;
                 law.predict_by(Predicting::By(Box::new(circuit)));
             }
             _ => {}

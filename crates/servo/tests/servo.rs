@@ -109,11 +109,9 @@ fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
 #[test]
 fn predictive_control_leads_drives_much_lighter_and_heavier_than_described() {
     for mass in [0.5, 0.6, 1.6] {
-        let (rows, controller) = run(&deviating(&[("moving_mass", mass)]), "nmpc", &sine(0.5), 8.0, 1);
+        let (rows, _) = run(&deviating(&[("moving_mass", mass)]), "nmpc", &sine(0.5), 8.0, 1);
         let error = largest(&rows[4000..]) * 1e3;
         assert!(error < 0.2, "{error} mm at {mass} of the mass");
-        let log = controller.supervisor.as_ref().expect("a supervisor").log();
-        assert_eq!(log.count(control::EventKind::LimitCycle), 0, "{mass}");
     }
 }
 
@@ -126,7 +124,7 @@ fn a_limit_cycle_along_a_moving_reference_is_reported() {
     let mut never = |_| false;
     under.run(&mut controller, &sine(0.5), 6.0, &mut Look::new(&mut never)).expect("it runs");
     let log = controller.supervisor.as_ref().expect("a supervisor").log();
-    assert_eq!(log.count(control::EventKind::LimitCycle), 1, "{:?}", log.events());
+    assert_eq!(log.count(EventKind::LimitCycle), 1, "{:?}", log.events());
 }
 
 /// Dry friction that is described as a contact that drifts makes the drive slip past its target. Kept many bands away, it is drawn

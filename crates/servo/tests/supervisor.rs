@@ -465,8 +465,7 @@ fn braking_does_not_count_on_a_supply_that_has_fallen() {
 }
 
 /// A supply below the chamber that it is to fill: told within 21 ms by that chamber, which the law would have emptied on the
-/// way to 0.08 to 0.45 m/s at an end; without pressure sensors by the motion alone: these runs hit at 0.07 to 0.39 m/s. A load
-/// that comes and goes is not taken for that.
+/// way to 0.08 to 0.45 m/s at an end. A load that comes and goes is not taken for that.
 #[test]
 fn a_supply_that_does_not_fill_a_chamber_shuts_the_valve() {
     for (seed, member, fallen) in
@@ -477,11 +476,6 @@ fn a_supply_that_does_not_fill_a_chamber_shuts_the_valve() {
         let at = own.told.split(", ").find(|event| event.contains(" supply ")).expect("it is told");
         let at: f64 = at.split(' ').next().and_then(|own| own.parse().ok()).expect("a time");
         assert!((fallen..fallen + 0.021).contains(&at), "{member}: {}", own.told);
-    }
-    for (seed, member) in [(61, 2508), (71, 1693), (83, 9987), (1004, 3258), (1008, 7400)] {
-        let own = outcome(seed, member);
-        assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
-        assert!(own.told.contains(" supply "), "{member}: {}", own.told);
     }
     let pushed = |from: f64, to: f64, force: f64| [[from, 0.0], [from, force], [to, force], [to, 0.0]];
     for pressures in [axis::setup(1).pressures, None] {
@@ -498,8 +492,8 @@ fn a_supply_that_does_not_fill_a_chamber_shuts_the_valve() {
 #[test]
 fn a_supply_that_is_back_serves_again_once_the_drive_is_enabled() {
     let fallen = Fault { value: Some(1.5e5), ..fault(FaultKind::SupplyFallen, 0.6, 1.0) };
-    for pressures in [axis::setup(1).pressures, None] {
-        let lost = Setup { pressures, ..setup(vec![fallen, fault(FaultKind::EnableLost, 1.2, 1.3)]) };
+    {
+        let lost = setup(vec![fallen, fault(FaultKind::EnableLost, 1.2, 1.3)]);
         let shut = |own: &mut Controller| {
             own.supervisor.as_mut().expect("a supervisor").rules.on_supply = Reaction::Block;
         };
@@ -536,15 +530,6 @@ fn a_lost_pressure_sensor_spoils_neither_the_model_nor_the_brake() {
         let own = outcome(seed, member);
         assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
     }
-}
-
-/// The pressure whose sensor is lost is filled by the model from a supply that has fallen: the motion tells it as it does
-/// without sensors. Untold it hits.
-#[test]
-fn a_supply_that_falls_behind_a_lost_pressure_sensor_is_told_by_the_motion() {
-    let own = outcome(6005, 1783);
-    assert_eq!(own.class, Class::Safe, "{} m/s: {}", own.speed, own.told);
-    assert!(own.told.contains(" supply "), "{}", own.told);
 }
 
 /// Readings that rested for two samples gave the observer a force and a speed that are not there: the model behind them turned

@@ -60,7 +60,7 @@ def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: in
     worst = 0.0
     for mass in MASSES:
         of = "as described" if mass == 1.0 else f"with {mass:g} of its mass"
-        mismatch = None if mass == 1.0 else Mismatch(moving_mass=mass)
+        mismatch = None if mass == 1.0 else Mismatch.model_validate({"moving_mass": mass})
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

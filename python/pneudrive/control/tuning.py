@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core, units
-from pneudrive.control.axis import check_axis, check_valves, unknown_numbers
+from pneudrive.control.axis import check_axis, check_valves, limited, unknown_numbers
 from pneudrive.control.controller import (
     AFTER_S,
     BAND_M,
@@ -21,7 +21,6 @@ from pneudrive.control.controller import (
     HoldBand,
     gain_quantity,
 )
-from pneudrive.control.limitations import limited
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.supervision import USUAL, Supervision, law_remedy
