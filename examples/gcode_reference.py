@@ -17,7 +17,7 @@ import numpy as np
 
 import pneudrive as pn
 from pneudrive.control.motion import polynomials
-from pneudrive.control.paths import PEAK, Row, along_line, blended
+from pneudrive.control.paths import PEAK, along_line, blended
 from pneudrive.errors import CommandError
 from pneudrive.units import LARGEST
 
@@ -45,7 +45,7 @@ class AxisPath(NamedTuple):
     """
 
     start_m: float
-    pieces: list[Row]
+    pieces: list[list[float]]
 
 
 class _Modal:

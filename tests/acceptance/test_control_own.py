@@ -335,7 +335,7 @@ def test_source_code_is_for_the_drive_that_is_named(tmp_path):
     for drive, name in ((["--drive", str(bench)], "bench"), ([], "controlled axis")):
         told = ["control", "export", str(tmp_path / "own.toml"), "--to", "c", "--out", str(tmp_path), *drive]
         assert run(told) == 0
-        assert f"For {name}, description" in (tmp_path / "pneudrive_pva.h").read_text()
+        assert f"For {name}, description" in (tmp_path / "pneudrive_inversion.h").read_text()
 
 
 def test_what_cannot_be_exported_is_said(tmp_path, capsys):

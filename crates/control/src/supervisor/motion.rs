@@ -53,11 +53,14 @@ struct Swings {
     turns: u32,
     /// Least and largest error, m.
     range: [f64; 2],
+    /// It swung within the time before.
+    swung: bool,
     told: bool,
 }
 
 impl Swings {
-    /// The error, peak to peak, m, if it swings: its sign changes more than four times for each reversal of the reference.
+    /// The error, peak to peak, m, if it swings: its sign changes more than four times for each reversal of the
+    /// reference, in two times one after the other.
     fn watch(&mut self, rules: &MotionRules, e: f64, velocity: f64, period: f64) -> Option<f64> {
         self.lasts += period;
         self.range = [self.range[0].min(e), self.range[1].max(e)];
@@ -74,9 +77,10 @@ impl Swings {
         }
         let [low, high] = self.range;
         let is_large = high - low > MOTION_SWING * rules.tolerance;
-        let swings = is_large && self.changes > MOTION_SWINGS * (self.turns + 1) && !self.told;
-        *self = Swings { told: self.told || swings, ..Swings::default() };
-        swings.then_some(high - low)
+        let swung = is_large && self.changes > MOTION_SWINGS * (self.turns + 1);
+        let is_news = swung && self.swung && !self.told;
+        *self = Swings { told: self.told || is_news, swung, ..Swings::default() };
+        is_news.then_some(high - low)
     }
 }
 
