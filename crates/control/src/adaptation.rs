@@ -1,4 +1,5 @@
-//! What a law believes, brought to what its drive does: friction, mass and valve, by recursive least squares while it moves.
+//! Adaptation of the controller's model to the drive. Recursive least squares estimate friction, mass and valve while
+//! the drive moves.
 
 use crate::model::Model;
 use crate::thresholds::{
@@ -74,9 +75,10 @@ impl<const N: usize> Lagged<N> {
     }
 }
 
-/// Coulomb and viscous friction and the moving mass as shares of what is described, and the valve's conductance and
-/// overlap. A force that stays the same in both directions is learned beside them and left to the observer: the zeros of
-/// pressure sensors look like it, and friction that differs between the directions cannot be told from it.
+/// Coulomb and viscous friction and the moving mass are estimated relative to the description. So are the valve's
+/// conductance and overlap. A force that stays the same in both directions is estimated with them and left to the
+/// observer. Zero offsets of pressure sensors look like such a force. So does friction that differs between the
+/// directions.
 #[derive(Clone, Debug)]
 pub struct Adaptation {
     /// The model as it is described.
@@ -86,7 +88,7 @@ pub struct Adaptation {
     valve: Fit<2>,
     motion: Lagged<4>,
     gas: [Lagged<4>; 2],
-    /// What remains of the balance of forces, in each direction.
+    /// Residual of the force balance, in each direction.
     disturbance: [Lagged<1>; 2],
     /// The way in which it goes since it turned, 1 or -1, 0: none; for how long it moved so, and has stood since, s.
     way: f64,
@@ -101,7 +103,7 @@ pub struct Adaptation {
 }
 
 impl Adaptation {
-    /// Of a model as it is described.
+    /// Returns the adaptation of a model as described.
     pub fn new(model: &Model) -> Self {
         let d = model.valve.overlap;
         Adaptation {
@@ -130,8 +132,9 @@ impl Adaptation {
         }
     }
 
-    /// A drive that turns around: what friction lacked on its way so far stood as a force, and is taken for friction as far as
-    /// that is not known yet. As a force it would not turn with the motion.
+    /// Corrects the estimate when a drive reverses. The observer has explained the unmodelled friction so far as a
+    /// disturbance force. The part that is not learned yet is moved from this force to the friction. As a force it
+    /// would not change sign with the motion.
     fn turn(&mut self, model: &mut Model, state: &mut State, period: f64) {
         let way = self.way;
         if way * state.friction >= 0.0 {

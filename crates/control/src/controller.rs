@@ -92,12 +92,12 @@ macro_rules! laws {
 
 laws!(Pid, Fuzzy, Sliding, SuperTwisting, Inversion, Nmpc);
 
-/// A law, what it believes, and what it remembers.
+/// A controller: its law, its model of the drive, and its state.
 #[derive(Clone, Debug)]
 pub struct Controller<L = AnyLaw, S = f64> {
-    /// What it believes.
+    /// Model of the drive.
     pub model: Model,
-    /// What the drive is about mid-stroke.
+    /// Linear model of the drive at mid-stroke.
     pub plant: Plant,
     /// The law.
     pub law: L,
@@ -105,13 +105,13 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub valves: Valves,
     /// Standing still, if it may.
     pub hold: Option<Hold<S>>,
-    /// What it learns of its drive, if it does.
+    /// Adaptation of the model, if it is on.
     pub adaptation: Option<Adaptation>,
     /// The period, s.
     pub period: f64,
-    /// Who stands in front of the law, if anybody.
+    /// Supervisor of the law, if there is one.
     pub supervisor: Option<Box<Supervisor>>,
-    /// Of [`FACTORS`](crate::FACTORS), which its gains are multiplied by.
+    /// Factors, as in [`FACTORS`](crate::FACTORS), by which the gains are multiplied.
     pub(crate) factors: [f64; FACTORS.len()],
     pub(crate) takeover: Takeover,
     pub(crate) noise: Noise,
@@ -123,7 +123,7 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub(crate) push: S,
 }
 
-/// How a law takes over from another one, and gains from others.
+/// Handover from another law, and from other gains.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Takeover {
     /// The last command of the law.
@@ -151,7 +151,7 @@ struct Ramp {
 /// The law that stands by unless another one is named.
 const STANDBY: &str = "inversion";
 
-/// Where a drive is to be now and when a command of now will act, whether it stands between them, and the reference.
+/// Wanted state now and when a command of now will act, whether the drive stands between them, and the reference.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ahead<'r, S> {
     pub now: Wanted<S>,
@@ -161,7 +161,7 @@ pub(crate) struct Ahead<'r, S> {
     pub preview: &'r Course<'r>,
 }
 
-/// What a law with its observer makes of a sample.
+/// Decision of a law with its observer for one sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Decided<S: Number> {
     pub command: S,
@@ -170,12 +170,12 @@ pub(crate) struct Decided<S: Number> {
     pub holds: S::Mask,
 }
 
-/// What a sample gave.
+/// Result of one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
     /// The command, -1 .. 1.
     pub command: f64,
-    /// Where the drive is to be now.
+    /// Wanted state now.
     pub wanted: Wanted,
     /// Velocity, m/s, and disturbance, N, as the observer has them.
     pub velocity: f64,
@@ -186,7 +186,8 @@ pub struct Answer {
 }
 
 impl Controller {
-    /// Of a law called so, by the model alone: sampled with a period, s, by a position sensor of this deviation, m.
+    /// Returns the controller with the law of this key and gains from the model alone. The period is in s and the
+    /// deviation of the position sensor in m.
     pub fn tuned(key: &str, model: &Model, period: f64, deviation: f64) -> Option<Self> {
         let middle = 0.5 * (model.supply.pressure + model.ambient.pressure);
         let plant = Plant::of(model, 0.5 * model.stroke, [middle; 2], period);
@@ -243,7 +244,7 @@ impl Controller {
         answer
     }
 
-    /// What the valves are commanded for a command that was given at a sample, with its true time.
+    /// Returns the commands of the valves for a command that was given at a sample, with its true time.
     pub fn give(&mut self, time: f64, command: f64) -> Commands {
         let Controller { valves, model, observer, period, .. } = self;
         match observer {
@@ -252,13 +253,13 @@ impl Controller {
         }
     }
 
-    /// What sensors and the observer say at the last sample.
+    /// Returns the signals of sensors and observer at the last sample.
     pub fn seen(&self, sample: &Sample) -> Seen {
         self.observer.as_ref().map(|observer| Seen::of(&self.model, sample, observer)).unwrap_or_default()
     }
 
-    /// The command for a sample, on the way along a reference; [`Controller::give`] comes next. Without a supervisor a
-    /// sample that is no number gives a command that is none.
+    /// The command for a sample, on the way along a reference; [`Controller::give`] comes next. Without a supervisor,
+    /// a sample that is not a number gives a command that is not a number.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         if let Some(mut supervisor) = self.supervisor.take() {
             let answer = supervisor.decide(self, sample, reference);
@@ -273,7 +274,7 @@ impl Controller {
         self.ask(sample, &reference.into())
     }
 
-    /// The observer takes over a sample, and the model what is learned from it.
+    /// Passes a sample to the observer, and the learned values to the model.
     pub(crate) fn learn(&mut self, sample: &Sample, measured: bool) {
         self.observe(sample);
         self.model.load = self.described[1];
@@ -350,8 +351,8 @@ impl Controller {
         true
     }
 
-    /// The gains go to those of other factors, of [`FACTORS`](crate::FACTORS), in 0.2 s. A factor that is none, or means
-    /// nothing to the law, is refused in words, and nothing changes.
+    /// The gains go to those of other factors, of [`FACTORS`](crate::FACTORS), in 0.2 s. A factor that is out of
+    /// bounds or that this law does not use is rejected with a message. Nothing changes then.
     pub fn scale(&mut self, factors: [f64; FACTORS.len()]) -> Result<(), String> {
         let law = self.law.key();
         let mut changes = Vec::new();
@@ -407,7 +408,7 @@ impl Controller {
         self.observer = None;
     }
 
-    /// The law goes on from a command without a bump; nothing is held or pushed.
+    /// Continues from a command without a bump; nothing is held or pushed.
     pub(crate) fn begin_anew(&mut self, command: f64) {
         (self.push, self.takeover.last) = (0.0, command);
         self.friction = self.observer.as_ref().map(|own| own.state.friction);
@@ -429,14 +430,14 @@ impl Controller {
         Some((state, observer.spool.clone().edges(&self.model, observer.time(), time)))
     }
 
-    /// How finely the model can know a position a period ahead, m: the distance of two readings, or the way by which friction
-    /// that it does not know of moves a resting piston.
+    /// Position resolution of the model one period ahead, m. It is the sensor resolution, or the distance by which
+    /// unmodelled friction moves a resting piston.
     pub(crate) fn grain(&self) -> f64 {
         let way = 0.5 * self.plant.coulomb / self.model.mass * self.period * self.period;
         way.max(COUNT_DEVIATIONS * self.noise.position)
     }
 
-    /// Without the law: a command, and what the observer says.
+    /// Returns the answer without the law: a command, and the estimates of the observer.
     pub(crate) fn rest(&self, wanted: Wanted, command: f64) -> Answer {
         let (velocity, disturbance) = self.state().map_or((0.0, 0.0), |own| (own.velocity, own.disturbance));
         Answer { command, wanted, velocity, disturbance, holds: false }
@@ -459,7 +460,7 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         self.friction.get_or_insert(observer.state.friction);
     }
 
-    /// Shows each number of what it remembers.
+    /// Visits each number of the state.
     pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
         if let Some(observer) = &mut self.observer {
             observer.numbers(see);

@@ -1,10 +1,10 @@
-//! What a law follows: a reference, or a place to stand at, and the way there from where the drive is.
+//! Course that a law follows: a reference, or a place to stand at, and the path to it from the present state.
 
 use crate::reference::{PEAKS, Reference, Wanted, blend, series};
 use crate::thresholds::{RETURN_LEAST_TIME, SLOWS_WITHIN, STOP_LEAST_TIME};
 
-/// A way that starts with a distance, a speed and an acceleration and ends without any, with three continuous
-/// derivatives: with s the share of its duration T,
+/// A path that starts with a distance, a speed and an acceleration and ends with none of them. It has three
+/// continuous derivatives. With the fraction s of its duration T, it is
 ///
 ///   x_0 (1-s)^4 (1 + 4 s + 10 s^2 + 20 s^3) + v_0 T s (1-s)^4 (1 + 4 s + 10 s^2) + a_0 T^2 s^2/2 (1-s)^4 (1 + 4 s)
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,8 +49,8 @@ impl Fade {
         self.begin + self.duration
     }
 
-    /// From a position, a speed and an acceleration to a stand, at a deceleration, m/s2, that grows where there is less
-    /// than this room ahead, m; and the place where it ends, m.
+    /// Returns a path to rest, and the place where it ends, m. The path begins with a position, a speed and an
+    /// acceleration. The deceleration, m/s2, grows where there is less than this room ahead, m.
     pub fn stop(begin: f64, [x, v, a]: [f64; 3], deceleration: f64, room: f64) -> (Self, f64) {
         let a = a.clamp(-deceleration, deceleration);
         // The speed falls as 1 - 10 s^3 + 15 s^4 - 6 s^5: its way is half of v T, its steepest fall 1.875 v/T.
@@ -115,7 +115,7 @@ impl Slowed {
         [time, before + less * gone, less * slope / SLOWS_WITHIN, less * bend / (SLOWS_WITHIN * SLOWS_WITHIN)]
     }
 
-    /// Where a reference is by this clock.
+    /// Returns the wanted state of a reference by this clock.
     pub fn along(&self, reference: &Reference, t: f64) -> Wanted {
         let [time, rate, slows, bends] = self.at(t);
         let Wanted { position, velocity: v, acceleration: a, jerk: j } = reference.at(time);
@@ -128,7 +128,7 @@ impl Slowed {
     }
 }
 
-/// What a law follows.
+/// Course that a law follows.
 #[derive(Clone, Copy, Debug)]
 pub struct Course<'a> {
     /// The reference; none: it stands.
@@ -146,7 +146,7 @@ impl<'a> From<&'a Reference> for Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// Along a reference, beside which a way ends.
+    /// Follows a reference, with a path back to it that fades out.
     pub fn back_to(reference: &'a Reference, fade: Fade) -> Self {
         Course { fade: Some(fade), ..reference.into() }
     }
@@ -162,12 +162,12 @@ impl<'a> Course<'a> {
         Course { clock, ..self }
     }
 
-    /// The reference, if there is nothing beside it and its clock is that of the samples.
+    /// Returns the reference, if nothing is added to it and its clock is that of the samples.
     pub fn reference(&self) -> Option<&'a Reference> {
         self.reference.filter(|_| self.fade.is_none() && self.clock.is_none())
     }
 
-    /// Where the drive is to be at a time, s.
+    /// Returns the wanted state at a time, s.
     pub fn at(&self, t: f64) -> Wanted {
         let base = match self.reference {
             Some(reference) => self.clock.map_or_else(|| reference.at(t), |own| own.along(reference, t)),

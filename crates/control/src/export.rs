@@ -1,5 +1,5 @@
-//! A law with its observer as source code of other languages: the equations are recorded once on numbers that say what is
-//! done with them, and printed.
+//! A law with its observer as source code of other languages. The equations run once on numbers that record each
+//! operation. The record is printed.
 
 mod print;
 mod traced;
@@ -29,7 +29,7 @@ pub struct Given {
     pub meaning: String,
 }
 
-/// A law with its observer as graphs. All three are given [`Program::inputs`], gains and what is remembered, in that order.
+/// A law with its observer as graphs. All three take [`Program::inputs`], the gains and the state, in that order.
 #[derive(Clone, Debug)]
 pub struct Program {
     /// The word of the law.
@@ -44,15 +44,15 @@ pub struct Program {
     pub gains: Vec<(Gain, f64)>,
     /// Numbers that it remembers from one sample to the next, and while it works on one.
     pub memory: [usize; 2],
-    /// What it has in mind at the first sample.
+    /// State at the first sample.
     pub begin: Graph,
-    /// What it has in mind at a later one.
+    /// State at a later sample.
     pub observe: Graph,
-    /// [`RESULTS`], then what it remembers.
+    /// [`RESULTS`], then the state.
     pub command: Graph,
 }
 
-/// What a move of a reference is given: positions, m, and times, s.
+/// Inputs of a move of a reference: positions, m, and times, s.
 pub const MOVE: [&str; 5] = ["start", "target", "begin_time", "duration", "at_time"];
 
 /// Position, velocity, acceleration and jerk of a move at a time; it stands before and behind.
@@ -65,7 +65,7 @@ pub fn along_a_move() -> Graph {
     })
 }
 
-/// What [`Program::command`] gives before the memory.
+/// Results of [`Program::command`] before the state.
 pub const RESULTS: [(&str, &str, &str); 4] = [
     ("command", "1", "command of the valve, -1 .. 1"),
     ("velocity", "m/s", "velocity, estimated"),
@@ -135,7 +135,7 @@ enum Piece {
     Command,
 }
 
-/// What the code is given, in its order.
+/// Inputs of the code, in their order.
 struct Inputs {
     position: Traced,
     pressures: Option<[Traced; 2]>,

@@ -8,7 +8,7 @@ use crate::thresholds::{
 };
 use crate::types::{Plant, State};
 
-/// What a reference takes of a drive along a time, the largest of each.
+/// Largest demands of a reference on a drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Demand {
     /// Share of the valve's opening; infinite where no opening will do.
@@ -62,9 +62,9 @@ fn least_force(model: &Model, reference: &Reference, duration: f64) -> f64 {
     shares.fold(0.0, f64::max)
 }
 
-/// What a reference slowed by a factor in time takes of a drive during `duration` s of the reference's own time. The
-/// piston is where the reference is; the gas runs by the model under the opening that gives the force for that motion. Where
-/// `stop` says so, no more than what was found by then.
+/// Returns the demands of a reference that is slowed by a factor in time, over `duration` s of the unslowed
+/// reference. The piston is where the reference is; the gas runs by the model under the opening that gives the force
+/// for that motion. If `stop` says so, it returns the demands found up to then.
 pub fn demand(
     model: &Model,
     plant: &Plant,
@@ -140,8 +140,9 @@ pub fn demand(
     found
 }
 
-/// The least factor in time, from 1 on, by which a reference is to be slowed so that it takes at most a share of each
-/// limit, by bisection, with what it takes then; none where slowing does not help. Once `stop` has said so, it says so always.
+/// Returns the least factor in time, at least 1, by which a reference must be slowed to use at most a fraction of
+/// each limit. It is found by bisection and comes with the demands then; `None` if slowing does not help. Once `stop`
+/// has said so, it says so always.
 pub fn least_factor(
     model: &Model,
     plant: &Plant,

@@ -13,7 +13,7 @@ pub struct Gain {
     pub bounds: Bounds,
     /// Its meaning, in words.
     pub meaning: &'static str,
-    /// What it follows from, in words.
+    /// Rule from which the value follows, in words.
     pub rule: &'static str,
 }
 
@@ -30,7 +30,7 @@ pub struct Choice {
     pub meaning: &'static str,
 }
 
-/// What a factor of a controller file multiplies.
+/// Gain that a factor of a controller file multiplies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Factor {
     /// The word of the law.
@@ -47,7 +47,7 @@ pub const FACTORS: [&str; 3] = ["gain", "damping", "filter"];
 /// Values that a factor may take.
 pub const FACTOR_BOUNDS: Bounds = physics::within(0.1, 10.0);
 
-/// What has gains.
+/// A law or choice with gains.
 pub trait Gains {
     /// Its gains.
     const GAINS: &'static [Gain];
@@ -82,7 +82,8 @@ macro_rules! law {
         }
 
         impl $name {
-            /// The same law in other numbers, of which it is told key and value of each gain; nothing is remembered.
+            /// The same law on another number type. The callback gets key and value of each gain; the state is not
+            /// copied.
             pub fn in_numbers<$number: $crate::number::Number>(
                 &self,
                 mut gain: impl FnMut(&'static str, f64) -> $number,

@@ -35,7 +35,7 @@ pub struct Hold<S = f64> {
     missed: S,
 }
 
-/// What holding needs of a sample.
+/// Inputs of holding for one sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Resting<S> {
     /// 1 while the reference stands, else 0.
@@ -123,8 +123,9 @@ impl<S: Number> Hold<S> {
         S::select(has_moved, one, zero)
     }
 
-    /// A drive that is kept many bands away tries again after a time: its force grows slowly until the contact gives way, so that
-    /// it slips by little. Two tries in a row that come no nearer are the last ones. `moved` is 1 once the place changes.
+    /// A drive that is kept many bands away tries again after a time. Its force grows slowly until the contact slips,
+    /// so the slip is small. Two tries in a row that come no nearer are the last ones. `moved` is 1 once the place
+    /// changes.
     fn try_again(&mut self, stands: S, e: S, moved: S, period: f64) {
         let (zero, one, after) = (S::zero(), S::one(), S::c(HOLD_TRIES_AFTER));
         let is_far = S::select(e.abs().lt(S::c(HOLD_MANY * self.band)), zero, self.kept());
@@ -146,7 +147,7 @@ impl<S: Number> Hold<S> {
     ///
     ///   F_h' = c s e within room of where it began,   F' = F_h' + k_s (F_h - F)
     ///
-    /// F_h the force that is kept, s the stiffness of the contact, c and k_s the rates of contact and gas.
+    /// F_h is the kept force, s the stiffness of the contact, and c and k_s the rates of contact and gas.
     pub(crate) fn rate(&mut self, seen: &Resting<S>, model: &Model, period: f64) -> (S::Mask, S) {
         let Resting { stands, error: e, velocity: v, gas, level } = *seen;
         let zero = S::zero();

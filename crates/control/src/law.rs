@@ -24,7 +24,7 @@ pub const CHOICES: &[Choice] = &[Choice {
     meaning: "who runs the horizon: the model in fixed steps, or the circuit that the law believes in, whatever it has",
 }];
 
-/// What a factor of a controller file multiplies; a factor that stands for no gain of a law means nothing to it.
+/// Gain that a factor of a controller file multiplies. A factor without a gain of a law has no effect on it.
 pub const FACTORED: &[Factor] = &[
     Factor { law: "pid", key: "gain", gain: "gain" },
     Factor { law: "pid", key: "damping", gain: "derivative_time" },

@@ -1,4 +1,4 @@
-//! Control of a pneumatic axis: what a law believes of its drive, references, an observer, laws.
+//! Control of a pneumatic axis: model of the drive, references, observer, laws.
 //!
 //! A law has no clock and reads no file: a sampled loop hands it samples and takes its commands.
 

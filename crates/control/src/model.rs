@@ -1,4 +1,4 @@
-//! What a law believes of its drive: the equations of gas, motion and friction, written with the laws of `physics`.
+//! Model of the drive in a controller: the equations of gas, motion and friction, written with the laws of `physics`.
 
 use crate::number::Number;
 use crate::thresholds::{LEAST_SPEED, LEAST_VOLUME, OVERLAP_WIDTH, SLOPE_STEP, SMOOTH_SPEED};
@@ -85,7 +85,7 @@ pub enum Slip {
 }
 
 impl Slip {
-    /// Of a law of friction.
+    /// Returns the contact of a friction law.
     pub fn of(law: &AnyLaw<f64>) -> Self {
         match (law.meta().claims.no_drift, law.slips_from()) {
             (false, _) => Slip::Always,
@@ -123,7 +123,7 @@ impl Valve {
     }
 }
 
-/// What a law believes.
+/// Controller model of the drive.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// The gas.
@@ -146,7 +146,7 @@ pub struct Model {
     pub wall_temperature: f64,
     /// The valve.
     pub valve: Valve,
-    /// Friction of what moves.
+    /// Friction of the moving parts.
     pub friction: Contact<f64>,
     /// Stiffness of the contact in stick, N/m.
     pub stick_stiffness: f64,
@@ -158,7 +158,7 @@ pub struct Model {
     pub stick_damping_time: f64,
 }
 
-/// How the gas of both chambers changes.
+/// Rates of the gas in both chambers.
 #[derive(Clone, Copy, Debug)]
 pub struct Chambers<S> {
     /// dU/dt of each, W.
@@ -188,8 +188,8 @@ impl Model {
         a.times(self.sides[0].area) - b.times(self.sides[1].area)
     }
 
-    /// Pressures, Pa, about the mean of supply and ambient under which a resting piston needs no friction: what is missing
-    /// is shared by both chambers.
+    /// Returns pressures, Pa, about the mean of supply and ambient, under which a resting piston needs no friction.
+    /// Both chambers share the difference.
     pub fn rest_pressures(&self) -> [f64; 2] {
         let mean = 0.5 * (self.supply.pressure + self.ambient.pressure);
         let missing = -self.load - self.gas_force([mean; 2]);
@@ -201,7 +201,8 @@ impl Model {
     }
 
     /// Rates, 1/s, at which pressures of the shut chambers return by themselves, by leakage and heat, with the piston at rest about
-    /// mid stroke: -(dp'/dp) of each. Where they are equal, the position tells the force of the gas alone, not both pressures.
+    /// mid stroke: -(dp'/dp) of each. If they are equal, the position determines the force of the gas alone, not both
+    /// pressures.
     pub fn pressure_decay(&self) -> [f64; 2] {
         let (x, p) = (0.5 * self.stroke, self.rest_pressures());
         let at = |by: f64| {
@@ -215,8 +216,8 @@ impl Model {
         [0, 1].map(|i| (low[i] - high[i]) / (2.0 * SLOPE_STEP * p[i]))
     }
 
-    /// Share of the conductance that is open of the edges supply to a (and b to exhaust), and a to exhaust (and supply
-    /// to b), with the spool at `spool`.
+    /// Returns the open fraction of the conductance with the spool at `spool`. The first is that of supply to a (and
+    /// b to exhaust), the second that of a to exhaust (and supply to b).
     #[inline(always)]
     pub fn openings<S: Over<f64>>(&self, spool: S) -> [S; 2] {
         self.edges_at(spool, self.valve.overlap)
@@ -300,8 +301,9 @@ impl Model {
         Chambers { energy_rates, pressure_rates, temperature_rates }
     }
 
-    /// Under which opening the force of the gas changes at a rate, N/s: its way, and the share of it, as flow is linear
-    /// in it on each side. The share is above 1 where the valve is too small, and below 0 where no opening will do.
+    /// Returns the opening under which the force of the gas changes at a rate, N/s: its direction, and its fraction.
+    /// Flow is linear in the fraction on each side. The fraction is above 1 if the valve is too small, and below 0 if
+    /// no opening suffices.
     pub fn opening_for<S: Number>(&self, state: &State<S>, rate: S) -> (S, S) {
         let gas = state.gas();
         let at = |openings: [S; 2]| {
@@ -315,7 +317,7 @@ impl Model {
         (S::select(is_back, S::c(-1.0), S::one()), (rate - shut) / (full - shut))
     }
 
-    /// Where friction is asked.
+    /// Returns the arguments of the friction law.
     #[inline(always)]
     fn at<S: Over<f64>>(&self, [x, v]: [S; 2], pressures: [S; 2]) -> At<S> {
         let [gauge_a, gauge_b] = pressures.map(|p| p - S::c(self.ambient.pressure));
@@ -335,14 +337,14 @@ impl Model {
         [level.times(share).max(S::c(f64::MIN_POSITIVE)), S::c(slope * self.friction.law.levels().viscous)]
     }
 
-    /// Rate of the friction force f that the contact carries, N/s, beside its viscous part: a spring that slips at the
-    /// level g, which a step of `h` s can follow,
+    /// Returns the rate of the friction force f of the contact, N/s, without its viscous part. The contact is a
+    /// spring that slips at the level g. A step of `h` s can follow the rate
     ///
     ///   df/dt = min(s |v|/g, 1/h) (g sgn v - f)
     ///
-    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step. Where a contact does not drift, below
-    /// its level df/dt = s v (1 - alpha |f|/g) instead, and no more than is left to g; alpha is the [`plastic_share`] of the
-    /// motion, none where the contact slips at its level alone.
+    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step. If a contact does not drift,
+    /// then below its level df/dt = s v (1 - alpha |f|/g), and no more than is left to g. Here alpha is the
+    /// [`plastic_share`] of the motion. It is zero if the contact slips at its level alone.
     #[inline(always)]
     pub fn stick_rate<S: Over<f64>>(&self, v: S, f: S, level: S, h: f64) -> S {
         let speed = (v * v + S::c(SMOOTH_SPEED * SMOOTH_SPEED)).sqrt();
@@ -368,8 +370,8 @@ impl Model {
         S::select((left * v).lt(S::zero()), rate * left, elastic)
     }
 
-    /// Damping of the contact over its stiffness, s, in a step of `h` s: no more than brings the mass to rest within it, as
-    /// more would throw it back.
+    /// Returns the damping of the contact over its stiffness, s, for a step of `h` s. It brings the mass at most to
+    /// rest within the step, as more would throw it back.
     pub fn damping_time(&self, h: f64) -> f64 {
         self.stick_damping_time.min(self.mass / (self.stick_stiffness * h))
     }
@@ -382,7 +384,7 @@ impl Model {
 }
 
 impl Plant {
-    /// Of a model with its piston at x between the pressures `p` Pa, sampled with a period:
+    /// Returns the linear model with the piston at x between the pressures `p`, Pa, sampled with a period:
     ///
     ///   omega^2 = k (p_a A_a^2/V_a + p_b A_b^2/V_b)/M,   K_v = C rho0 R T/A,   zeta = Fv/(2 M omega)
     pub fn of(model: &Model, x: f64, p: [f64; 2], period: f64) -> Self {
@@ -420,7 +422,7 @@ impl Function<f64, 4> for Steady<'_> {
     }
 }
 
-/// Where it depends on the velocity alone.
+/// A level that depends on the velocity alone.
 impl Function<f64, 1> for Steady<'_> {
     #[inline(always)]
     fn at<S: Over<f64>>(&self, [v]: [S; 1]) -> S {

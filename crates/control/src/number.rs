@@ -1,4 +1,4 @@
-//! Numbers that laws are written in: values, or records of what is done with them, from which code is made.
+//! Number types of laws: values, or records of each operation, from which code is made.
 
 use math::Over;
 
@@ -23,7 +23,7 @@ pub trait Number: Over<f64> {
     }
 }
 
-/// What a law or an observer remembers: numbers.
+/// State of a law or an observer, as numbers.
 pub trait Memory<S>: Clone {
     /// Shows each of them, always in the same order.
     fn each(&mut self, see: &mut dyn FnMut(&mut S));

@@ -1,4 +1,4 @@
-//! What cannot be measured, from what is: velocity, disturbance, friction, the gas' temperatures, the spool.
+//! Estimates of unmeasured quantities: velocity, disturbance, friction, gas temperatures, spool.
 
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices, and sides of the piston
 
@@ -10,8 +10,8 @@ use crate::types::{Sample, State, gas_at};
 use math::Over;
 
 impl<S: Over<f64>> State<S> {
-    /// Goes on for `h` s with edges open by `openings`; with `measured` pressures, gas follows those. Returns the acceleration
-    /// with which it began, m/s2.
+    /// Advances by `h` s with edges open by `openings`; with `measured` pressures, the gas follows those. Returns the
+    /// acceleration with which it began, m/s2.
     pub fn advance(
         &mut self,
         model: &Model,
@@ -61,7 +61,8 @@ impl<S: Over<f64>> State<S> {
         begin[1]
     }
 
-    /// Pressures, Pa, and temperatures, K, after `h` s by the rates halfway; what the gas does is by a speed of its own, m/s.
+    /// Returns pressures, Pa, and temperatures, K, after `h` s, by the rates halfway. The gas sees its separate
+    /// `speed`, m/s.
     pub(crate) fn flow(&self, model: &Model, openings: impl Openings<S>, h: f64, speed: S) -> [[S; 2]; 2] {
         let (openings, mut gas) = (openings.edges(), [self.pressures, self.temperatures]);
         for (from, to) in [(0.0, 0.5 * h), (0.5 * h, h)] {
@@ -77,8 +78,8 @@ impl<S: Over<f64>> State<S> {
         gas
     }
 
-    /// Rate of the friction, N/s, which a step of `h` s can follow, and acceleration, m/s2, under a force of the gas, at a
-    /// velocity and friction of their own.
+    /// Returns the rate of the friction, N/s, and the acceleration, m/s2, under a force of the gas. The rate is one
+    /// that a step of `h` s can follow. Velocity and friction are separate arguments.
     fn pushed(&self, model: &Model, force: S, h: f64, [velocity, friction]: [S; 2]) -> [S; 2] {
         let [level, viscous] = model.friction_levels([self.position, velocity], self.pressures);
         let rate = model.stick_rate(velocity, friction, level, h);
@@ -97,8 +98,8 @@ impl<S: Over<f64>> State<S> {
     }
 }
 
-/// Position, velocity and disturbance by a steady Kalman filter over the model's motion; gas, friction and spool run beside
-/// them by the model.
+/// Estimates position, velocity and disturbance by a steady Kalman filter over the model's motion. Gas, friction and
+/// spool are simulated in parallel.
 #[derive(Clone, Debug)]
 pub struct Observer<S = f64> {
     /// The state at the last sample.
@@ -109,7 +110,7 @@ pub struct Observer<S = f64> {
     time: f64,
 }
 
-/// How a disturbance is expected to wander, and what position sensors do.
+/// Noise of the position sensor, and expected wander of the disturbance.
 #[derive(Clone, Copy, Debug)]
 pub struct Noise {
     /// Wander of the disturbance, N/s^0.5.
@@ -185,7 +186,7 @@ impl Observer {
 }
 
 impl<S: Number> Observer<S> {
-    /// Of a drive at rest at a first sample, sampled with a period, s.
+    /// Returns the observer of a drive at rest at a first sample, sampled with a period, s.
     pub fn new(model: &Model, sample: &Sample<S>, period: f64, noise: Noise) -> Self {
         // Nobody measures them: a usual start is the mean of supply and ambient.
         let mean = 0.5 * (model.supply.pressure + model.ambient.pressure);
@@ -243,7 +244,7 @@ impl<S: Number> Observer<S> {
     }
 }
 
-/// A state takes over a measured position by the gain of a filter, with the innovation e = x - x_model:
+/// Corrects a state by a measured position with the gain of a filter, and with the innovation e = x - x_model:
 ///
 ///   x += K_x e,   v += K_v e,   F_fr -= s K_d e within +-g,   d += K_d e + (change of F_fr)
 ///

@@ -1,4 +1,4 @@
-//! Laws of one's own: they are given what sensors and the observer say, and return a command.
+//! Custom laws. They get the signals of sensors and observer, and return a command.
 
 use crate::model::Model;
 use crate::observer::Observer;
@@ -7,7 +7,7 @@ use crate::types::Sample;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A number that a law of one's own is given.
+/// Input signal of a custom law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signal {
     /// Its name.
@@ -20,7 +20,7 @@ pub struct Signal {
 
 macro_rules! signals {
     ($($name:ident: $unit:literal, $meaning:literal;)*) => {
-        /// What sensors and the observer say at a sample.
+        /// Signals of sensors and observer at a sample.
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
         pub struct Seen {
             $(#[doc = $meaning] pub $name: f64,)*
@@ -56,7 +56,7 @@ signals! {
 }
 
 impl Seen {
-    /// Of a sample that an observer has taken over.
+    /// Returns the signals of a sample that the observer has processed.
     pub fn of(model: &Model, sample: &Sample, observer: &Observer) -> Self {
         let state = &observer.state;
         let ([pressure_a, pressure_b], [temperature_a, temperature_b]) =
@@ -78,10 +78,10 @@ impl Seen {
     }
 }
 
-/// A law of one's own.
+/// A custom law.
 pub trait OwnLaw: Send {
-    /// The command of the valve, -1 .. 1, for a sample on the way along a reference. Beyond these it is cut; one that is
-    /// no number is a failure of the law.
+    /// The command of the valve, -1 .. 1, for a sample on the way along a reference. Values beyond these are clipped.
+    /// A command that is not a number is a failure of the law.
     fn step(&mut self, seen: &Seen, reference: &Reference) -> f64;
 }
 
@@ -91,7 +91,7 @@ impl<F: FnMut(&Seen, &Reference) -> f64 + Send> OwnLaw for F {
     }
 }
 
-/// A law of one's own, or the place for one that is not there yet. Clones share it, with its memory.
+/// A custom law, or the place for one that is not there yet. Clones share it, with its memory.
 #[derive(Clone, Default)]
 pub struct Own(Option<Arc<Mutex<dyn OwnLaw>>>);
 
@@ -99,12 +99,12 @@ impl Own {
     /// Its word.
     pub const KEY: &'static str = "own";
 
-    /// Of a law.
+    /// Wraps a law.
     pub fn new(law: impl OwnLaw + 'static) -> Self {
         Own(Some(Arc::new(Mutex::new(law))))
     }
 
-    /// Its command; no number where there is no law.
+    /// Returns its command, or NaN without a law.
     pub fn step(&self, seen: &Seen, reference: &Reference) -> f64 {
         let Some(law) = &self.0 else { return f64::NAN };
         law.lock().unwrap_or_else(PoisonError::into_inner).step(seen, reference).clamp(-1.0, 1.0)

@@ -1,9 +1,9 @@
-//! Where a drive is to go: position with its derivatives over time.
+//! Reference of a drive: position with its derivatives over time.
 
 use crate::number::Number;
 use std::f64::consts::TAU;
 
-/// Where a drive is to be at a time.
+/// Wanted state of a drive at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wanted<S = f64> {
     /// m.
@@ -20,7 +20,7 @@ pub struct Wanted<S = f64> {
 pub const PEAKS: [f64; 3] = [2.1875, 7.513188404399293, 52.5];
 
 impl<S: Number> Wanted<S> {
-    /// Of a motion over a share of a time, with its derivatives over that share; `rate` is one over the time, 1/s.
+    /// Converts derivatives over a fraction of time to derivatives over time; `rate` is one over the time, 1/s.
     pub fn at_rate([position, v, a, j]: [S; 4], rate: S) -> Self {
         Wanted { position, velocity: v * rate, acceleration: a * rate * rate, jerk: j * (rate * rate * rate) }
     }
@@ -38,7 +38,7 @@ pub fn series(coefficients: &[f64], at: f64) -> [f64; 4] {
     [p0, p1, p2, p3]
 }
 
-/// A blend from 0 to 1 with three continuous derivatives, and those, over the time 0 .. 1:
+/// Returns a blend from 0 to 1 over the time 0 .. 1 and its three continuous derivatives:
 ///
 ///   s = 35 t^4 - 84 t^5 + 70 t^6 - 20 t^7
 ///
@@ -55,7 +55,7 @@ pub fn blend<S: Number>(t: S) -> [S; 4] {
     ]
 }
 
-/// Where a drive is to be on a move, by its blend; `rate` is one over the duration, 1/s.
+/// Returns the wanted state on a move, by its blend; `rate` is one over the duration, 1/s.
 pub fn between<S: Number>([from, to]: [S; 2], [s, v, a, j]: [S; 4], rate: S) -> Wanted<S> {
     let way = to - from;
     Wanted {
@@ -105,9 +105,9 @@ const MOMENTS: u32 = 200;
 pub struct Piece {
     /// s.
     pub begin: f64,
-    /// How long it lasts, s.
+    /// Duration, s.
     pub duration: f64,
-    /// Of the powers 0, 1, .. of that share, m.
+    /// Coefficients of the powers 0, 1, .. of that fraction, m.
     pub coefficients: [f64; COEFFICIENTS],
 }
 
@@ -132,14 +132,14 @@ impl Piece {
 pub struct Move {
     /// s.
     pub begin: f64,
-    /// How long it takes, s.
+    /// Duration, s.
     pub duration: f64,
     /// m.
     pub to: f64,
 }
 
 impl Reference {
-    /// Where the drive is to be at a time, s.
+    /// Returns the wanted state at a time, s.
     pub fn at(&self, t: f64) -> Wanted {
         match self {
             Reference::Moves { start, moves } => {

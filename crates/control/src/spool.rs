@@ -22,7 +22,7 @@ pub struct Spool<S = f64> {
 /// Values by the times from which on they act, s; the first one acts now.
 type Line<S> = VecDeque<(f64, S)>;
 
-/// What valves of each chamber do that one 5/3 valve cannot.
+/// State of separate valves at each chamber, which one 5/3 valve cannot represent.
 #[derive(Clone, Debug)]
 enum Beside<S> {
     Nothing,
@@ -36,7 +36,7 @@ fn line<S: Number>() -> Line<S> {
     VecDeque::from([(f64::NEG_INFINITY, S::zero())])
 }
 
-/// The mean of a line between two times; what is over is forgotten.
+/// Returns the mean of a line between two times; earlier entries are dropped.
 fn mean<S: Number>(line: &mut Line<S>, from: f64, to: f64) -> S {
     let mut sum = S::zero();
     for place in 0..line.len() {
@@ -52,7 +52,7 @@ fn mean<S: Number>(line: &mut Line<S>, from: f64, to: f64) -> S {
     sum
 }
 
-/// A value acts from a time on; what was to act later does not.
+/// Makes a value act from a time on. Entries that were to act later are dropped.
 fn act<S: Number>(line: &mut Line<S>, acts: f64, value: S) {
     while line.len() > 1 && line.back().is_some_and(|last| last.0 >= acts) {
         line.pop_back();
@@ -110,7 +110,8 @@ impl<S: Number> Spool<S> {
         }
     }
 
-    /// Goes on from a time to another, s; how far edges are open halfway, or in the mean where they switch.
+    /// Advances from one time to another, s. Returns how far edges are open halfway, or in the mean where they
+    /// switch.
     pub fn edges(&mut self, model: &Model, from: f64, to: f64) -> Edges<S> {
         if let Beside::Edges(edges) = &mut self.beside {
             let [fills_a, vents_a, fills_b, vents_b] = [0, 1, 2, 3].map(|i| mean(&mut edges[i], from, to));
@@ -123,7 +124,7 @@ impl<S: Number> Spool<S> {
         [sum + half, sum - half].map(|own| model.openings(own.limited()))
     }
 
-    /// Goes on from a time to another, s; commands that are over are forgotten.
+    /// Advances from one time to another, s; old commands are dropped.
     pub fn advance(&mut self, from: f64, to: f64) {
         let mut t = from;
         // A spool without a lag is where its command is: one that acts at the end alone is none of this piece, however its
@@ -141,7 +142,7 @@ impl<S: Number> Spool<S> {
         }
     }
 
-    /// Goes on likewise; where it was halfway.
+    /// Advances likewise, and returns the position halfway.
     fn middle(&mut self, from: f64, to: f64) -> S {
         let middle = 0.5 * (from + to);
         self.advance(from, middle);
@@ -155,7 +156,7 @@ impl<S: Number> Spool<S> {
         self.state
     }
 
-    /// Where it is now.
+    /// Returns the present position.
     pub fn position(&self) -> S {
         self.state[0].limited()
     }
@@ -167,7 +168,8 @@ impl<S: Number> Spool<S> {
         [command + e.times(by_x) + v.times(by_v), e.times(rate_x) + v.times(rate_v)]
     }
 
-    /// What becomes of a distance from the command and of a speed within `h` s: rows of the distance, then of the speed.
+    /// Returns the transition of a distance from the command and of a speed over `h` s: rows of the distance, then of
+    /// the speed.
     pub fn transition(&self, h: f64) -> [f64; 4] {
         let (w, d) = (self.angular_frequency, self.damping_ratio);
         if w.is_infinite() {

@@ -1,8 +1,8 @@
-//! A supervisor in front of a law: what it does where sensors, references, the valve, the law or the user do what they
-//! should not. It is no safety function in the sense of a norm.
+//! A supervisor in front of a law. It acts when sensors, references, the valve, the law or the user fail. It is not a
+//! safety function in the sense of a norm.
 //!
-//! It uses the observer and the model of the controller that it stands in front of. Where nothing happens, samples,
-//! reference and commands pass it as they are.
+//! It uses the observer and the model of its controller. Without a fault, samples, reference and commands pass
+//! unchanged.
 
 mod brake;
 mod event;
@@ -26,10 +26,10 @@ pub use motion::MotionRules;
 use motion::{Motion, Moves};
 use position::{Position, Read};
 
-/// What is done about a fault.
+/// Reaction to a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reaction {
-    /// It is told.
+    /// The fault is reported.
     Tell,
     /// Stop ramp, then the law holds the place.
     Stop,
@@ -39,20 +39,20 @@ pub enum Reaction {
     Slow,
 }
 
-/// What the model says of a sample.
+/// Prediction of the model for a sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Believed<'a> {
     /// The model.
     pub model: &'a Model,
     /// The state at the last sample.
     pub last: &'a State,
-    /// Where that leads by now.
+    /// Predicted state.
     pub foreseen: &'a State,
-    /// How far edges were open since.
+    /// Openings of the edges since then.
     pub edges: Edges<f64>,
 }
 
-/// What a supervisor watches.
+/// Rules of a supervisor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
     /// Positions that the drive may reach, m.
@@ -61,7 +61,7 @@ pub struct Rules {
     pub speed: f64,
     /// Pa absolute.
     pub pressure: [f64; 2],
-    /// Of stop ramps, m/s2.
+    /// Deceleration of stop ramps, m/s2.
     pub stop_deceleration: f64,
     /// When a motion is complete.
     pub motion: MotionRules,
@@ -92,7 +92,7 @@ impl Default for Rules {
 }
 
 impl Rules {
-    /// What a reference asks for that it may not, in words; none: nothing.
+    /// Returns why a reference is rejected, in words; `None` if it is not.
     pub fn refuses(&self, wanted: &Wanted, stroke: f64) -> Option<String> {
         let Wanted { position: x, velocity: v, .. } = *wanted;
         let [low, high] = [self.position[0].max(0.0), self.position[1].min(stroke)];
@@ -108,7 +108,7 @@ impl Rules {
     }
 }
 
-/// What others tell a supervisor at a sample.
+/// External inputs of the supervisor for one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs {
     /// The drive may move.
@@ -129,7 +129,7 @@ impl Default for Inputs {
     }
 }
 
-/// What the drive does.
+/// Mode of the drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mode {
     Follows,
@@ -147,23 +147,23 @@ enum Mode {
     Off,
 }
 
-/// A supervisor with what it remembers.
+/// A supervisor with its state.
 #[derive(Clone, Debug)]
 pub struct Supervisor {
-    /// What it watches.
+    /// Rules that it applies.
     pub rules: Rules,
-    /// What others tell it.
+    /// External inputs.
     pub inputs: Inputs,
     /// The law that takes over where the first one fails.
     pub standby: AnyLaw,
-    /// It takes over from laws of one's own, too; else what these fail in ends the run.
+    /// It takes over from custom laws, too. If false, a failure of such a law ends the run.
     pub serves_own: bool,
     log: Log,
     mode: Mode,
     position: Position,
     gas: Gas,
     motion: Motion,
-    /// Time of the last sample, s, and what the clock is to be corrected by.
+    /// Time of the last sample and correction of the clock, s.
     clock: Option<f64>,
     correction: f64,
     /// The reference is slowed as long as commands are full; its clock, and for how long they have been, s.
@@ -227,12 +227,13 @@ impl Supervisor {
         }
     }
 
-    /// What happened.
+    /// Returns the events.
     pub fn log(&self) -> &Log {
         &self.log
     }
 
-    /// The time of a sample by a clock that goes on evenly; that of the last one where its own is no number.
+    /// Returns the time of a sample by a clock that runs evenly. If the sample's time is not a number, this is the
+    /// time of the last sample.
     pub(crate) fn corrected(&self, time: f64) -> f64 {
         let time = time + self.correction;
         if time.is_finite() { time } else { self.clock.unwrap_or(0.0) }
@@ -299,7 +300,7 @@ impl Supervisor {
         answer
     }
 
-    /// By how much the clock went wrong; the sample's time is corrected.
+    /// Returns the error of the clock, if any, and corrects the sample's time.
     fn keep_time(&mut self, period: f64, sample: &mut Sample) -> Option<f64> {
         let clock = sample.time;
         sample.time = self.corrected(clock);
@@ -316,7 +317,7 @@ impl Supervisor {
         is_wrong.then_some(gone - period)
     }
 
-    /// Readings that are not credible are replaced; what is to be done about the position's, and about those of the gas.
+    /// Replaces readings that are not credible. Returns the reactions to faults of the position and of the gas.
     fn check_sensors(
         &mut self,
         own: &mut Controller,

@@ -1,6 +1,6 @@
 //! Thresholds of controllers, observer and supervisor: name, value, unit, meaning and reason of each, in one table.
 //!
-//! Bounds that users set stand in the controller file. The page on the theory prints [`thresholds`].
+//! The controller file has the bounds that users set. The page on the theory prints [`thresholds`].
 
 /// A threshold.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,7 +9,7 @@ pub struct Threshold {
     pub name: &'static str,
     /// Its value, or values, in its unit.
     pub value: String,
-    /// Unit in SI, or what is counted; `1` for a pure number.
+    /// Unit in SI, or the counted thing; `1` for a pure number.
     pub unit: &'static str,
     /// Its meaning.
     pub meaning: &'static str,

@@ -4,7 +4,7 @@ use crate::thresholds::LEAST_LAG;
 use math::Over;
 use physics::chamber::GasState;
 
-/// What sensors say at a sample.
+/// Readings of the sensors at a sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<S = f64> {
     /// s.
@@ -33,7 +33,7 @@ pub struct State<S = f64> {
     pub velocity: S,
     /// Force that the model knows nothing of, N in +x.
     pub disturbance: S,
-    /// Friction force beside its viscous part, N.
+    /// Friction force without its viscous part, N.
     pub friction: S,
     /// Pa absolute.
     pub pressures: [S; 2],
@@ -66,7 +66,7 @@ pub(crate) fn gas_at<S: Over<f64>>([p, t]: &[[S; 2]; 2]) -> [GasState<S>; 2] {
     [0, 1].map(|side| GasState::at(p[side], t[side]))
 }
 
-/// What a drive is to its law at a place, from its description alone.
+/// Linear model of a drive at a place, from its description alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Plant {
     /// Natural frequency of the mass on its air, shut in, rad/s.
@@ -90,7 +90,7 @@ impl Plant {
     }
 }
 
-/// How the armature of a switching valve moves: there, and back.
+/// Times of the armature of a switching valve: there, and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Armature {
     /// From a command until it moves, s.
@@ -137,7 +137,7 @@ impl Arrangement {
         matches!(self, Arrangement::One | Arrangement::Pair)
     }
 
-    /// How long a command of a law that is sampled with a period acts at least, s.
+    /// Returns how long a command of a law that is sampled with a period acts at least, s.
     pub fn acts_for(&self, period: f64) -> f64 {
         match self {
             Arrangement::One | Arrangement::Pair => period,

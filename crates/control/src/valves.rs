@@ -38,12 +38,12 @@ impl Commands {
 }
 
 law! {
-    /// Two 3/2 valves, one at each chamber. What a law asks of one 5/3 valve gives the force; beside it both forces of the
-    /// chambers grow at one rate, so that the drive has the stiffness
+    /// Two 3/2 valves, one at each chamber. The command of the law for one 5/3 valve determines the force. In
+    /// addition, both forces of the chambers grow at one rate, so that the drive has the stiffness
     ///
     ///   K = k (p_a A_a^2/V_a + p_b A_b^2/V_b),   K' = rate (stiffness - K)
     ///
-    /// as far as the valves can beside the force.
+    /// as far as the valves can in addition to the force.
     pub struct Pair {
         stiffness: "N/m", above(0.0), "of the shut-in gas, where pressures allow it", rule "that of both chambers at the mean of supply and ambient pressure, mid stroke";
         rate: "1/s", at_least(0.0), "at which the stiffness follows", rule "a fifth of 0.22/lag, assumed";
@@ -51,12 +51,12 @@ law! {
 }
 
 law! {
-    /// A 5/3 valve that is in one of three positions. At each sample it takes that one behind which least is missing of the
-    /// force that the law's opening would give,
+    /// A 5/3 valve that is in one of three positions. The law's opening would give a force. At each sample the valve
+    /// takes the position with the least cost of the difference to this force:
     ///
     ///   E^2 + dead_band^2 (solenoids that switch)
     ///
-    /// E what is missing at the end of the shortest pulse, N. What is missing then is made up for later on.
+    /// E is the missing force at the end of the shortest pulse, N. The remainder is corrected later.
     pub struct Three {
         shortest_pulse: "s", above(0.0), "time for which a position stays, and not less than the armature takes", rule "dead time and travel of the armature";
         dead_band: "N", at_least(0.0), "force that is missing when a solenoid switches", rule "half of what the shortest pulse gives at mid stroke";
@@ -64,13 +64,14 @@ law! {
 }
 
 law! {
-    /// Four 2/2 valves that are open or shut. Of seven modes - each chamber filled, shut or vented, but not both filled or both
-    /// vented - they take at each sample that one behind which least is missing of the force that the law's opening would give,
+    /// Four 2/2 valves that are open or shut. They have seven modes: each chamber is filled, shut or vented, but not
+    /// both filled or both vented. The law's opening would give a force. At each sample the valves take the mode with
+    /// the least cost of the difference to this force:
     ///
     ///   (E_a - E_b)^2 + stiffness_share^2 (E_a + E_b)^2 + dead_band^2 (valves that switch)
     ///
-    /// E_a and E_b what is missing of the forces of both chambers at the end of the shortest pulse, N, with the stiffness as of two
-    /// 3/2 valves. What is missing then is made up for later on.
+    /// E_a and E_b are the missing forces of both chambers at the end of the shortest pulse, N. The stiffness is
+    /// controlled as with two 3/2 valves. The remainder is corrected later.
     pub struct Seven {
         shortest_pulse: "s", above(0.0), "time for which a mode stays, and not less than the armature takes", rule "dead time and travel of the armature";
         dead_band: "N", at_least(0.0), "force that is missing when a valve switches", rule "half of what the shortest pulse gives at mid stroke";
@@ -81,15 +82,16 @@ law! {
 }
 
 law! {
-    /// Four 2/2 valves under pulses: of each pulse the share for which a valve is open. An opening that is too small for a
-    /// pulse, or too large for a gap, is made up for by the pulses that follow; the stiffness is as of two 3/2 valves.
+    /// Four 2/2 valves under pulses: each valve is open for a fraction of each pulse. The following pulses make up
+    /// for an opening that is too small for a pulse, or too large for a gap. The stiffness is controlled as with two
+    /// 3/2 valves.
     pub struct Pulses {
         stiffness: "N/m", above(0.0), "of the shut-in gas, where pressures allow it", rule "that of both chambers at the mean of supply and ambient pressure, mid stroke";
         rate: "1/s", at_least(0.0), "at which the stiffness follows", rule "a fifth of 0.22/lag, assumed";
     } memory<S> { missing: [S; 2] = [S::zero(); 2], open: [S; MOST_VALVES] = [S::zero(); MOST_VALVES] }
 }
 
-/// Valves with their numbers and what they remember.
+/// Valves with their values and their state.
 #[derive(Clone, Debug)]
 pub enum Valves {
     /// One proportional 5/3 valve.
@@ -151,7 +153,7 @@ impl Valves {
         }
     }
 
-    /// The commands for a command of one 5/3 valve at a sample; the observer's twin is told.
+    /// Returns the commands for a command of one 5/3 valve at a sample, and passes them to the observer's spool.
     pub(crate) fn open(
         &mut self,
         model: &Model,
@@ -213,7 +215,7 @@ fn edges(mode: f64) -> [f64; 2] {
     [mode.max(0.0), (-mode).max(0.0)]
 }
 
-/// What valves may do: chambers a and b filled, shut or vented.
+/// Modes of the valves: chambers a and b filled, shut or vented.
 const THREE: [[f64; 2]; 3] = [[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0]];
 const SEVEN: [[f64; 2]; 7] =
     [[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 0.0], [0.0, -1.0], [-1.0, 0.0], [0.0, 1.0]];
@@ -274,8 +276,8 @@ impl Reach {
         if way * most > f64::MIN_POSITIVE { way * ((rate - self.shut[i]) / most).min(1.0) } else { 0.0 }
     }
 
-    /// Rates of the forces of both chambers for a share of opening of one 5/3 valve: the difference is that which this would
-    /// give, the mean that which brings the stiffness to a value, N/m, at a rate, 1/s.
+    /// Returns rates of the forces of both chambers for a fraction of opening of one 5/3 valve. Their difference is
+    /// that of the 5/3 valve. Their mean brings the stiffness to a value, N/m, at a rate, 1/s.
     fn wanted(&self, share: f64, stiffness: Option<[f64; 2]>) -> [f64; 2] {
         let base = [self.rate(0, share), self.rate(1, -share)];
         let Some([stiffness, rate]) = stiffness else { return base };
@@ -289,10 +291,10 @@ impl Reach {
     }
 }
 
-/// Modes, what they leave missing, and how long they stay.
+/// Modes, their residuals, and their durations.
 #[derive(Clone, Debug)]
 pub(crate) struct Switched<S> {
-    /// Of the forces of both chambers, N.
+    /// Residuals of the forces of both chambers, N.
     missing: [S; 2],
     /// Samples for which no valve may switch.
     waits: S,
@@ -313,7 +315,7 @@ impl<S: crate::number::Number> crate::number::Memory<S> for Switched<S> {
     }
 }
 
-/// How a mode is chosen.
+/// Inputs of the choice of a mode.
 #[derive(Clone, Copy, Debug)]
 struct Choosing {
     /// Samples for which a mode stays.
@@ -322,7 +324,7 @@ struct Choosing {
     period: f64,
     /// Force that is missing when a valve switches, N.
     dead_band: f64,
-    /// Weight of the stiffness beside the force.
+    /// Weight of the stiffness relative to the force.
     share: f64,
 }
 

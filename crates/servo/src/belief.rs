@@ -1,4 +1,4 @@
-//! What a law is told of a drive: read from the description of its circuit.
+//! Controller model of a drive, read from the description of its circuit.
 
 use crate::refuse;
 use crate::valves::valves;
@@ -10,21 +10,21 @@ use physics::{Gas, IdealGas};
 /// The components of an axis that is controlled, by their names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
-    /// Of the cylinder.
+    /// Name of the cylinder.
     pub cylinder: String,
-    /// Of its valves, in the order of their commands.
+    /// Names of its valves, in the order of their commands.
     pub valves: Vec<String>,
     /// These are open or shut.
     pub switches: bool,
-    /// Of its supply.
+    /// Name of its supply.
     pub supply: String,
     /// Components of which a law knows nothing but the volume of tubes at the chambers: it takes the valve to stand at the
     /// cylinder and at its supply.
     pub left_out: Vec<String>,
 }
 
-/// Stiffness over mass, 1/s2, and damping over stiffness, s, of a contact in stick whose law has none: nearly the stiffest
-/// that steps of 1 ms can follow, so that what rests moves little in the model (assumed).
+/// Stiffness over mass, 1/s2, and damping over stiffness, s, of a sticking contact whose law has neither. It is
+/// nearly the stiffest that steps of 1 ms can follow, so a resting mass moves little in the model (assumed).
 const STICK_STIFFNESS: f64 = 5e5;
 const STICK_DAMPING: f64 = 1e-3;
 

@@ -3,11 +3,11 @@
 use crate::specification::{Channel, Fault, FaultKind};
 use control::{Commands, Inputs, Reference, Sample};
 
-/// The faults of a run, with what they remember.
+/// The faults of a run, with their state.
 #[derive(Clone, Debug)]
 pub struct Faults {
     each: Vec<Fault>,
-    /// What a channel showed when it stuck.
+    /// Value of a channel when it stuck.
     kept: Vec<Option<f64>>,
     /// The commands at which the valves stuck.
     stuck: Option<Commands>,
@@ -17,7 +17,7 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// Of a description, with limit switches at these positions, m.
+    /// Returns the faults of a description, with limit switches at these positions, m.
     pub fn new(each: Vec<Fault>, switches: Option<[f64; 2]>) -> Self {
         let kept = vec![None; each.len()];
         Faults { each, kept, stuck: None, switches, elsewhere: standing(f64::NAN) }
@@ -27,7 +27,7 @@ impl Faults {
         self.each.iter().filter(move |own| own.acts(t))
     }
 
-    /// What a law is given in place of a sample.
+    /// Returns the corrupted sample that the law receives.
     pub fn spoil(&mut self, sample: &Sample) -> Sample {
         let mut seen = *sample;
         for (fault, kept) in self.each.iter().zip(&mut self.kept) {
@@ -61,7 +61,7 @@ impl Faults {
         seen
     }
 
-    /// What a supervisor is told with the drive at x.
+    /// Returns the inputs of the supervisor with the drive at x.
     pub fn inputs(&self, t: f64, x: f64) -> Inputs {
         let has = |kind| self.at(t).any(|own| own.kind == kind);
         Inputs {
@@ -85,7 +85,7 @@ impl Faults {
         }
     }
 
-    /// What the valves make of commands.
+    /// Returns the commands on which the valves act.
     pub fn command(&mut self, t: f64, command: Commands) -> Commands {
         let kind = self.at(t).map(|own| own.kind).find(|kind| kind.is_of_valve());
         match kind {

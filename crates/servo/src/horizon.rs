@@ -1,5 +1,5 @@
-//! The horizon of predictive control by the circuit that is believed in and the core's integrator, with derivatives by all
-//! moves: for any circuit, and the yardstick of the model's fixed steps.
+//! The horizon of predictive control by the assumed circuit and the core's integrator, with derivatives by all moves.
+//! It works for any circuit, and is the reference for the model's fixed steps.
 
 use crate::belief::{Axis, number};
 use crate::refuse;
@@ -20,13 +20,13 @@ const MOVED: f64 = 0.01;
 const SETTLES: f64 = 0.05;
 
 /// The horizon by a circuit. Its valve has neither dead time nor overlap nor play: the law takes those for itself, and its
-/// moves are shares of opening. What the observer does not know, such as the gas in a tube, runs beside it under the
-/// commands that were given.
+/// moves are shares of opening. States that the observer does not estimate, such as the gas in a tube, are simulated
+/// in parallel under the given commands.
 #[derive(Clone)]
 pub struct ByCircuit {
     belief: specification::Circuit,
     axis: Axis,
-    /// The model as it is described, and the learned numbers that the circuit has by now.
+    /// Model as described, and the learned numbers that the circuit uses.
     described: Model,
     learned: [f64; 4],
     /// The circuit of numbers that were learned since, and these.
@@ -47,7 +47,7 @@ impl std::fmt::Debug for ByCircuit {
     }
 }
 
-/// Where states and inputs stand.
+/// Places of states and inputs.
 #[derive(Clone, Debug, Default)]
 struct Places {
     /// The state that is the position of the piston.
@@ -90,7 +90,7 @@ fn held<S: Copy>(plan: &[S; MOVES]) -> Vec<(f64, S)> {
     each
 }
 
-/// Shows what was foreseen, if anything.
+/// Visits the predicted rows, if any.
 fn shown<S: Copy>(rows: Option<Vec<[S; 3]>>, see: &mut dyn FnMut([S; 3])) -> bool {
     rows.is_some_and(|rows| {
         rows.into_iter().for_each(see);
@@ -99,7 +99,7 @@ fn shown<S: Copy>(rows: Option<Vec<[S; 3]>>, see: &mut dyn FnMut([S; 3])) -> boo
 }
 
 impl ByCircuit {
-    /// Of a circuit that is believed in, with what a law believes of it.
+    /// Returns the predictor by the assumed circuit, with the controller's model.
     pub fn new(belief: &specification::Circuit, axis: &Axis, model: &Model) -> Result<Self, Error> {
         if axis.switches {
             return refuse(format!(
@@ -163,8 +163,8 @@ impl ByCircuit {
         })
     }
 
-    /// Takes over what the model has learned by now, friction, mass and conductance, from one sample to the next: its
-    /// circuit is made in one and looked ahead with from the other on. Whether that was anything.
+    /// Updates friction, mass and conductance to the learned values, and returns whether they changed. The circuit is
+    /// built in one sample and used from the next on.
     fn learn(&mut self, model: &Model) -> bool {
         if let Some((assembly, learned)) = self.next.take() {
             if assembly.circuit.shares_analysis(&self.assembly.circuit) {
@@ -250,7 +250,8 @@ impl ByCircuit {
         (circuit, y)
     }
 
-    /// The force that the circuit does not have by itself: the unknown one, and the weight that it has beside the law's.
+    /// Returns the force that the circuit does not contain: the disturbance, and the difference between the weights
+    /// of circuit and law.
     fn force(&self, tick: &Tick) -> (usize, f64) {
         let cylinder = self.belief.components.iter().find(|own| own.name == self.axis.cylinder);
         let incline = cylinder.and_then(|own| number(own, "incline")).unwrap_or_default();
@@ -258,7 +259,7 @@ impl ByCircuit {
         (self.places.force, tick.state.disturbance + more * STANDARD_GRAVITY * incline.sin())
     }
 
-    /// What no sensor sees, a period on from the last horizon's beginning.
+    /// Returns the states that no sensor measures, one period after the beginning of the last horizon.
     fn beside(&mut self, tick: &Tick, given: f64) -> Option<(Circuit<f64>, Vec<f64>)> {
         if self.places.hidden.is_empty() {
             return None;

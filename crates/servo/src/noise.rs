@@ -5,11 +5,11 @@ use std::f64::consts::TAU;
 /// Noise of one channel of one run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Noise {
-    /// Of the run.
+    /// Seed of the run.
     pub seed: u64,
-    /// Of a spread of runs.
+    /// Member of a spread of runs.
     pub member: u32,
-    /// Of a run.
+    /// Channel of the run.
     pub channel: u32,
 }
 

@@ -89,7 +89,7 @@ fn choose(
     Ok(())
 }
 
-/// Gives values to numbers of what is called so, under this name of their table.
+/// Sets numbers of the component of this name, under this name of their table.
 fn set(
     what: &str,
     table: &str,
@@ -164,13 +164,13 @@ pub struct Loop {
 pub struct Turn {
     /// Its number.
     pub tick: u64,
-    /// What the sensors say.
+    /// Sample of the sensors.
     pub sample: Sample,
     /// Position, m, velocity, m/s, and pressures, Pa, as they are.
     pub truth: [f64; 4],
-    /// What the law says.
+    /// Answer of the law.
     pub answer: Answer,
-    /// How long the law took, s.
+    /// Computing time of the law, s.
     pub took: f64,
     /// The same, the least of its repeats, s.
     pub least: f64,
@@ -232,14 +232,14 @@ impl Loop {
         })
     }
 
-    /// How late a sample of a sensor, or a command, is, s.
+    /// Returns the delay of a sample of a sensor, or of a command, s.
     fn late(&self, what: usize, tick: u64) -> f64 {
         let jitter = self.jitter[what];
         let channel = JITTER + what as u32;
         if jitter > 0.0 { jitter * Noise { seed: self.seed, member: 0, channel }.normal(tick) } else { 0.0 }
     }
 
-    /// What sensors say. At another time by jitter they say what the signal is by its slope.
+    /// Returns the readings of the sensors. Under jitter, a reading is extrapolated by the slope of the signal.
     fn sample(&mut self, tick: u64, period: f64, [x, v, a, b]: [f64; 4]) -> Sample {
         let seed = self.seed;
         let noise = |channel| Noise { seed, member: 0, channel };
@@ -258,7 +258,7 @@ impl Loop {
         Sample { time: self.session.time(), position, pressures }
     }
 
-    /// Checks what a run for a time, s, would ask for; the number of its last sample.
+    /// Checks the requests of a run for a time, s, and returns the number of its last sample.
     pub fn check(&self, controller: &Controller, reference: &Reference, duration: f64) -> Result<u64, Error> {
         let period = controller.period;
         if !(0.0..period).contains(&self.computing_time) {
@@ -284,7 +284,8 @@ impl Loop {
         Ok(ticks)
     }
 
-    /// Runs for a time, s: the [`COLUMNS`], sample by sample. What stops the drive ends the run with an error.
+    /// Runs for a time, s: the [`COLUMNS`], sample by sample. A fault that stops the drive ends the run with an
+    /// error.
     pub fn run(
         &mut self,
         controller: &mut Controller,
@@ -306,7 +307,7 @@ impl Loop {
         self.session.drawn()
     }
 
-    /// Goes on to a sample, by its number, and asks the law; [`Loop::give`] comes next.
+    /// Advances to a sample, by its number, and calls the law; [`Loop::give`] comes next.
     pub fn observe(
         &mut self,
         tick: u64,

@@ -32,7 +32,7 @@ impl Sensor {
         to - delayed + (behind - from + delayed) * (-period / self.lag).exp()
     }
 
-    /// What it shows of the signal behind its lag.
+    /// Returns the reading of the signal behind its lag.
     pub fn read(&self, signal: f64, noise: Noise, tick: u64) -> f64 {
         let mut seen = (1.0 + self.gain_error) * signal + self.zero;
         if self.noise > 0.0 {
@@ -69,5 +69,5 @@ impl Encoder {
     }
 }
 
-/// Least deviation that an observer is told, m: without any it would follow each sample.
+/// Least deviation for an observer, m. With zero deviation, it would follow each sample exactly.
 const LEAST: f64 = 1e-7;

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 specification::from_json!(Controller, Motion, Setup);
 
-/// A controller: a law, and what it is told of the drive.
+/// A controller: a law, and its model of the drive.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Controller {
@@ -33,7 +33,7 @@ pub struct Controller {
     /// It learns friction and valve of its drive while it runs.
     #[serde(default = "yes")]
     pub adaptation: bool,
-    /// Who stands in front of the law; none: one with the usual rules.
+    /// Supervisor of the law; `None`: one with the usual rules.
     pub supervision: Option<Supervision>,
     /// The drive as the law believes it to be.
     #[serde(deserialize_with = "specification::within")]
@@ -62,7 +62,7 @@ pub struct Hold {
     pub after_s: f64,
 }
 
-/// Where the drive is to go.
+/// Reference of the drive.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Motion {
@@ -156,13 +156,13 @@ impl From<PressureSensor> for Sensor {
     }
 }
 
-/// What stands between a drive and its law.
+/// Instrumentation between a drive and its law.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Setup {
-    /// Of the position.
+    /// Sensor of the position.
     pub position: PositionSensor,
-    /// Of chambers a and b; none: there are none.
+    /// Sensors of the pressures in chambers a and b; `None` without such sensors.
     pub pressures: Option<[PressureSensor; 2]>,
     /// Resolution of the command over -1 .. 1; zero: none.
     pub command_bits: u32,
@@ -170,7 +170,7 @@ pub struct Setup {
     pub computing_time_s: f64,
     /// Times, s, from which on an external force, N, acts.
     pub forces: Vec<[f64; 2]>,
-    /// Of the noise.
+    /// Seed of the noise.
     pub seed: u64,
     /// Times that each step of the law is run, for its time.
     #[serde(default = "once")]
@@ -181,7 +181,7 @@ pub struct Setup {
     /// Positions of limit switches at x = 0 and at the stroke, m.
     #[serde(default)]
     pub switches_m: Option<[f64; 2]>,
-    /// What goes wrong.
+    /// Faults of the run.
     #[serde(default)]
     pub faults: Vec<Fault>,
     /// A time, s, from which on a user has these factors: gain, damping, filter.
@@ -189,7 +189,7 @@ pub struct Setup {
     pub factors: Vec<(f64, [f64; FACTORS.len()])>,
 }
 
-/// What a fault acts on.
+/// Target of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Channel {
@@ -201,13 +201,13 @@ pub enum Channel {
     PressureB,
 }
 
-/// What goes wrong.
+/// Kinds of faults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultKind {
     /// A channel keeps its value.
     Stuck,
-    /// A channel is no number.
+    /// A channel reads NaN.
     Nan,
     /// A channel shows `value`.
     Saturated,
@@ -225,7 +225,7 @@ pub enum FaultKind {
     SupplyFallen,
     /// The law is not ready in time.
     Late,
-    /// The reference is no number, or stands at `value`, m.
+    /// The reference is NaN, or is fixed at `value`, m.
     Reference,
     /// Enable is lost.
     EnableLost,
@@ -244,9 +244,9 @@ impl FaultKind {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
-    /// What goes wrong.
+    /// Kind of the fault.
     pub kind: FaultKind,
-    /// What it acts on.
+    /// Channel of the fault.
     pub channel: Option<Channel>,
     /// s.
     pub begin_s: f64,
@@ -263,13 +263,13 @@ impl Fault {
     }
 }
 
-/// What is done about a fault.
+/// Reaction to a fault.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Answering {
-    /// It is told.
+    /// The fault is reported.
     Tell,
-    /// The model takes the place of what is lost.
+    /// The model replaces the lost signal.
     Model,
     /// Stop ramp, then hold.
     Stop,
@@ -312,7 +312,7 @@ pub struct Supervision {
     pub on_valve: Answering,
     /// On a fallen supply.
     pub on_supply: Answering,
-    /// The law that stands by; none: the usual one, which does not serve laws of one's own.
+    /// Standby law; `None`: the usual one, which does not serve custom laws.
     pub standby: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Which valves of a circuit a law commands, and what it is told of them.
+//! Valves of a circuit that a law commands, and their data for the law.
 
 use crate::belief::{given, number};
 use crate::refuse;
@@ -18,7 +18,7 @@ const NEVER_SHUT: [&str; 3] = ["valve/switching-3/2", "valve/switching-5/2", "va
 const COMMANDED: &str = "a law commands one proportional 5/3 valve, two proportional 3/2 valves, four 2/2 switching valves or one \
                          5/3 switching valve";
 
-/// The valves of a cylinder, in the order of their commands, and what a law is told of them.
+/// Returns the valves of a cylinder, in the order of their commands, and their data for the law.
 pub fn valves<'c>(
     circuit: &'c Circuit,
     cylinder: &'c Component,
@@ -187,7 +187,7 @@ fn same(each: &[&Component], never: &[&str]) -> Result<(), Error> {
     Ok(())
 }
 
-/// What is joined to what.
+/// Connections of the ports.
 struct Ports<'c> {
     circuit: &'c Circuit,
     cylinder: &'c Component,

@@ -85,7 +85,7 @@ def unknown_numbers(belief: Circuit) -> list[str]:
 
 
 def _chambers(joints: list[list[str]], port: str, cylinder: str, ends: set[str]) -> set[str]:
-    """Return the chambers to which a port leads, through all that is no end, and not by the ambient."""
+    """Return the chambers to which a port leads, through all components that are not ends, and not by the ambient."""
     left, reached = [joint for joint in joints if port in joint], []
     while left:
         joint = left.pop()

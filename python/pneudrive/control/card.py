@@ -1,4 +1,4 @@
-"""Score card: runs of laws along references and what they say of each law; read from the folder of a comparison."""
+"""Score card: runs of laws along references with the scores of each law, read from the folder of a comparison."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class ControlledRun(NamedTuple):
 
 
 class ScoreCard:
-    """Runs of laws along references, and what they say of each law."""
+    """Runs of laws along references, with the scores of each law."""
 
     runs: tuple[ControlledRun, ...]
 
@@ -84,7 +84,7 @@ class ScoreCard:
         return self.within(law, along, measure, 0.5)
 
     def within(self, law: str, along: str, measure: str, share: float) -> float | None:
-        """Return below what a measure stays in a share of the runs; a run that failed counts as infinite.
+        """Return a quantile of a measure over the runs; a run that failed counts as infinite.
 
         None where the reference has no such part, or each run failed.
         """
@@ -131,7 +131,7 @@ class ScoreCard:
 
 
 def told(tunings: Mapping[str, Tuning]) -> dict[str, Any]:
-    """Return what laws are told of their drive as plain data: numbers of the drive, and of each law its gains."""
+    """Return the model of the drive and the gains of each law as plain data."""
     first = next(iter(tunings.values()))
     laws = {
         name: {
@@ -152,7 +152,7 @@ def told(tunings: Mapping[str, Tuning]) -> dict[str, Any]:
 
 
 def begin(folder: Path, about: Mapping[str, Any]) -> None:
-    """Write what is compared into a folder; scores of another comparison are removed from it.
+    """Write the compared laws into a folder; scores of another comparison are removed from it.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def begin(folder: Path, about: Mapping[str, Any]) -> None:
 
 
 def row_of(run: ControlledRun, reference: Reference) -> dict[str, Any]:
-    """Return the row of a run in the tables: law, reference, seed, reason, its score, its file, what was true."""
+    """Return the row of a run in the tables: law, reference, seed, reason, its score, its file, true values."""
     names = [one.name for one in fields(Score)]
     row: dict[str, Any] = {"law": run.law, "reference": reference.text, "seed": run.seed, "reason": run.reason}
     row |= dict.fromkeys(names) if run.score is None else run.score.to_dict()
@@ -183,7 +183,7 @@ def row_of(run: ControlledRun, reference: Reference) -> dict[str, Any]:
 
 @dataclass(frozen=True, repr=False)
 class StoredComparison(ScoreCard, Shown):
-    """Laws beside each other, as the folder of a comparison has them; simulated.
+    """Simulated comparison of laws, as stored in its folder.
 
     Attributes
     ----------
@@ -308,7 +308,7 @@ def _so_far(folder: Path, references: Mapping[str, str]) -> Iterator[ControlledR
 
 
 def finished(folder: Path) -> int:
-    """Count the runs that lie in the folder of a comparison, of this or of an earlier one."""
+    """Count the runs in the folder of a comparison, of this or of an earlier one."""
     files = sum(1 for _ in (folder / RUNS).glob("[!.]*.parquet"))
     with suppress(OSError):
         files += (folder / KEPT).read_bytes().count(b"\n")

@@ -1,4 +1,4 @@
-"""Laws beside each other: each along each reference with each seed or member of a spread, kept run by run."""
+"""Comparison of laws: each along each reference with each seed or member of a spread, kept run by run."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ SPREAD_SEED, MOST_TRUTHS = 0, 64  # of the draws of a spread; members that are h
 
 @dataclass(frozen=True, repr=False)
 class ControlComparison(ScoreCard, Shown):
-    """Laws beside each other, simulated.
+    """Simulated comparison of laws.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class ControlComparison(ScoreCard, Shown):
     spread: str = ""
 
     def save(self, path: str | Path) -> Path:
-        """Write the score of each run, and what was true, as CSV or Parquet: a row for each law, reference and seed.
+        """Write the score and true values of each run as CSV or Parquet: a row for each law, reference and seed.
 
         Raises
         ------
@@ -119,8 +119,8 @@ class ControlComparison(ScoreCard, Shown):
 def standard(drive: Drive | Circuit) -> dict[str, Reference]:
     """Return the standard references for a drive, slowed to 0.85 of its speed at full opening where they are faster.
 
-    R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest, R6 a long fast move, R7 targets that are
-    approached from both sides, R8 a hand that leads the piston. Whether the force suffices for them too, says
+    R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest. R6 is a long fast move, R7 has targets that
+    are approached from both sides, R8 is a hand that leads the piston. Whether the force suffices for them too, says
     `feasibility`.
 
     Raises
@@ -159,9 +159,9 @@ def compare(
 ) -> ControlComparison:
     """Run laws along references with several seeds, and score them.
 
-    Each run is a file in ``out/runs``, written whole or not at all; one that is there already is not run again, so that
-    an interrupted comparison is resumed. Equal seeds give equal bits, but for the time of a step. Laws of one's own,
-    whose code may read anything, are run anew once a comparison is finished.
+    Each run is a file in ``out/runs``, written whole or not at all. A run that is already there is not repeated, so an
+    interrupted comparison is resumed. Equal seeds give equal bits, but for the time of a step. Custom laws, whose code
+    may read anything, are run anew once a comparison is finished.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ def _on_threads(
     threads: int,
     watch: Watch,
 ) -> Iterator[ControlledRun]:
-    """Yield the runs in the order in which they were asked for; what is not begun is dropped once one fails."""
+    """Yield the runs in the order of their requests; runs that have not begun are dropped once one fails."""
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(call, one) for one in asked]
         try:
@@ -369,9 +369,9 @@ def core_hash() -> str:
 
 
 def _mark(out: Path, tunings: Mapping[str, Tuning]) -> str:
-    """Return what marks the runs of laws of one's own: new once a comparison is finished, or code beside one changed.
+    """Return the mark of the runs of custom laws: new once a comparison is finished, or if their code changed.
 
-    What such code reads, nobody can hash.
+    The inputs of such code cannot be hashed.
     """
     own = [split(tuning.own.name) for tuning in tunings.values() if tuning.own is not None]
     if not own:

@@ -1,4 +1,4 @@
-"""Controller file: a law, its period, its gains, what it believes of the drive, and how it stands still."""
+"""Controller file: a law, its period, its gains, its model of the drive, and how it stands still."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _choice(law: str, key: str) -> Choice:
 
 
 class NmpcChoices(Described):
-    """What `nmpc` chooses."""
+    """Choices of `nmpc`."""
 
     table_name: ClassVar[str] = "nmpc"
     predictor: Annotated[str, _choice("nmpc", "predictor")] = Field(
@@ -163,7 +163,7 @@ class Controller(Described):
 
     @property
     def choices(self) -> dict[str, str]:
-        """What its law chooses, all that it has to."""
+        """All choices of its law."""
         if self.law not in CHOICES:
             return {}
         given = getattr(self, self.law)

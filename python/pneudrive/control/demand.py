@@ -24,7 +24,7 @@ _TRIES = 8  # of a factor on the reference that it gives
 
 
 class Demand(NamedTuple):
-    """What a reference takes of a drive, the largest of each.
+    """Largest demands of a reference on a drive.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ def _percent(share: float) -> str:
 
 
 def _asked(form: str, reference: Reference) -> tuple[dict[str, float], tuple[float, dict[str, float]] | None]:
-    """Return what a reference takes, and the least factor in time with what it takes then."""
+    """Return the demands of a reference, and the least factor in time with the demands then."""
     seen_s = (
         _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
     )
@@ -132,10 +132,10 @@ def _asked(form: str, reference: Reference) -> tuple[dict[str, float], tuple[flo
 
 
 def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
-    """Return what a reference takes of a drive, and how far it has to be slowed.
+    """Return the demands of a reference on a drive, and how far it must be slowed.
 
-    The inverse of the model that a law believes in is run along the reference: the piston is where the reference is,
-    the gas follows the opening that gives the force for that motion.
+    The inverse of the controller's model is run along the reference. The piston is at the reference. The gas follows
+    the opening that gives the force for that motion.
 
     Parameters
     ----------

@@ -54,10 +54,10 @@ class _Learner:
 class PositionEnv(gymnasium.Env):
     """A piston that is to follow a reference; the action is the command of the valve, -1 .. 1, at each sample.
 
-    An observation is the numbers of `observed`: signals as a law of one's own is given them
-    (`pneudrive.control.signals`), then position and velocity of the reference now and at times ahead. SI units,
-    pressures absolute; the names end in their unit. The reward of a sample is minus the true error in mm. An episode is
-    terminated where the error is beyond `lost` or the drive cannot go on, and truncated after its duration.
+    An observation is the numbers of `observed`, then position and velocity of the reference now and at times ahead.
+    `observed` names signals as a custom law gets them (`pneudrive.control.signals`). SI units, pressures absolute; the
+    names end in their unit. The reward of a sample is minus the true error in mm. An episode is terminated if the
+    error is beyond `lost` or the drive cannot move further, and truncated after its duration.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ class PositionEnv(gymnasium.Env):
         return observation, info | {"reference": prepared.reference.text, "truth": dict(truth.values)}
 
     def step(self, action: Any) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        """Give the command and go on to the next sample.
+        """Give the command and advance to the next sample.
 
         Raises
         ------
@@ -266,7 +266,7 @@ def _command(action: Any) -> float:  # noqa: ANN401 - of any learner
 
 
 class ResidualCommand(gymnasium.ActionWrapper):
-    """The action is added to the command of the law that runs beside: ``PositionEnv(law="pid")``.
+    """The action is added to the command of the law that runs in parallel: ``PositionEnv(law="pid")``.
 
     Parameters
     ----------

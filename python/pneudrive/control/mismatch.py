@@ -81,7 +81,7 @@ def _factor(of: str) -> Any:  # noqa: ANN401 - pydantic's own
 
 
 class Mismatch(Described):
-    """How a drive differs from its description. Values; or ranges in which the members of a spread lie evenly.
+    """Deviations of a drive from its description. Numbers, or ranges in which the members of a spread lie evenly.
 
     Examples
     --------
@@ -185,7 +185,7 @@ DRAWS = (*PLACES, *(f"{name}_b" for name in _SENSORS))
 
 
 class Truth(NamedTuple):
-    """What a drive really is, where its description says otherwise.
+    """True values of a drive that deviate from its description.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ class Truth(NamedTuple):
 
 
 def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Truth:
-    """Return a drive, given in the core's form, as it is with a mismatch and the values that were drawn of it.
+    """Return a drive, given in the core's form, with a mismatch and its drawn values applied.
 
     Raises
     ------
@@ -310,7 +310,7 @@ def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float
 
 
 def _has_sensor(setup: Setup, name: str) -> bool:
-    """Return whether a setup has what is to deviate: some have no pressure sensors."""
+    """Return whether an instrumentation has the sensor of a deviation: some have no pressure sensors."""
     return name.removesuffix("_b") not in _SENSORS or setup.sensors.pressure_a is not None
 
 
@@ -367,7 +367,7 @@ def read_mismatch(given: Mismatch | str | Path) -> tuple[Mismatch, str]:
 
 
 def one_value(mismatch: Mismatch, name: str) -> dict[str, float]:
-    """Return the values of a mismatch that is no spread.
+    """Return the values of a mismatch without spreads.
 
     Raises
     ------

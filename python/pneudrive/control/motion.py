@@ -48,7 +48,7 @@ class ReferenceMove(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Where a reference goes, and how fast.
+    """Range and highest speed of a reference.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Reach(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Reference(Shown):
-    """Where a drive is to go over time: moves one after the other, a sine, or polynomials.
+    """Reference of a drive over time: successive moves, a sine, or polynomials.
 
     Attributes
     ----------
@@ -168,7 +168,7 @@ def rounded_up(factor: float) -> float:
 
 
 def moves_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:
-    """Return the moves of a motion in the core's form: from one rest to the next. Of a sine there are none."""
+    """Return the moves of a motion in the core's form: from one rest to the next. A sine has no moves."""
     if motion["kind"] == "moves":
         return [ReferenceMove(*one) for one in motion["moves"]]
     found: list[ReferenceMove] = []

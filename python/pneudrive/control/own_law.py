@@ -1,4 +1,4 @@
-"""Laws of one's own: a Python class or a compiled C function, given what sensors and the observer say."""
+"""Custom laws: a Python class or a compiled C function that gets the signals of sensors and observer."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _RULE = "one is inputs, a tuple of names, and step(t, sample, preview), which re
 
 
 class Preview(Protocol):
-    """Where the drive is to go."""
+    """Wanted state of the drive."""
 
     def at(self, t: float, /) -> tuple[float, float, float, float]:
         """Return position, velocity, acceleration and jerk at a time, s, in SI units."""
@@ -42,7 +42,7 @@ class Preview(Protocol):
 
 @dataclass
 class RunningLaw:
-    """A law of one's own in a run.
+    """A custom law in a run.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class RunningLaw:
 
 @dataclass(frozen=True)
 class OwnLaw:
-    """A law of one's own that can be run.
+    """A custom law that can be run.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class OwnLaw:
 
 
 def signals() -> dict[str, tuple[str, str]]:
-    """Return what a law of one's own may ask for in its inputs: name -> unit and meaning.
+    """Return the inputs that a custom law may request: name -> unit and meaning.
 
     Examples
     --------
@@ -117,14 +117,14 @@ def signals() -> dict[str, tuple[str, str]]:
 
 
 def is_own(given: object) -> bool:
-    """Return whether a law is one of one's own: an object, a class, or the name of code."""
+    """Return whether a law is custom: an object, a class, or the name of code."""
     if isinstance(given, str):
         return given not in _core.control_laws() and own_code.split(given) is not None
     return own_code.guarded(type(given).__name__, CommandError, lambda: hasattr(given, "step"))
 
 
 def own_law(given: object, *, allow_code: str | None = None, found_in: str = "") -> OwnLaw:
-    """Return a law of one's own.
+    """Return a custom law.
 
     Parameters
     ----------

@@ -59,8 +59,8 @@ def blended(begin_s: float, duration_s: float, start_m: float, to_m: float, orde
 def within_limits(begin_s: float, start_m: float, to_m: float, limits: PathLimits) -> list[Row]:
     """Return the fastest move of 15 pieces of constant snap within limits.
 
-    Snap s for t_s makes jerk s t_s, kept for t_j; acceleration, kept for t_a; velocity, kept for t_v. Each time is as
-    long as the limits and the way allow, one after the other.
+    Snap s for t_s makes the jerk s t_s, which is kept for t_j. The acceleration is kept for t_a, and the velocity for
+    t_v. Each time is as long as the limits and the way allow, one after the other.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Setup: what stands between a drive and its law. Sensors, converter, computing time, disturbances."""
+"""Instrumentation between a drive and its law. Sensors, converter, computing time, disturbances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which controller suits a drive: each is tried on the drive as described and with half of its mass."""
+"""Choice of a controller for a drive: each is tried on the drive as described and with half of its mass."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CYCLE = "limit-cycle"
 
 
 class Suitability(NamedTuple):
-    """How a controller does on a drive.
+    """Result of a controller on a drive.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
-"""Supervisor of a law: limits, when a motion is complete, what is done about faults. It is no safety function.
+"""Supervisor of a law: limits, the rule for a complete motion, reactions to faults. It is not a safety function.
 
-What a controller file leaves out is assumed, as all other thresholds of the supervisor are.
+Values that are not in the controller file are assumed, like all other thresholds of the supervisor.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class ControlLimits(Described):
 
 
 class MotionComplete(Described):
-    """When a motion is complete, and after which time it is told that it is not."""
+    """Rule for a complete motion, and the time after which an incomplete one is reported."""
 
     table_name: ClassVar[str] = "motion"
     tolerance_m: Length = Field(default=1e-4, description="error within which it has settled; assumed")
@@ -65,7 +65,7 @@ class MotionComplete(Described):
 
 
 class OnFault(Described):
-    """What is done about a fault: it is told, the drive is stopped by a ramp, or the valve is shut."""
+    """Reaction to a fault: it is reported, the drive is stopped by a ramp, or the valve is shut."""
 
     table_name: ClassVar[str] = "on_fault"
     position: Annotated[str, Choice(("stop", "block"))] = Field(default="block", description="position sensor lost")
@@ -126,7 +126,7 @@ USUAL = Supervision()
 
 
 def told(events: list[tuple[float, str, float]]) -> list[dict[str, Any]]:
-    """Return what a supervisor told as records of time_s, kind, value, its unit, and text."""
+    """Return the events of a supervisor as records of time_s, kind, value, its unit, and text."""
     known = {key: (unit, text) for key, unit, text in _core.control_events()} if events else {}
     return [
         {"time_s": time, "kind": kind, "value": value, "unit": known[kind][0], "text": known[kind][1]}

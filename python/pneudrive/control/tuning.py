@@ -1,4 +1,4 @@
-"""Tuning: a law's gains from the description of the drive, what the drive is to its law, and what limits it."""
+"""Tuning: a law's gains from the description of the drive, its linear model, and its limits."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class TunedGain(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Plant(Shown):
-    """What a drive is to its law about mid stroke, both chambers at the mean of supply and ambient pressure.
+    """Linear model of a drive about mid stroke, both chambers at the mean of supply and ambient pressure.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ class Plant(Shown):
 
 
 class LawModel(NamedTuple):
-    """What a law of one's own is told of its drive before a run.
+    """Data of the drive that a custom law gets before a run.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ class Tuning(Shown):
 
     @property
     def model(self) -> LawModel:
-        """What a law of one's own is told of its drive."""
+        """Data of the drive that a custom law gets."""
         return LawModel(self.plant, self.belief)
 
     @property
@@ -225,7 +225,7 @@ class Tuning(Shown):
         return form | self.supervision.core(self.belief.ambient.pressure_pa)
 
     def to_toml(self, folder: str | Path = "") -> str:
-        """Write it as a controller file for a folder, with meaning and rule beside each gain."""
+        """Write it as a controller file for a folder, with meaning and rule of each gain."""
         word = self.law if self.own is None else _code_seen_from(folder, self.law)
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
@@ -257,7 +257,7 @@ class Tuning(Shown):
     def save(self, path: str | Path) -> Path:
         """Write it as a controller file. Files that it names are named from its folder.
 
-        A drive that was given as `believes` is no file: name one as ``drive`` in what is written.
+        A drive that was given as `believes` does not name a file: name one as ``drive`` in the output.
 
         Raises
         ------
@@ -280,7 +280,7 @@ class Tuning(Shown):
 
 
 def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
-    """Return numbers as lines of a controller file, with meaning and rule beside each."""
+    """Return numbers as lines of a controller file, each with its meaning and rule."""
     return [
         f"{one.key} = {toml.value_text(one.quantity)}  # {one.meaning}: {'given' if one.given else one.rule}"
         for one in numbers
@@ -366,7 +366,7 @@ def tune(
 
 
 def alone(tuning: Tuning, **others: object) -> Tuning:
-    """Return a tuning; refuse what it has already."""
+    """Return a tuning, and reject arguments that the tuning already has."""
     for name in (name for name, one in others.items() if one is not None):
         what = f"{name} and a tuning of {tuning.law} for {tuning.belief.name} are given"
         raise CommandError(what, remedy="Give the tuning alone: it has a law and what that believes.")
@@ -402,7 +402,7 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
 
 
 def _beside(law: str, folder: Path) -> str:
-    """Return the name of code whose file lies beside a controller's; other words as they are."""
+    """Return the name of code whose file is in the folder of a controller's; other words unchanged."""
     module, name = split(law) or ("", "")
     return f"{os.path.normpath(folder / module)}:{name}" if _is_file(module) else law
 
@@ -425,7 +425,7 @@ def _core_form(
 
 
 def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *, is_told: bool) -> Tuning:
-    """Read the gains of a controller and let the others follow from what the law believes."""
+    """Read the gains of a controller and derive the others from the law's model."""
     source = ""
     if table.drive is not None and not is_told:
         drive, source = _believed(table.drive, folder)
@@ -530,7 +530,7 @@ def _seen_from(folder: str | Path, source: str) -> str:
 
 
 def _code_seen_from(folder: str | Path, law: str) -> str:
-    """Return the name of a law of one's own as a controller file in a folder has it."""
+    """Return the name of a custom law as a controller file in a folder has it."""
     module, name = split(law) or ("", OWN)
     return f"{_seen_from(folder, module)}:{name}" if _is_file(module) else law if module else name
 
@@ -540,7 +540,7 @@ def _is_file(module: str) -> bool:
 
 
 def _limited(tuning: Tuning, setup: Setup) -> Tuning:
-    """Add what limits a controller, in words."""
+    """Add the limits of a controller, in words."""
     plant, said = tuning.plant, []
     bandwidth = next((gain.value for gain in tuning.gains if gain.key == "bandwidth"), plant.natural_frequency_rad_s)
     late = bandwidth * plant.lag_s

@@ -1,4 +1,4 @@
-"""Candidates of a search: what is known of a choice of parts by now, and how far that is from certain.
+"""Candidates of a search: the results of a choice of parts so far, and their uncertainty.
 
 A pair is a cylinder with a tube: these two decide the air of a cycle. A probe runs it with the widest valve and no flow
 control. Its air is that of all choices on the pair, and its time is the shortest. A choice then passes stages: nominal
@@ -178,7 +178,7 @@ class SizingCandidate:
 
     @property
     def drive(self) -> SizedDrive | None:
-        """What the most draws gave."""
+        """Drive with the most draws."""
         return self.drives[max(self.drives)] if self.drives else None
 
     def provisional(self) -> Provisional:

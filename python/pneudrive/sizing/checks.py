@@ -79,7 +79,7 @@ def push_n(cylinder: PartChoice, task: SizingTask) -> float:
 
 
 def mechanical_shortage(cylinder: PartChoice, task: SizingTask) -> Shortage | None:
-    """Return what a cylinder cannot carry: side load on its sheet, or its rod would buckle."""
+    """Return why a cylinder cannot carry the load: side load on its sheet, or buckling of its rod."""
     load, weight = cylinder.printed_si("max_load", "N"), side_load_n(task)
     if load is not None and weight > load:
         return Shortage("side load", load / weight, f"it carries {load:.3g} N across, the load weighs {weight:.3g} N")

@@ -1,6 +1,6 @@
-"""What the catalogue offers for a task: cylinders, valves, tubes and flow controls, with what their sheets leave open.
+"""Catalogue parts for a task: cylinders, valves, tubes and flow controls, and assumed values of their sheets.
 
-What a sheet does not give is assumed by a rule that stands here, and is called assumed in every file and result.
+A value that a sheet does not give is assumed by a rule of this module. It is called assumed in every file and result.
 """
 
 from __future__ import annotations
@@ -311,7 +311,7 @@ def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
 
 
 def _cushion(entry: Entry, bore: float, stroke: float) -> dict[str, tuple[Any, str]]:
-    """Return what the sheet leaves open of adjustable cushions; nothing where there are none, or no room for them."""
+    """Return values of adjustable cushions that the sheet does not give; empty without cushions, or room for them."""
     if any(value.key.startswith("cushion") for value in entry.values):
         return {}
     printed = {value.key: value.value for value in entry.printed}

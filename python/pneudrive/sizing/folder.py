@@ -1,4 +1,4 @@
-"""Folder of a sizing: finished choices, one line each, so that a search goes on where it was interrupted."""
+"""Folder of a sizing: finished choices, one line each, so that an interrupted search continues there."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class SizingFolder:
             temporary.write_text(json.dumps(about, indent=1), encoding="utf-8")
 
     def _lock(self) -> None:
-        """Take the folder; where files have no locks, go on without."""
+        """Take the folder; if files have no locks, continue without."""
         with suppress(OSError):
             self._file = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | NO_FOLLOW, 0o666)
             if take(self._file):

@@ -26,7 +26,7 @@ NEVER = -1.0
 
 
 class LimitMargin(NamedTuple):
-    """One limit of a task and what the draws make of it.
+    """One limit of a task and its fulfilment over the draws.
 
     Attributes
     ----------

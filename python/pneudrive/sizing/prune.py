@@ -1,6 +1,6 @@
 """Bounds on the safe side, without simulation: they leave out choices that no setting makes able to do the task.
 
-Every bound takes the favourable end of each spread, so that what it removes fails in all draws.
+Every bound takes the favourable end of each spread, so that a removed choice fails in all draws.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ class SafeBounds:
         self.against = {True: out + task.external_force_n, False: back - task.external_force_n}
 
     def lacks(self, choice: DriveChoice) -> Shortage | None:
-        """Return what a choice cannot do, or None."""
+        """Return why a choice cannot do the task, or None."""
         for part in (choice.valve, choice.tube, choice.flow_control):
             if (found := self.part(part)) is not None:
                 return found
         return self.cylinder(choice.cylinder) or self._time(choice)
 
     def part(self, part: PartChoice) -> Shortage | None:
-        """Hold the task against what the sheet of a part prints."""
+        """Compare the task with the printed limits on the sheet of a part."""
         most = part.printed_si("maximum_pressure", "Pa")
         if most is not None and self.gauge > most:
             return Shortage("supply pressure", 0.0, f"{part.name} takes {1e-5 * most:g} bar gauge at most")
@@ -71,7 +71,7 @@ class SafeBounds:
         return None
 
     def cylinder(self, part: PartChoice) -> Shortage | None:
-        """Return what a cylinder cannot do with any valve, tube and flow control."""
+        """Return why a cylinder cannot do the task with any valve, tube and flow control."""
         choice = DriveChoice(part, NO_FLOW_CONTROL, NO_FLOW_CONTROL, NO_FLOW_CONTROL)
         for find in (self._stroke, self._force, self._sheet, self._thrust):
             if (found := find(choice)) is not None:
@@ -265,7 +265,7 @@ def tube_conductance(tube: PartChoice, task: SizingTask) -> float:
 
 
 def _dead(choice: DriveChoice, end: str) -> float:
-    """Return the volume beside the stroke on one side: dead volume, port of the cushion, tube, m3."""
+    """Return the volume in addition to the stroke on one side: dead volume, port of the cushion, tube, m3."""
     numbers, tube = choice.cylinder.numbers, choice.tube.numbers
     own = numbers[f"dead_volume_{end}"] + numbers.get(f"cushion_{end}_port_volume", 0.0)
     return own + math.pi / 4.0 * tube["diameter"] ** 2 * tube["length"]

@@ -1,4 +1,4 @@
-"""Results of a sizing: what was found of each choice of parts, the ranking, and the nearest miss."""
+"""Results of a sizing: the result of each choice of parts, the ranking, and the nearest miss."""
 
 from __future__ import annotations
 
@@ -296,7 +296,7 @@ def summary(result: SizingResult) -> dict[str, Any]:
 
 
 def _strict(given: Any) -> Any:  # noqa: ANN401 - plain data
-    """Return plain data that any reader of JSON takes: what is not finite as null."""
+    """Return plain data that any reader of JSON accepts, with null for values that are not finite."""
     if isinstance(given, dict):
         return {key: _strict(one) for key, one in given.items()}
     if isinstance(given, list | tuple):

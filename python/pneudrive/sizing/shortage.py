@@ -1,4 +1,4 @@
-"""What a choice of parts cannot do, in numbers and in words."""
+"""Limits that a choice of parts misses, in numbers and in words."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Shortage(NamedTuple):
-    """What a choice lacks.
+    """Missed limit of a choice.
 
     Attributes
     ----------

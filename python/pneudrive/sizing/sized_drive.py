@@ -24,7 +24,7 @@ def rank_of(air: float, margin: float, *rest: Any) -> tuple[Any, ...]:  # noqa: 
 
 @dataclass(frozen=True)
 class SizedDrive:
-    """What simulation says of one choice of parts with its settings; SI.
+    """Simulation results of one choice of parts with its settings; SI.
 
     Attributes
     ----------

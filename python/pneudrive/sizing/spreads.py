@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def sized(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> SizedDrive:
-    """Simulate a choice with its settings over draws and say what it makes of its task."""
+    """Simulate a choice with its settings over draws and compare it with its task."""
     rows = np.tile(np.array(setting), (len(draws), 1))
     out, back = (strokes.run(outward, draws, rows, rtol) for outward in (True, False))
     task, choice = strokes.task, strokes.choice

@@ -1,9 +1,9 @@
 """Both strokes of one choice of parts as the core runs them: draws and settings in, times, speeds and air out.
 
-Definitions are those of a datasheet (`pneudrive.datasheet.strokes`): the time runs from the command to the first
-contact with the end, the speed at the end is that of the first contact. They stand here as what the core keeps of a
-run, without samples, for hundreds of thousands of runs; there as what is read from a trajectory or a recording. A test
-holds both to each other within 1e-6.
+Definitions are those of a datasheet (`pneudrive.datasheet.strokes`). The time runs from the command to the first
+contact with the end. The speed at the end is that of the first contact. This module computes them in the core, without
+samples, for hundreds of thousands of runs. The datasheet reads them from a trajectory or a recording. A test holds
+both to each other within 1e-6.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ OPEN = Setting()
 
 
 class StrokeResults(NamedTuple):
-    """What n runs of one stroke gave, SI; shape (n,).
+    """Results of n runs of one stroke, SI; shape (n,).
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class DriveStrokes:
         """Return which share of the force of the supply the load takes at rest, shape (n,); above 1 it does not move.
 
         The load is weight of load and piston, external force, and friction of cylinder and guide, outwards at least
-        the holding force; the supply's force is its gauge pressure on the piston, the other chamber at ambient.
+        the holding force. The supply's force is its gauge pressure on the piston, with the other chamber at ambient.
 
         Parameters
         ----------
@@ -264,7 +264,7 @@ class DriveStrokes:
         return factors
 
     def drawn_assumed(self) -> dict[str, str]:
-        """Return what is drawn because a value is assumed, with the component that has it."""
+        """Return the values that are drawn because they are assumed, each with its component."""
         assumed = {slot: getattr(self.choice, slot).assumed for slot in ("cylinder", "valve", "tube", "flow_control")}
         found = {}
         if any(key.startswith("friction") for key in assumed["cylinder"]):

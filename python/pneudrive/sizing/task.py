@@ -1,4 +1,4 @@
-"""Task of a drive: what it has to move, how far, how fast, under which spreads. `SizingTask` reads its file."""
+"""Task of a drive: load, stroke, times and spreads. `SizingTask` reads its file."""
 
 from __future__ import annotations
 
@@ -195,7 +195,7 @@ class SizingTask(Described):
 
     @property
     def template_key(self) -> str:
-        """What of the task a circuit has beside the numbers that are drawn."""
+        """Parts of the task in a circuit, apart from the drawn numbers."""
         return (
             f"{self.stroke_m!r} {self.incline_rad!r} {self.external_force_n!r} {self.supply} {self.ambient.to_dict()}"
         )
@@ -228,7 +228,7 @@ class SizingTask(Described):
 
 
 class TaskValue(NamedTuple):
-    """One value of a task: its key, its text, whether the task gives it (else it is a default), what it means."""
+    """One value of a task: its key, its text, whether the task gives it (else it is a default), its meaning."""
 
     key: str
     text: str
@@ -253,7 +253,7 @@ def _brief(text: str) -> str:
 
 
 def follows_from(task: SizingTask) -> list[tuple[str, float, str]]:
-    """Return what follows from a task: what it is, value, unit."""
+    """Return the values that follow from a task: name, value, unit."""
     return [
         ("force against the outward stroke at rest, without friction", task.static_force_n, "N"),
         ("friction of the guide under the load", task.guide_friction_n, "N"),

@@ -132,7 +132,7 @@ fn statements(graph: &Graph, language: Language, inputs: &[String], results: &[S
 }
 
 impl Program {
-    /// Names of what a piece is given, in its order.
+    /// Names of the inputs of a piece, in their order.
     fn names(&self, language: Language, remembers: &str, memory: usize) -> Vec<String> {
         let [input, gain] = if language == Language::C { ["in->", "gains->"] } else { ["", ""] };
         let inputs = self.inputs.iter().map(|own| format!("{input}{}", own.name));
@@ -158,7 +158,7 @@ impl Program {
         format!("pneudrive_{}", self.law.replace('-', "_"))
     }
 
-    /// Lines that say what the code is; `about` is the caller's.
+    /// Lines that describe the code; `about` is the caller's.
     fn about(&self, about: &str) -> Vec<String> {
         let mut lines = vec![
             format!("Law {} with its observer, made by pneudrive from the equations that it runs itself.", self.law),
@@ -278,7 +278,7 @@ impl Program {
     }
 }
 
-/// What a move gives, in this order.
+/// Results of a move, in this order.
 const WANTED: [&str; 4] = ["position", "velocity", "acceleration", "jerk"];
 
 fn a_move(language: Language, results: Vec<String>) -> (String, usize) {

@@ -1,7 +1,7 @@
-//! Numbers that record what is done with them, from which code in another language is made.
+//! Numbers that record each operation, from which code in another language is made.
 //!
-//! A comparison gives a truth value, in which nothing can be recorded: which comparison a choice takes is found by doing
-//! the work several times, with each comparison true or false as one binary digit of its number says.
+//! A comparison gives a truth value, which cannot record anything. So the work runs several times, and each
+//! comparison is true or false by one binary digit of its number. This shows which comparison a choice depends on.
 
 use crate::number::{Memory, Number};
 use math::{Over, Real};
@@ -9,24 +9,24 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// What is done with numbers; places of earlier nodes.
+/// Operation on numbers; places of earlier nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Node {
     /// Bits of a constant.
     Constant(u64),
     /// An input, by its place.
     Input(usize),
-    /// Of one number.
+    /// Function of one number.
     One(Function, u32),
-    /// Of two numbers.
+    /// Operation on two numbers.
     Two(Operator, u32, u32),
     /// `a * b + c`.
     Fma(u32, u32, u32),
     /// If `of[0] < of[1]` the first of `then`, else the second.
     Select {
-        /// What is compared.
+        /// Compared numbers.
         of: [u32; 2],
-        /// What is chosen from.
+        /// Alternatives of the choice.
         then: [u32; 2],
     },
 }
@@ -63,9 +63,9 @@ struct Recording {
     comparisons: Vec<[u32; 2]>,
     /// The binary digit of a comparison's number that it answers with; none: false.
     digit: Option<u32>,
-    /// Of each choice so far the answer that it was given.
+    /// Answer given to each choice so far.
     answers: Vec<bool>,
-    /// Of each choice the comparison that it takes: number and one; none while that is being found.
+    /// Comparison that each choice depends on, as its number plus one; `None` while these are being found.
     takes: Option<Vec<usize>>,
 }
 
@@ -95,7 +95,7 @@ impl Recording {
         }
     }
 
-    /// What follows from constants is one; what adds nothing is left out.
+    /// Folds constants, and leaves out operations that change nothing.
     fn simple(&self, node: Node) -> Node {
         let constant = |x: f64| Node::Constant(x.to_bits());
         match node {
@@ -153,7 +153,7 @@ impl Operator {
     }
 }
 
-/// What work does with numbers.
+/// Recorded operations.
 #[derive(Clone, Debug)]
 pub struct Graph {
     /// In an order in which each needs earlier ones alone.
@@ -162,7 +162,7 @@ pub struct Graph {
     pub results: Vec<u32>,
 }
 
-/// Binary digits by which comparisons are told apart.
+/// Binary digits that identify comparisons.
 const DIGITS: u32 = 16;
 
 /// Records work on inputs, as many as are given, and what comes of it.
@@ -192,7 +192,7 @@ pub fn record(inputs: usize, work: impl Fn(&[Traced]) -> Vec<Traced>) -> Graph {
 }
 
 impl Graph {
-    /// What comes of inputs.
+    /// Returns the results for these inputs.
     pub fn run(&self, inputs: &[f64]) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
@@ -241,7 +241,7 @@ impl Node {
         }
     }
 
-    /// Shows the places of what it needs.
+    /// Visits the places of the operands.
     pub fn each(mut self, mut see: impl FnMut(u32)) {
         self.each_mut(|place| see(*place));
     }

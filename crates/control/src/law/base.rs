@@ -1,4 +1,4 @@
-//! Ground of all controllers: what they are given at a sample, and the traits that they have.
+//! Common types of all controllers: their inputs for one sample, and their traits.
 
 use crate::course::Course;
 use crate::gains::Gains;
@@ -8,12 +8,12 @@ use crate::reference::Wanted;
 use crate::spool::Spool;
 use crate::types::{Plant, State};
 
-/// What a law is given at a sample.
+/// Inputs of a law for one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Tick<'a, S = f64> {
     /// The belief.
     pub model: &'a Model,
-    /// What the drive is about mid-stroke.
+    /// Linear model of the drive at mid-stroke.
     pub plant: &'a Plant,
     /// The period, s.
     pub period: f64,
@@ -21,7 +21,7 @@ pub struct Tick<'a, S = f64> {
     pub state: State<S>,
     /// Its acceleration, m/s2.
     pub acceleration: S,
-    /// Where the drive is to be then.
+    /// Wanted state at that time.
     pub wanted: Wanted<S>,
     /// Friction force along the reference, N, and its rate, N/s.
     pub friction: [S; 2],
@@ -31,7 +31,7 @@ pub struct Tick<'a, S = f64> {
     pub acts: f64,
     /// The spool then.
     pub spool: &'a Spool<S>,
-    /// Where the drive is to go.
+    /// Course of the drive.
     pub preview: &'a Course<'a>,
     /// Mass beyond that of the model, which is believed to follow the reference, kg.
     pub mass_beyond: f64,
@@ -51,7 +51,7 @@ impl<S: Number> Tick<'_, S> {
     }
 }
 
-/// The share of opening that makes a mass on its air follow a motion, with a share of the friction along it,
+/// Returns the fraction of opening that makes a mass on its air follow a motion, with a fraction of the friction:
 ///
 ///   (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v
 pub(super) fn fed_forward<S: Number>(tick: &Tick<S>, wanted: &Wanted<S>, share: S) -> S {
@@ -87,8 +87,8 @@ pub trait Law<S: Number = f64>: Memory<S> {
         false
     }
 
-    /// Rate at which a force grows that breaks a resting drive away, as a share of the bandwidth; zero: the law has
-    /// a way of its own, or none.
+    /// Rate at which a force grows that breaks a resting drive away, relative to the bandwidth. Zero: the law breaks
+    /// away in another way, or not at all.
     fn push(&self) -> f64 {
         0.0
     }

@@ -11,12 +11,12 @@ use physics::{above, at_least};
 const SETS: f64 = 3.0;
 
 law! {
-    /// A fuzzy controller: rules "if the error is big and its slope is small, then ...", in the place of the proportional
-    /// and derivative part of [`Pid`](super::Pid), with the same feed-forward and integral.
+    /// A fuzzy controller. Rules "if the error is big and its slope is small, then ..." replace the proportional and
+    /// derivative part of [`Pid`](super::Pid). Feed-forward and integral are the same.
     ///
     ///   u_fb = k_p e_max phi(e/e_max, T_d e'/e_max)
     ///
-    /// Seven triangular sets for each of both, at -1, -2/3 .. 1, which overlap by half. The rule for sets i and j asks
+    /// Each of both has seven triangular sets at -1, -2/3 .. 1, which overlap by half. The rule for sets i and j asks
     /// for the set i + j within -3 .. 3. [`sugeno`] gives phi.
     pub struct Fuzzy {
         gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v";
@@ -28,8 +28,8 @@ law! {
     } memory<S> { errors: Errors<S> = Errors::none() }
 }
 
-/// Of an error and its slope, each as a share of its range, the lower one of the two sets that it belongs to, -3 .. 2, and
-/// how much it belongs to the upper one.
+/// Returns two pairs, for an error and its slope, each relative to its range. A pair is the lower one of its two
+/// sets, -3 .. 2, and the degree of membership in the upper one.
 fn belongs<S: Number>(e: S, de: S) -> [(S, S); 2] {
     let one = S::one();
     [e, de].map(|share| {
@@ -42,8 +42,8 @@ fn belongs<S: Number>(e: S, de: S) -> [(S, S); 2] {
     })
 }
 
-/// What the rules give with products as weights and singletons as outputs: a number of -1 .. 1. Where |i + j| <= 3 for all
-/// rules that speak, it is the sum of both numbers: the law is the linear one there, and saturates beyond.
+/// Returns the output of the rules, -1 .. 1, with products as weights and singletons as outputs. If |i + j| <= 3 for
+/// all active rules, the output is the sum of both numbers. The law is linear there, and saturates beyond.
 pub fn sugeno<S: Number>(e: S, de: S) -> S {
     let one = S::one();
     let [(i, by_i), (j, by_j)] = belongs(e, de);

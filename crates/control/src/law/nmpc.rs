@@ -13,7 +13,7 @@ use std::fmt;
 
 /// Moves of the plan.
 pub const MOVES: usize = 8;
-/// How long each is held, ms; the last ones are followed in steps of 2 ms.
+/// Duration of each block, ms; the last ones are followed in steps of 2 ms.
 const BLOCKS: [usize; MOVES] = [1, 1, 2, 2, 4, 6, 8, 16];
 const STEPS: [usize; MOVES] = [1, 1, 1, 1, 1, 1, 2, 2];
 
@@ -37,9 +37,9 @@ pub fn steps() -> impl Iterator<Item = (usize, f64)> {
     })
 }
 
-/// Who predicts the horizon in the place of the model. Moves are shares of opening; each of both ways shows position, m,
-/// velocity, m/s, and acceleration, m/s2, behind each of the [`steps`], and is false where it cannot go on: the model
-/// predicts then.
+/// Predicts the horizon in place of the model. Moves are fractions of opening. Both methods show position, m,
+/// velocity, m/s, and acceleration, m/s2, behind each of the [`steps`]. They return false if the prediction fails.
+/// The model predicts then.
 pub trait Predictor: fmt::Debug + Send + Sync {
     /// Told the state from which the horizon begins, and the share of opening that was given a period before.
     fn begin(&mut self, tick: &Tick, given: f64);
@@ -51,7 +51,7 @@ pub trait Predictor: fmt::Debug + Send + Sync {
     fn boxed(&self) -> Box<dyn Predictor>;
 }
 
-/// What predicts the horizon.
+/// Predictor of the horizon.
 #[derive(Debug, Default)]
 pub enum Predicting {
     /// The model in fixed steps.
@@ -93,13 +93,13 @@ impl Planned for ByMoves {
 
 type Transitions = [[[f64; 4]; 2]; 2];
 
-/// What becomes of a spool within half a step and a whole one of 1 ms and of 2 ms.
+/// Returns the transitions of the spool over half a step and a whole one, of 1 ms and of 2 ms.
 fn transitions(tick: &Tick) -> Transitions {
     [1e-3, 2e-3].map(|h| [0.5 * h, h].map(|h| tick.spool.transition(h)))
 }
 
-/// What no plan changes: what becomes of the spool within half a step and a whole one of 1 ms and of 2 ms, and where the
-/// drive is to be after each step.
+/// Parts of the horizon that do not depend on the plan: the transitions of the spool, and the wanted state after each
+/// step.
 struct Horizon {
     transitions: Transitions,
     wanted: [Wanted; HORIZON],
@@ -122,9 +122,10 @@ law! {
     ///
     ///   sum h (e^2 + (e'/lambda)^2 + 0.1 (e''/lambda^2)^2) + r^2 sum (w_i - w_(i-1))^2
     ///
-    /// least within -1 .. 1, e in mm, h in ms, w in %. The whole horizon is run once a sample, on numbers with derivatives
-    /// by all moves, from the state when a command of now will act; one Gauss-Newton step follows, or a quarter of it where
-    /// the whole would cost more. Who runs it is chosen: the model in fixed steps, or a [`Predictor`].
+    /// least within -1 .. 1, e in mm, h in ms, w in %. The whole horizon is run once a sample, from the state when a
+    /// command of now will act. Its numbers carry derivatives by all moves. One Gauss-Newton step follows, or a
+    /// quarter of it where the whole would cost more. The predictor can be chosen: the model in fixed steps, or a
+    /// [`Predictor`].
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
         move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed";
@@ -214,7 +215,7 @@ fn solve<const N: usize>(h: &[[f64; N]; N], g: &[f64; N], fixed: &[Option<f64>; 
 }
 
 impl Nmpc {
-    /// The plan of the last sample, one sample on: in each block the mean of what was planned for its time.
+    /// Shifts the plan of the last sample by one sample. Each block takes the mean of the plan over its time.
     fn shift(&mut self, period: f64) {
         let old = self.plan;
         let mut begins = [0.0; MOVES + 1];
@@ -281,8 +282,8 @@ impl Nmpc {
     }
 }
 
-/// What the model foresees of the horizon under a plan: position, m, velocity, m/s, and acceleration, m/s2, behind each of
-/// the [`steps`], with derivatives.
+/// Returns the prediction of the model under a plan: position, m, velocity, m/s, and acceleration, m/s2, behind each
+/// of the [`steps`], with derivatives.
 pub fn by_the_model(tick: &Tick, plan: &[ByMoves; MOVES]) -> Vec<[ByMoves; 3]> {
     let mut foreseen = [[ByMoves::zero(); 3]; HORIZON];
     by_model(tick, &Horizon::of(tick), plan, &mut foreseen);

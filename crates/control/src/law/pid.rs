@@ -11,7 +11,7 @@ pub(super) struct Errors<S> {
     /// The last error, and whether there is one: 0 or 1.
     last: [S; 2],
     slope: S,
-    /// Of the error, as a share of opening.
+    /// Integral of the error, as a fraction of opening.
     pub integral: S,
 }
 
@@ -40,7 +40,7 @@ impl<S: Number> Errors<S> {
         [e, self.slope]
     }
 
-    /// The integral goes on at a rate for each metre, 1/(m s), where the command was not at its limit.
+    /// Integrates at a rate for each metre, 1/(m s), where the command was not at its limit.
     pub fn add_up(&mut self, is_free: S::Mask, rate: S, tick: &Tick<S>) {
         let grown = self.integral + rate * (tick.now.1.position - tick.now.0) * S::c(tick.period);
         self.integral = S::select(is_free, grown, self.integral);
@@ -52,8 +52,8 @@ law! {
     ///
     ///   u = (v_d + 2 zeta a_d/omega + (j_d + share F_fr'/M)/omega^2)/K_v + k_p (e + T_d e') + k_p/T_i int e
     ///
-    /// omega and zeta of the mass on its air, K_v its speed for each share of opening. The integral stands while the
-    /// command is at its limit.
+    /// omega and zeta are those of the mass on its air, and K_v is its speed per fraction of opening. The integral is
+    /// kept while the command is at its limit.
     pub struct Pid {
         gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v";
         derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega";

@@ -12,7 +12,8 @@ use crate::thresholds::{
 };
 use crate::types::State;
 
-/// How often a drive that is to stand had to be braked, and when last, s: its law swings it about the target.
+/// Number of times that a standing drive had to be braked, and the last time, s. It counts if the law makes the drive
+/// oscillate about the target.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Swings {
     times: u32,
@@ -20,7 +21,7 @@ pub struct Swings {
 }
 
 impl Swings {
-    /// Braking begins; how often it did by now, where that is too often.
+    /// Registers that braking begins. Returns the count of brakings if there are too many.
     pub fn watch(&mut self, time: f64, velocity: f64, stands: bool) -> Option<u32> {
         if stands && velocity.abs() > BRAKE_FAST {
             self.times = if time - self.last < BRAKE_WITHIN { self.times + 1 } else { 1 };
@@ -32,12 +33,12 @@ impl Swings {
     }
 }
 
-/// What brakes, with what it remembers.
+/// Braking before end stops, with its state.
 #[derive(Clone, Debug)]
 pub struct Braking {
     /// It brakes.
     pub acts: bool,
-    /// How often it did.
+    /// Count of brakings.
     pub swings: Swings,
     /// The model as it was at first, on a supply that has fallen.
     fallen: Option<Box<Model>>,
@@ -59,8 +60,8 @@ impl Default for Braking {
     }
 }
 
-/// What an observer without pressure sensors says, were what force is missing beyond friction that of the chamber which
-/// presses against it: so little gas may be trapped there.
+/// Returns an observer without pressure sensors with less trapped gas. It assigns the unmodelled force beyond
+/// friction to the chamber that presses against it. That is the least gas that may be trapped.
 fn less_trapped(observer: &Observer, model: &Model, friction: f64) -> Observer {
     let mut seen = observer.clone();
     let State { disturbance, pressures, .. } = &mut seen.state;
@@ -76,9 +77,9 @@ fn less_trapped(observer: &Observer, model: &Model, friction: f64) -> Observer {
 }
 
 impl Braking {
-    /// The command that has to brake before an end stop now, if any. Where the supply may have fallen, and as long as it
-    /// brakes, the trapped air alone has to be able to stop the drive. `gas` is what pressures say, if they are `measured`; until
-    /// `doubted_until`, s, a command may act in reverse.
+    /// The command that has to brake before an end stop now, if any. If the supply may have fallen, or while it
+    /// brakes, the trapped air alone must be able to stop the drive. `gas` is what pressures say, if they are
+    /// `measured`; until `doubted_until`, s, a command may act in reverse.
     pub fn needed(
         &mut self,
         own: &Controller,
@@ -145,7 +146,7 @@ impl Braking {
     }
 }
 
-/// What has to brake now.
+/// Decision to brake now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Brake {
     /// The command behind which the way is the shortest, or the end stop is reached the slowest.
@@ -155,13 +156,13 @@ struct Brake {
     /// Share of the room that the drive needs behind the shut valve, whatever the supply does; none where it is slow and
     /// touches the end stop softly.
     shut_needs: f64,
-    /// How fast it is there at its stand or at the end stop, m/s.
+    /// Speed at its stand or at the end stop with the valve shut, m/s.
     shut_speed: f64,
 }
 
-/// What has to brake now, if a command of now would leave too little way for that at the next sample, as the model may be
-/// wrong by a share of it, `margin`: before the end to which the drive moves, or to which a command turns it. Where commands
-/// may lead it `either_way`, before both.
+/// Returns the decision to brake if a command of now would leave too little room at the next sample. The room has a
+/// relative margin, `margin`, for errors of the model. It checks the end to which the drive moves, or to which a
+/// command turns it. It checks both ends if commands may lead the drive `either_way`.
 fn brakes(
     model: &Model,
     observer: &Observer,
@@ -177,8 +178,8 @@ fn brakes(
 
 /// The same before one end, that in +x (1) or in -x (-1).
 ///
-/// The way is that of the model under `command` for a period, then under full braking or with the valve shut, whichever
-/// is shorter: an open chamber that is pressed above the supply loses its air to that.
+/// The distance is that of the model under `command` for a period, then under full braking or with the valve shut,
+/// whichever is shorter. An open chamber that is pressed above the supply loses its air to the supply.
 fn brakes_before(
     way: f64,
     model: &Model,

@@ -1,8 +1,8 @@
-//! What a supervisor tells.
+//! Events of a supervisor.
 
 macro_rules! events {
     ($($name:ident: $key:literal, $unit:literal, $text:literal;)*) => {
-        /// What happened.
+        /// Kinds of events.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum EventKind {
             $(#[doc = $text] $name,)*
@@ -62,7 +62,7 @@ events! {
 pub struct Event {
     /// s.
     pub time: f64,
-    /// What.
+    /// Kind of the event.
     pub kind: EventKind,
     /// In the kind's unit.
     pub value: f64,
@@ -71,7 +71,7 @@ pub struct Event {
 /// Events that are kept; further ones are counted alone.
 const KEPT: usize = 256;
 
-/// What happened, in the order of its time.
+/// Events in the order of their times.
 #[derive(Clone, Debug)]
 pub struct Log {
     events: Vec<Event>,
@@ -97,7 +97,7 @@ impl Log {
         &self.events
     }
 
-    /// How often something happened.
+    /// Returns the count of events of a kind.
     pub fn count(&self, kind: EventKind) -> u32 {
         self.counts[kind as usize]
     }

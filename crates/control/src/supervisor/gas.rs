@@ -11,7 +11,7 @@ use crate::thresholds::{
 };
 use crate::types::{Moment, State};
 
-/// What a chamber tells.
+/// State of the check of a chamber's pressure.
 #[derive(Clone, Copy, Debug, Default)]
 struct Chamber {
     pressure: f64,
@@ -19,11 +19,11 @@ struct Chamber {
     last: f64,
     /// Samples since the reading changed.
     rests: u32,
-    /// What the model may be wrong by, Pa.
+    /// Uncertainty of the model, Pa.
     unsure: f64,
     /// For how long the reading has been off, s.
     off_for: f64,
-    /// Readings in a row that are no number or jump.
+    /// Count of successive readings that are not a number or jump.
     bad: u32,
     is_lost: bool,
     /// The valve opened it to the supply when it opened it last.
@@ -39,8 +39,9 @@ impl Chamber {
         f64::from(self.rests) * period >= PRESSURE_OFF_FOR
     }
 
-    /// Whether its supply does not fill it: from how far the valve opens it to that, the rate at which one that has fallen
-    /// would, Pa/s, and what flowed into it, Pa, if its reading tells that.
+    /// Returns whether the supply fails to fill the chamber. `open` is how far the valve opens it to the supply.
+    /// `rate` is the pressure rate that a fallen supply would give, Pa/s. `flowed` is the measured pressure change by
+    /// flow, Pa, if its reading is credible.
     fn starves(&mut self, open: f64, rate: f64, flowed: Option<f64>, period: f64) -> bool {
         self.least.rotate_right(1);
         let [share, sure] = if rate > 0.0 {
@@ -61,12 +62,12 @@ impl Chamber {
     }
 }
 
-/// Pressures by the model beside the measured ones.
+/// Pressures by the model, to compare with the measured ones.
 #[derive(Clone, Debug, Default)]
 pub struct Gas {
     chambers: Option<[Chamber; 2]>,
-    /// Changes by flow, Pa, of the filling chamber, then of the other one: as they were measured, by the model, and by the
-    /// model on a supply that has fallen.
+    /// Pressure changes by flow, Pa, of the filling chamber, then of the other one. Each has three values: measured,
+    /// by the model, and by the model on a fallen supply.
     flown: [[f64; 3]; 2],
     /// The same within a shorter time.
     lately: [[f64; 3]; 2],
@@ -77,14 +78,14 @@ pub struct Gas {
     below: Option<f64>,
     /// The last filling that was seen was that of a supply that has fallen.
     pub is_doubted: bool,
-    /// For how long the chamber that the valve opens to the supply has lost more than the other one, s, and the way of the
-    /// command that it began with: the supply presses less than the chamber, and the valve acts in reverse.
+    /// Duration for which the chamber at the supply has lost more than the other one, s, and the sign of the first
+    /// command. The supply pressure is then below that of the chamber, and the valve acts in reverse.
     reversed_for: f64,
     way: f64,
     valve_told: bool,
 }
 
-/// What the pressures say.
+/// Findings from the pressures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Found {
     /// A sensor was lost with this sample.
@@ -107,7 +108,7 @@ impl Gas {
         self.valve_told || self.lacks_sensor()
     }
 
-    /// Readings that are not credible become what the model foresees.
+    /// Replaces readings that are not credible by the prediction of the model.
     pub fn checked(
         &mut self,
         moment: Moment,
@@ -260,8 +261,8 @@ impl Gas {
         found
     }
 
-    /// Both chambers share the valve: what the filling one falls short of beside the other one is the supply's. Whether its
-    /// fall, and that the valve acts in reverse, are seen from this sample on.
+    /// Both chambers share the valve, so a deficit of the filling chamber relative to the other one is that of the
+    /// supply. Whether its fall, and that the valve acts in reverse, are seen from this sample on.
     fn watch_supply(&mut self, model: &Model, way: f64, at: Moment, log: &mut Log) -> (bool, Option<f64>) {
         let Moment { time, period } = at;
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;

@@ -23,10 +23,10 @@ impl Default for MotionRules {
     }
 }
 
-/// What is known of a motion.
+/// State of a motion.
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
-    /// Where the drive was when it last moved, m, and the time since then with a target elsewhere, s.
+    /// Position at the last movement, m, and the time since then with a target elsewhere, s.
     from: Option<f64>,
     waits: f64,
     /// Times since the reference stands, and since the error is within the tolerance, s.
@@ -59,8 +59,8 @@ struct Swings {
 }
 
 impl Swings {
-    /// The error, peak to peak, m, if it swings: its sign changes more than four times for each reversal of the
-    /// reference, in two times one after the other.
+    /// Returns the error, peak to peak, m, if it oscillates. Its sign changes more than four times for each reversal
+    /// of the reference, in two successive time windows.
     fn watch(&mut self, rules: &MotionRules, e: f64, velocity: f64, period: f64) -> Option<f64> {
         self.lasts += period;
         self.range = [self.range[0].min(e), self.range[1].max(e)];
@@ -84,12 +84,12 @@ impl Swings {
     }
 }
 
-/// Where the drive is, and where it is to be.
+/// Actual and wanted state of the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Moves {
-    /// Where it is.
+    /// Actual state.
     pub state: State,
-    /// Where it is to be.
+    /// Wanted state.
     pub wanted: Wanted,
     /// The reference stands.
     pub stands: bool,
@@ -98,7 +98,7 @@ pub struct Moves {
 }
 
 impl Motion {
-    /// Goes on by a period, s; what is wrong is told once for each motion.
+    /// Advances by a period, s; a fault is reported once for each motion.
     pub fn watch(&mut self, rules: &MotionRules, model: &Model, at: Moment, moves: &Moves, log: &mut Log) {
         let Moment { time, period } = at;
         let Moves { state, wanted, stands, no_air } = *moves;

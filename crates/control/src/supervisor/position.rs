@@ -1,4 +1,4 @@
-//! Readings of a position against what the model foresees.
+//! Check of position readings against the prediction of the model.
 
 use super::Believed;
 use super::event::{EventKind, Log};
@@ -9,7 +9,7 @@ use crate::thresholds::{
 };
 use crate::types::{Edges, State};
 
-/// What is known of a position sensor.
+/// State of a position sensor.
 #[derive(Clone, Debug, Default)]
 pub struct Position {
     /// The last credible reading.
@@ -20,16 +20,16 @@ pub struct Position {
     from_rest: bool,
     /// Friction may have stopped it since.
     stopped: bool,
-    /// Where the model would be without readings since the reading changed: the observer's own is held by them, as what moves
-    /// it is taken for a force that is missing.
+    /// State of the model without readings since the reading changed. The observer itself follows the readings,
+    /// because it explains their deviation as a disturbance force.
     twin: Option<Twin>,
     /// Readings in a row that are not credible.
     bad: u32,
-    /// By how much the reading that was the first of them jumped, m; none: it did not.
+    /// Jump of the first of these readings, m; `None` without a jump.
     jumped: Option<f64>,
 }
 
-/// The model with so much friction, a state that goes on by it alone, and one that goes on by the model as it is.
+/// Model with this much friction, a state that advances by it alone, and one that advances by the unchanged model.
 #[derive(Clone, Debug)]
 struct Twin {
     rubbing: Model,
@@ -37,7 +37,7 @@ struct Twin {
     free: State,
 }
 
-/// A state goes on by a model for a period; on the way it comes back to `seen`.
+/// Advances a state by a model for a period, while it returns to `seen`.
 fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period: f64) {
     let share = period / (period + POSITION_RETURNS);
     let back = |own: &mut f64, seen: f64| *own += share * (seen - *own);
@@ -52,7 +52,7 @@ fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period
     own.advance(model, edges, period, None);
 }
 
-/// A reading, and what is known of its sensor and of the drive.
+/// A reading, and the state of its sensor and of the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Read {
     /// s.
@@ -63,7 +63,7 @@ pub struct Read {
     pub period: f64,
     /// Standard deviation of the time of a reading, s.
     pub jitter: f64,
-    /// How finely the model can know a position, m.
+    /// Position resolution of the model, m.
     pub grain: f64,
     /// Highest speed, m/s.
     pub fastest: f64,
@@ -79,17 +79,19 @@ impl Position {
         self.bad >= POSITION_LOST
     }
 
-    /// Whether a reading that jumped is off by that jump still, beside where the model is by now, rather than right again.
+    /// Returns whether a reading after a jump is still off by the jump. The alternative is a reading that agrees with
+    /// the model again.
     pub fn is_off(&self, reading: f64, place: f64) -> bool {
         let off = reading - place;
         self.is_lost() && self.jumped.is_some_and(|jump| (off - jump).abs() < off.abs())
     }
 
-    /// A reading, or what the model foresees where that is not credible; and the state at the last sample as it would be without
-    /// the readings that rested, once they are not credible.
+    /// Returns a reading, or the prediction of the model if the reading is not credible. For resting readings that
+    /// are not credible, it also returns the state at the last sample without them.
     ///
-    /// A reading x is not credible if |x - x_model| > 5 counts + (0.1 T + 5 jitter) v_max, if the model moves by 20 counts while
-    /// x rests, or if a model with more friction, that goes on without readings, has left it by 2 mm.
+    /// A reading x is not credible in three cases. First, |x - x_model| > 5 counts + (0.1 T + 5 jitter) v_max.
+    /// Second, the model moves by 20 counts while x rests. Third, a model with more friction, which advances without
+    /// readings, is 2 mm away from x.
     pub fn checked(&mut self, read: &Read, believed: &Believed, log: &mut Log) -> (f64, Option<State>) {
         let Read { time, reading, period, jitter, grain, fastest, is_held, by_gas } = *read;
         let Believed { model, last: seen, foreseen, edges } = *believed;
