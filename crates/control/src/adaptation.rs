@@ -44,13 +44,13 @@ impl<const N: usize> Fit<N> {
         }
     }
 
-    /// Numbers beyond their bounds are cut.
+    /// Clips estimates to their bounds.
     fn cut(&mut self, within: [[f64; 2]; N]) {
         (0..N).for_each(|i| self.theta[i] = self.theta[i].clamp(within[i][0], within[i][1]));
     }
 
-    /// The same; what one number may not take, the others take as far as they are known to go with it. One that is cut alone
-    /// leaves them where they fit the past no longer.
+    /// Clips estimates to their bounds and assigns the remaining error to the other estimates, by their covariance.
+    /// Clipping one estimate alone would leave the others where they no longer fit the past.
     fn project(&mut self, within: [[f64; 2]; N]) {
         for (i, [low, high]) in within.into_iter().enumerate() {
             let beyond = self.theta[i] - self.theta[i].clamp(low, high);
@@ -83,14 +83,15 @@ impl<const N: usize> Lagged<N> {
 pub struct Adaptation {
     /// The model as it is described.
     described: Model,
-    /// Shares of Coulomb and viscous friction, the force that stays the same, and the share of the mass.
+    /// Factors of Coulomb and viscous friction, the constant force, and the factor of the mass.
     friction: Fit<4>,
     valve: Fit<2>,
     motion: Lagged<4>,
     gas: [Lagged<4>; 2],
     /// Residual of the force balance, in each direction.
     disturbance: [Lagged<1>; 2],
-    /// The way in which it goes since it turned, 1 or -1, 0: none; for how long it moved so, and has stood since, s.
+    /// Direction of motion since the last reversal, 1 or -1; 0: none. Then the duration of this motion, and that of
+    /// the rest since, s.
     way: f64,
     gone: f64,
     stood: f64,

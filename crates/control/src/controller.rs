@@ -54,7 +54,7 @@ macro_rules! laws {
         }
 
         impl AnyLaw {
-            /// It knows references alone, no way back to one.
+            /// It supports references only, without a path back to one.
             pub(crate) fn needs_reference(&self) -> bool {
                 matches!(self, AnyLaw::Own(_))
             }
@@ -132,14 +132,14 @@ pub(crate) struct Takeover {
     ramps: Vec<Ramp>,
 }
 
-/// A law took over at a time: what its command then lacked to that of the law before.
+/// A law took over at a time: the difference of its command to that of the previous law.
 #[derive(Clone, Copy, Debug)]
 struct Bump {
     begin: Option<f64>,
     offset: f64,
 }
 
-/// A gain on its way from a value to another one.
+/// A gain that changes from one value to another.
 #[derive(Clone, Copy, Debug)]
 struct Ramp {
     key: &'static str,
@@ -228,7 +228,8 @@ impl Controller {
         }
     }
 
-    /// The described mass beyond that of the model, M - m, kg; none once it is learned. It is believed to follow the reference:
+    /// The described mass beyond that of the model, M - m, kg; zero once it is learned. The model assumes that it
+    /// follows the reference:
     ///
     ///   m a = F + load - F_fr + d - (M - m) a_d
     pub(crate) fn mass_beyond(&self) -> f64 {
@@ -236,7 +237,7 @@ impl Controller {
         if self.model.mass == NMPC_MASS * mass { mass - self.model.mass } else { 0.0 }
     }
 
-    /// The command for a sample, on the way along a reference, given to the valve as it is.
+    /// Returns the command for a sample along a reference, and gives it to the valve unchanged.
     pub fn step(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         let answer = self.decide(sample, reference);
         let time = self.supervisor.as_ref().map_or(sample.time, |own| own.corrected(sample.time));
@@ -258,8 +259,8 @@ impl Controller {
         self.observer.as_ref().map(|observer| Seen::of(&self.model, sample, observer)).unwrap_or_default()
     }
 
-    /// The command for a sample, on the way along a reference; [`Controller::give`] comes next. Without a supervisor,
-    /// a sample that is not a number gives a command that is not a number.
+    /// Returns the command for a sample along a reference; [`Controller::give`] comes next. Without a supervisor, a
+    /// sample that is not a number gives a command that is not a number.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         if let Some(mut supervisor) = self.supervisor.take() {
             let answer = supervisor.decide(self, sample, reference);
@@ -393,7 +394,7 @@ impl Controller {
         self.assume_mass();
     }
 
-    /// Gains on their way at a time, s.
+    /// Updates the changing gains at a time, s.
     fn go_on_tuning(&mut self, time: f64) {
         for own in &mut self.takeover.ramps {
             let [share, ..] = blend((time - *own.begin.get_or_insert(time)) / TAKEOVER_TIME);

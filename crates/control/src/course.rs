@@ -80,14 +80,15 @@ const STEEPEST: f64 = 1.875;
 /// A clock whose rate changes from a time on, within 0.2 s and with three continuous derivatives of its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slowed {
-    /// When, s, and its own time then, s.
+    /// Begin of the change, s, and the time of this clock then, s.
     begin: [f64; 2],
     /// Its rate until then, and behind the change.
     rates: [f64; 2],
 }
 
 impl Slowed {
-    /// The clock of the samples up to a time, s, or another one from there on, with a share of its rate.
+    /// Follows the clock of the samples, or another one, up to a time, s. From there on the rate is a fraction of the
+    /// earlier one.
     pub fn from(before: Option<Self>, t: f64, share: f64) -> Self {
         let [time, rate, ..] = before.map_or([t, 1.0, 0.0, 0.0], |own| own.at(t));
         Slowed { begin: [t, time], rates: [rate, share * rate] }
@@ -151,7 +152,7 @@ impl<'a> Course<'a> {
         Course { fade: Some(fade), ..reference.into() }
     }
 
-    /// To a place, m, where a way ends.
+    /// Goes to a place, m, where a path ends.
     pub fn to_stand(at: f64, fade: Fade) -> Self {
         Course { reference: None, clock: None, stands_at: at, fade: Some(fade) }
     }

@@ -254,7 +254,7 @@ impl Recorder<'_> {
         }
     }
 
-    /// A piece of a step, and what comes of it.
+    /// A piece of a step, with its results.
     fn step<L: Law<Traced>>(
         &self,
         piece: Piece,

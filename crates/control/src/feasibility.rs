@@ -53,7 +53,7 @@ pub fn least_forces(model: &Model, x: f64) -> [f64; 2] {
     })
 }
 
-/// The share of the force that friction and weight take however slow a reference is.
+/// Fraction of the force that friction and weight need at any speed of the reference.
 fn least_force(model: &Model, reference: &Reference, duration: f64) -> f64 {
     let moments = (0..=MOMENTS).map(|i| reference.at(duration * f64::from(i) / f64::from(MOMENTS)));
     let moving = moments.filter(|wanted| wanted.velocity != 0.0);

@@ -78,9 +78,9 @@ impl<S: Copy> Openings<S> for [S; 2] {
 pub enum Slip {
     /// It drifts under any force, as LuGre does.
     Always,
-    /// Not below this share of its level, and more and more from there on.
+    /// It drifts above this fraction of its level, and increasingly so from there on.
     From(f64),
-    /// Not below its level.
+    /// It does not drift below its level.
     AtLevel,
 }
 
@@ -95,7 +95,7 @@ impl Slip {
     }
 }
 
-/// A proportional valve with a spool, or valves that do for a law what such a one would.
+/// A proportional valve with a spool, or several valves that replace it for a law.
 #[derive(Clone, Debug)]
 pub struct Valve {
     /// The valves that there are.
@@ -223,7 +223,7 @@ impl Model {
         self.edges_at(spool, self.valve.overlap)
     }
 
-    /// The same where a share of the opening is given, past the overlap.
+    /// The same for a given fraction of the opening, past the overlap.
     #[inline(always)]
     pub fn opened_by<S: Over<f64>>(&self, share: S) -> [S; 2] {
         self.edges_at(share, 0.0)
@@ -236,15 +236,15 @@ impl Model {
         [1.0, -1.0].map(|way| opened(S::c(-overlap / whole), S::c(way / whole), spool) + leak)
     }
 
-    /// The command that opens an edge by a share of its conductance: past the overlap, and back past it within a width about
-    /// zero.
+    /// Returns the command that opens an edge by a fraction of its conductance. The command adds the overlap, and
+    /// passes it smoothly within a width about zero.
     pub fn command_for<S: Number>(&self, share: S) -> S {
         let overlap = self.valve.overlap;
         let inverse = (share / S::c(OVERLAP_WIDTH)).tanh().times(overlap);
         (share.times(1.0 - overlap) + inverse).limited()
     }
 
-    /// The share by which a command opens an edge.
+    /// Returns the fraction by which a command opens an edge.
     pub fn share_of(&self, command: f64) -> f64 {
         let overlap = self.valve.overlap;
         command.signum() * (command.abs() - overlap).max(0.0) / (1.0 - overlap)

@@ -80,8 +80,8 @@ impl Seen {
 
 /// A custom law.
 pub trait OwnLaw: Send {
-    /// The command of the valve, -1 .. 1, for a sample on the way along a reference. Values beyond these are clipped.
-    /// A command that is not a number is a failure of the law.
+    /// Returns the command of the valve, -1 .. 1, for a sample along a reference. Values beyond these are clipped. A
+    /// command that is not a number is a failure of the law.
     fn step(&mut self, seen: &Seen, reference: &Reference) -> f64;
 }
 

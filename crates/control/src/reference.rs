@@ -100,7 +100,7 @@ pub const COEFFICIENTS: usize = 10;
 /// Moments of a move, of a polynomial and of two periods of a sine at which a reference is looked at.
 const MOMENTS: u32 = 200;
 
-/// A polynomial over a time: position, m, over the share of the time that has passed.
+/// A polynomial over a time: position, m, over the elapsed fraction of the time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
     /// s.

@@ -103,7 +103,7 @@ impl<S: Number> Spool<S> {
         }
     }
 
-    /// An edge, filling or venting of a or b, is open by a share from a time on, s.
+    /// Opens an edge, filling or venting of a or b, by a fraction from a time on, s.
     pub(crate) fn switch(&mut self, edge: usize, acts: f64, share: S) {
         if let Beside::Edges(edges) = &mut self.beside {
             act(&mut edges[edge], acts, share);

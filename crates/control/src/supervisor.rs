@@ -187,7 +187,8 @@ pub struct Supervisor {
     /// For how long the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
-    /// The way of commands that act in reverse on a supply that has fallen, and until when none is given, s.
+    /// Direction of commands that act in reverse on a fallen supply, and the time until which the supervisor gives no
+    /// such command, s.
     reversed: Option<(f64, f64)>,
     /// Until when a command that is tried again may act in reverse again, s.
     doubted_until: f64,
@@ -373,7 +374,7 @@ impl Supervisor {
         reactions
     }
 
-    /// A command acted in reverse: none of that way is given for a time.
+    /// A command acted in reverse: no command in that direction is given for a time.
     fn reverse_for(&mut self, time: f64, way: f64) {
         self.reversed = Some((way, time + REVERSED_FOR));
         self.doubted_until = time + 2.0 * REVERSED_FOR;

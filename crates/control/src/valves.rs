@@ -1,4 +1,4 @@
-//! Valves that a share of opening is given to: one 5/3 valve, two 3/2 valves, valves that are open or shut.
+//! Valves that realize a fraction of opening: one 5/3 valve, two 3/2 valves, valves that are open or shut.
 
 use crate::gains::{Gain, law, listed};
 use crate::model::Model;
@@ -269,7 +269,7 @@ impl Reach {
         self.shut[i] + share.abs() * (full - self.shut[i])
     }
 
-    /// The share of opening at which the force of a chamber has a rate, or the nearest that there is.
+    /// Returns the fraction of opening at which the force of a chamber has a rate, or the nearest possible one.
     fn opening(&self, i: usize, rate: f64) -> f64 {
         let (way, full) = if rate > self.shut[i] { (1.0, self.filled[i]) } else { (-1.0, self.vented[i]) };
         let most = full - self.shut[i];
@@ -356,7 +356,7 @@ impl Switched<f64> {
     }
 }
 
-/// A 5/3 switching valve goes from a position to another: its edges open and shut within the half of the way that is
+/// Moves a 5/3 switching valve from one position to another. Its edges open and shut within the half of the travel
 /// next to the end.
 fn switch_three(spool: &mut Spool, armature: &Armature, time: f64, [before, now]: [f64; 2]) {
     if before == now {
@@ -377,7 +377,8 @@ fn switch_three(spool: &mut Spool, armature: &Armature, time: f64, [before, now]
 }
 
 impl Pulses {
-    /// Shares of pulses for shares of opening of both chambers. Those of the last sample before a pulse begins are its own.
+    /// Converts fractions of opening of both chambers to fractions of pulses. A pulse uses the fractions of the last
+    /// sample before it begins.
     fn pulse(
         &mut self,
         openings: [f64; 2],

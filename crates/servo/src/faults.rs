@@ -1,4 +1,4 @@
-//! Faults of a run: what sensors, valve, supply, computer and user do that they should not.
+//! Faults of sensors, valve, supply, computer and user in a run.
 
 use crate::specification::{Channel, Fault, FaultKind};
 use control::{Commands, Inputs, Reference, Sample};

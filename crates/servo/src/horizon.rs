@@ -16,12 +16,12 @@ const MOST_ATTEMPTS: u64 = 100;
 const FIRST_STEP: f64 = 1e-3;
 /// Share by which a number that is learned may move before the circuit takes it over (assumed).
 const MOVED: f64 = 0.01;
-/// Time in which what no sensor sees settles before the first sample, s (assumed).
+/// Settling time of unmeasured states before the first sample, s (assumed).
 const SETTLES: f64 = 0.05;
 
-/// The horizon by a circuit. Its valve has neither dead time nor overlap nor play: the law takes those for itself, and its
-/// moves are shares of opening. States that the observer does not estimate, such as the gas in a tube, are simulated
-/// in parallel under the given commands.
+/// The horizon by a circuit. Its valve has neither dead time nor overlap nor play: the law accounts for them, and its
+/// moves are fractions of opening. States that the observer does not estimate, such as the gas in a tube, are
+/// simulated in parallel under the given commands.
 #[derive(Clone)]
 pub struct ByCircuit {
     belief: specification::Circuit,
@@ -273,7 +273,7 @@ impl ByCircuit {
     }
 }
 
-/// Least share of the moving mass that is described, so that a circuit can be made (assumed).
+/// Least fraction of the described moving mass for which a circuit can be built (assumed).
 const LEAST_MASS: f64 = 0.05;
 
 impl Predictor for ByCircuit {

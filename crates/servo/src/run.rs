@@ -131,7 +131,7 @@ pub const COLUMNS: [&str; 12] = [
 
 /// Channels of the noise of times, from this one on.
 const JITTER: u32 = 16;
-/// Latest time of a command as a share of the period.
+/// Latest time of a command as a fraction of the period.
 const LATEST: f64 = 0.999;
 
 /// A session under a controller.

@@ -22,7 +22,8 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// The signal behind the lag a period on, where it was `behind` and its way since the last sample was straight.
+    /// Returns the lagged signal after a period. It was `behind` before, and the signal changed linearly since the
+    /// last sample.
     pub fn follow(&self, behind: f64, [from, to]: [f64; 2], period: f64) -> f64 {
         if self.lag == 0.0 {
             return to;

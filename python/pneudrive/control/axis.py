@@ -1,4 +1,4 @@
-"""Axis of a controller: whether there is a model of it, and what that leaves out."""
+"""Axis of a controller: whether a model exists, and the parts that the model leaves out."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def check_valves(belief: Circuit) -> None:
 
 
 def unknown_numbers(belief: Circuit) -> list[str]:
-    """Return what no law knows of cylinder, valves and supply, ``cylinder.cushion`` for instance."""
+    """Return the parts of cylinder, valves and supply that no law models, ``cylinder.cushion`` for instance."""
     each = json.loads(belief.core_json())["components"]
     return [
         f"{one['name']}.{what}"

@@ -106,7 +106,7 @@ class ScoreCard:
         ]
 
     def spread_rows(self, along: str) -> list[tuple[str, ...]]:
-        """Return a row for each law: its name, and for the measures of a spread what 50, 95 and 100 % stay below."""
+        """Return a row for each law: its name, and quantiles (50, 95 and 100 %) of the measures of a spread."""
         return [
             (
                 law,

@@ -292,7 +292,7 @@ def compare_watched(
 
 
 def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[int], Truth]:
-    """Return what gives the true drive of a seed; of a spread it is one for each member."""
+    """Return a function from the seed to the true drive; for a spread, from the member."""
     if spread is None:
         return lambda _: first.truth
     core_json, plant, setup = first.circuit.core_json(), first.plant, first.setup

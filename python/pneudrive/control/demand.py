@@ -80,7 +80,7 @@ class Feasibility(Shown):
 
     @property
     def is_feasible(self) -> bool:
-        """Whether it stays within the stroke and takes at most 85 % of each limit as it is."""
+        """Whether the unslowed reference stays within the stroke and uses at most 85 % of each limit."""
         return self.factor == 1.0
 
     def rows(self) -> list[tuple[str, str]]:

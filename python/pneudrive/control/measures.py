@@ -1,4 +1,4 @@
-"""Score of a run under control: how far the drive was from its reference, and what that took."""
+"""Score of a run under control: error of the drive along its reference, and the effort."""
 
 from __future__ import annotations
 
@@ -357,7 +357,7 @@ def _overshoot(time: Array, x: Array, of: _Moves) -> float | None:
 
 
 def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> dict[str, Any]:
-    """Measure what follows each move: settling, rest, hunting."""
+    """Measure the time after each move: settling, rest, hunting."""
     found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips")}
     settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
     for move, _, until in _spans(of, float(time[-1])):

@@ -121,7 +121,7 @@ class Mismatch(Described):
 
     @property
     def ranges(self) -> dict[str, _Range]:
-        """Name of what deviates -> the ends of its range."""
+        """Name of the deviating value -> the ends of its range."""
         return {name: getattr(self, name) for name in PLACES if getattr(self, name) is not None}
 
     @property

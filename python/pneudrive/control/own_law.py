@@ -199,7 +199,7 @@ def check_inputs(name: str, inputs: object) -> list[str]:
 
 
 def _python(name: str, given: object) -> Callable[..., RunningLaw]:
-    """Return what begins a run of a Python law."""
+    """Return the function that begins a run of a Python law."""
 
     def begin(model: object, motion: Mapping[str, Any], period_s: float, _duration_s: float) -> RunningLaw:
         law: Any = own_code.guarded(name, CommandError, given) if callable(given) else given
@@ -232,7 +232,7 @@ class _CPreview(ctypes.Structure):
 
 
 def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., RunningLaw]]:
-    """Return the hash of a compiled law's file, and what begins a run of it."""
+    """Return the hash of a compiled law's file, and the function that begins its runs."""
     path, name = own_code.split(source) or (source, "")
     try:
         data = Path(path).read_bytes()

@@ -249,7 +249,7 @@ class Setup(Described):
         return [said] if top < supply_pa else []
 
     def later_than(self, end_s: float) -> list[str]:
-        """Say in words what of it begins only once a run has ended, s."""
+        """Return warnings of entries that begin only after a run has ended, s."""
         tables = {"disturbances": self.disturbances, "faults": self.faults, "factors": self.factors}
         return [
             f"{name}: what begins at {min(late):g} s has no effect, as the run ends at {end_s:g} s"

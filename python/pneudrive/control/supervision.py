@@ -23,7 +23,7 @@ REMOVED_LAWS = {"pva": 'The controller "pva" was removed. Use "inversion", or "p
 
 
 def law_remedy(word: str) -> str:
-    """Return what to do about a word that names no controller."""
+    """Return the remedy for a word that does not name a controller."""
     return REMOVED_LAWS.get(word) or nearest(word, _core.control_laws())
 
 

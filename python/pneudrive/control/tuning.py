@@ -161,7 +161,7 @@ class LawModel(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Tuning(Shown):
-    """A law with all its gains, for the drive that it believes it commands.
+    """A law with all its gains, for its model of the drive.
 
     Attributes
     ----------
@@ -288,7 +288,7 @@ def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
 
 
 def _chosen_form(choices: Mapping[str, str], factors: Factors) -> dict[str, Any]:
-    """Return what a law has chosen, and factors of its gains, in the core's form; nothing where they are usual."""
+    """Return the choices of a law and the factors of its gains in the core's form; empty for the usual ones."""
     form: dict[str, Any] = {"choices": dict(choices)} if choices else {}
     return form | ({} if factors == USUAL_FACTORS else {"factors": factors.values})
 
@@ -580,7 +580,7 @@ def _limited(tuning: Tuning, setup: Setup) -> Tuning:
 
 
 def _unobservable(tuning: Tuning, *, measured: bool) -> list[str]:
-    """Return what no observer can find out about this drive, in words."""
+    """Return the unobservable quantities of this drive, in words."""
     said = [
         "Not told apart by any observer: a force on the piston, friction that differs between the directions, and "
         "zeros of the sensors; conductance of the valve and supply pressure; mass and force, while nothing "

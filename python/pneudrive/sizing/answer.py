@@ -1,4 +1,4 @@
-"""The answer to a task in one sentence, its air and energy in a year, and what would save air."""
+"""The answer to a task in one sentence, its air and energy in a year, and ways to save air."""
 
 from __future__ import annotations
 

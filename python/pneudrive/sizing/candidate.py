@@ -182,7 +182,7 @@ class SizingCandidate:
         return self.drives[max(self.drives)] if self.drives else None
 
     def provisional(self) -> Provisional:
-        """Return what nominal runs say of it."""
+        """Return the results of nominal runs."""
         known = self.tuned or self.nominal
         assert known is not None
         is_tuned = self.tuned is not None

@@ -122,7 +122,7 @@ class SizingFolder:
             temporary.write_text("".join(f"{line}\n" for line in found), encoding="utf-8")
 
     def kept(self, name: str, draws: int) -> SizedDrive | None:
-        """Return what draws of a choice gave, if it is known."""
+        """Return the stored results of the draws of a choice, if any."""
         return self._of.get((name, draws))
 
     def tuned(self, name: str) -> Tuned | None:

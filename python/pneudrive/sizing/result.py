@@ -39,15 +39,15 @@ READ = {"Pa": (1e-5, "bar abs")}
 
 @dataclass(frozen=True)
 class NearestMiss:
-    """The choice that comes nearest to a task that nothing does, and what would have to give.
+    """Choice that comes nearest to an infeasible task, and the change that would make it feasible.
 
     Attributes
     ----------
     parts : dict
     limit : str
-        What it misses.
+        Missed limit.
     gives : str
-        What would have to give, in words.
+        Change that would make the task feasible, in words.
     possible : tuple of str
         The nearest possible value of each quantity of the task, changed alone.
     """

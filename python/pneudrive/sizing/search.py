@@ -257,7 +257,7 @@ class Search:
         return next(one for one in self.found["cylinder"] if one.name == drive.parts["cylinder"])
 
     def _prune(self) -> None:
-        """Leave out what cannot do the task whatever its settings, each with its reason."""
+        """Remove parts that cannot do the task with any settings, each with its reason."""
         self.found = found = choices(self.task)
         self.bounds = bounds = SafeBounds(self.task, found["tube"])
         self.enumerated = int(np.prod([len(found[slot]) for slot in SLOTS]))
@@ -350,7 +350,7 @@ class Search:
         return min(final, key=lambda one: one.rank, default=None)
 
     def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
-        """Return what may still rank before the best."""
+        """Return the pairs and candidates that may still rank before the best."""
         best = self._best()
         pairs = [one for one in self.unseen if best is None or rank_of(one.least_air, 1.0) <= best.rank[:2]]
         every = [one for one in self.candidates if not one.lost and self._is_open(one)]
@@ -360,7 +360,7 @@ class Search:
         return one.drive is None or one.drive.draws < self.final
 
     def _converge(self) -> bool:
-        """Advance what may be the best until nothing is left, then the best of other cylinders."""
+        """Advance the possible best candidates until none is left, then the best ones of other cylinders."""
         while True:
             pairs, left = self._open()
             best = self._best()

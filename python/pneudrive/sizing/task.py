@@ -78,7 +78,7 @@ class TaskSupply(Described):
 
 
 class TaskSpreads(Described):
-    """Ranges of what differs from drive to drive and from day to day; each is drawn uniformly."""
+    """Ranges of values that differ from drive to drive and from day to day; each is drawn uniformly."""
 
     table_name: ClassVar[str] = "spread"
     mass: Share = Field(default=0.1, description="of the load, +-")

@@ -94,7 +94,7 @@ def tune(strokes: DriveStrokes) -> Tuned:
 
 
 def tune_all(every: Sequence[DriveStrokes], is_quick: bool = False) -> list[Tuned]:
-    """Find the settings of choices of one task; what each of them runs next goes side by side.
+    """Find the settings of choices of one task; their next runs are simulated together.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def _tried(
 def _margins(
     task: SizingTask, choice: DriveChoice, outward: bool, found: StrokeResults
 ) -> list[tuple[str, float, Array, Array]]:
-    """Return name, limit, values and margins of what needles decide."""
+    """Return name, limit, values and margins of the limits that the needles decide."""
     way, limit = ("out", task.outward_s) if outward else ("back", task.back_s)
     named = [(f"time {way}", limit, found.time)]
     if task.end_speed_m_s is not None:

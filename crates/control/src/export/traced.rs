@@ -156,18 +156,18 @@ impl Operator {
 /// Recorded operations.
 #[derive(Clone, Debug)]
 pub struct Graph {
-    /// In an order in which each needs earlier ones alone.
+    /// Nodes in an order in which each one depends on earlier nodes only.
     pub nodes: Vec<Node>,
-    /// Places of what came of it.
+    /// Places of the results.
     pub results: Vec<u32>,
 }
 
 /// Binary digits that identify comparisons.
 const DIGITS: u32 = 16;
 
-/// Records work on inputs, as many as are given, and what comes of it.
+/// Records the operations of `work` on this number of inputs, and its results.
 ///
-/// Panics where the work depends on a comparison in another way than by a choice.
+/// Panics if the work depends on a comparison other than by a choice.
 pub fn record(inputs: usize, work: impl Fn(&[Traced]) -> Vec<Traced>) -> Graph {
     let run = |digit: Option<u32>, takes: Option<Vec<usize>>| {
         RECORDING.set(Recording { digit, takes, ..Recording::default() });

@@ -25,7 +25,7 @@ pub struct Tick<'a, S = f64> {
     pub wanted: Wanted<S>,
     /// Friction force along the reference, N, and its rate, N/s.
     pub friction: [S; 2],
-    /// Position as it is measured now, m, and where the drive is to be now.
+    /// Measured position now, m, and wanted state now.
     pub now: (S, Wanted<S>),
     /// When a command of now will act, s: then the state is that of `state`.
     pub acts: f64,
@@ -44,7 +44,8 @@ impl<S: Number> Tick<'_, S> {
         [position - self.state.position, velocity - self.state.velocity, acceleration - self.acceleration]
     }
 
-    /// The share of opening under which the force of the gas changes at a rate, N/s, or the nearest that there is.
+    /// Returns the fraction of opening under which the force of the gas changes at a rate, N/s, or the nearest
+    /// possible one.
     pub fn opening_for(&self, rate: S) -> S {
         let (way, share) = self.model.opening_for(&self.state, rate);
         way * share.within(0.0, 1.0)
@@ -61,7 +62,7 @@ pub(super) fn fed_forward<S: Number>(tick: &Tick<S>, wanted: &Wanted<S>, share: 
         / S::c(tick.plant.speed)
 }
 
-/// Whether a share of opening can be given as it is asked for.
+/// Returns whether a fraction of opening can be given without saturation.
 pub(super) fn is_free<S: Number>(asked: S) -> S::Mask {
     asked.abs().lt(S::c(1.0 + f64::EPSILON))
 }
@@ -77,7 +78,7 @@ pub trait Tuned: Gains + Sized {
 
 /// A law. Its memory is numbers; it has no clock.
 pub trait Law<S: Number = f64>: Memory<S> {
-    /// It predicts the spool by itself: its state is that behind the dead time, not behind all of the lag.
+    /// It predicts the spool. Its state is then that after the dead time, not after the whole lag.
     fn predicts(&self) -> bool {
         false
     }
@@ -93,9 +94,9 @@ pub trait Law<S: Number = f64>: Memory<S> {
         0.0
     }
 
-    /// The share of opening, -1 .. 1, before the overlap is taken into account; it may lie beyond.
+    /// Returns the fraction of opening, before the overlap is added. It may exceed -1 .. 1.
     fn step(&mut self, tick: &Tick<S>) -> S;
 
-    /// Told that the share that it asked for was given, within limits.
+    /// Called with the requested fraction of opening after it was given within limits, for anti-windup.
     fn given(&mut self, _asked: S, _tick: &Tick<S>) {}
 }

@@ -41,7 +41,7 @@ pub fn steps() -> impl Iterator<Item = (usize, f64)> {
 /// velocity, m/s, and acceleration, m/s2, behind each of the [`steps`]. They return false if the prediction fails.
 /// The model predicts then.
 pub trait Predictor: fmt::Debug + Send + Sync {
-    /// Told the state from which the horizon begins, and the share of opening that was given a period before.
+    /// Sets the state from which the horizon begins, and the fraction of opening that was given a period before.
     fn begin(&mut self, tick: &Tick, given: f64);
     /// The horizon under moves.
     fn values(&mut self, plan: &[f64; MOVES], see: &mut dyn FnMut([f64; 3])) -> bool;
@@ -136,8 +136,8 @@ law! {
     }
 }
 
-/// min x' H x/2 + g' x within bounds: those at a bound are fixed there, the others solved for, until none would leave its
-/// bound.
+/// Minimizes x' H x/2 + g' x within bounds. Values at a bound are fixed there, and the others are solved for. This
+/// repeats until no fixed value would leave its bound.
 fn within<const N: usize>(
     h: &[[f64; N]; N],
     g: &[f64; N],

@@ -1,4 +1,4 @@
-//! End stops: what has to brake before them, by where the drive would come to a stand.
+//! Braking before end stops, by the predicted place where the drive would come to rest.
 
 use super::gas::Gas;
 use crate::controller::Controller;
@@ -78,8 +78,8 @@ fn less_trapped(observer: &Observer, model: &Model, friction: f64) -> Observer {
 
 impl Braking {
     /// The command that has to brake before an end stop now, if any. If the supply may have fallen, or while it
-    /// brakes, the trapped air alone must be able to stop the drive. `gas` is what pressures say, if they are
-    /// `measured`; until `doubted_until`, s, a command may act in reverse.
+    /// brakes, the trapped air alone must be able to stop the drive. `gas` has the findings from the pressures, if
+    /// they are `measured`; until `doubted_until`, s, a command may act in reverse.
     pub fn needed(
         &mut self,
         own: &Controller,
@@ -149,12 +149,12 @@ impl Braking {
 /// Decision to brake now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Brake {
-    /// The command behind which the way is the shortest, or the end stop is reached the slowest.
+    /// The command with the shortest braking distance, or with which the end stop is reached the slowest.
     command: f64,
-    /// The command that presses against the way to that end.
+    /// The command whose force points away from that end.
     against: f64,
-    /// Share of the room that the drive needs behind the shut valve, whatever the supply does; none where it is slow and
-    /// touches the end stop softly.
+    /// Fraction of the room that the drive needs with the valve shut, whatever the supply does. It is zero if the
+    /// drive is slow and touches the end stop softly.
     shut_needs: f64,
     /// Speed at its stand or at the end stop with the valve shut, m/s.
     shut_speed: f64,

@@ -96,7 +96,7 @@ pub struct Found {
     pub supply: bool,
     /// So low that it did not fill a chamber.
     pub starved: bool,
-    /// The way of commands that act in reverse from this sample on, on a supply that has fallen.
+    /// Direction of commands that act in reverse from this sample on, on a fallen supply.
     pub reversed: Option<f64>,
     /// A chamber runs by the model, or its reading rests: nothing is learned from it.
     pub modelled: bool,
@@ -262,7 +262,8 @@ impl Gas {
     }
 
     /// Both chambers share the valve, so a deficit of the filling chamber relative to the other one is that of the
-    /// supply. Whether its fall, and that the valve acts in reverse, are seen from this sample on.
+    /// supply. Returns whether a fallen supply is detected from this sample on. It also returns the direction of
+    /// commands if the valve acts in reverse.
     fn watch_supply(&mut self, model: &Model, way: f64, at: Moment, log: &mut Log) -> (bool, Option<f64>) {
         let Moment { time, period } = at;
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;
