@@ -37,7 +37,7 @@ impl<const N: usize> Fit<N> {
                 p[i][j] -= p_phi[i] * p_phi[j] / spread;
             }
         }
-        // What is not excited is not forgotten beyond what was not known at first.
+        // Without excitation, the variance grows at most to its initial value.
         let most = (0..N).fold(0.0, |most: f64, i| most.max(p[i][i]));
         if most / LEARN_KEPT < LEARN_VARIANCE {
             p.iter_mut().flatten().for_each(|own| *own /= LEARN_KEPT);
@@ -188,7 +188,7 @@ impl Adaptation {
         let now = [force, v, sign * level, viscous * v];
         let [force, slow, coulomb, viscous] = self.motion.follow(now, period / (period + LEARN_MOTION_LAG));
         self.rests -= period;
-        // What lies behind the lag of a time before it slid, or slid fast, is of no known friction.
+        // The friction is not known during the first lag after the drive began to slide, or to slide fast.
         for (own, least) in self.slid.iter_mut().zip([LEARN_SLIDES, LEARN_FAST]) {
             *own = if v.abs() < least { 0.0 } else { *own + period };
         }
@@ -197,7 +197,7 @@ impl Adaptation {
         if slid < LEARN_SETTLED * LEARN_MOTION_LAG || slow * v < 0.0 {
             return;
         }
-        // Of one direction: wrong friction turns with the motion, and is to be learned.
+        // Separate for each direction: wrong friction changes sign with the motion, and must be learned.
         let known = &mut self.disturbance[usize::from(v < 0.0)];
         let [known] = known.follow([state.disturbance], period / (period + LEARN_WAIT));
         let inertia = self.described.mass * (v - slow) / LEARN_MOTION_LAG;
@@ -210,7 +210,8 @@ impl Adaptation {
         self.balance([coulomb, viscous, inertia], force, level, (LEARN_FAST / v.abs()).max(1.0));
         let [coulomb, viscous, _, mass] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];
-        // Where it weighs little, other errors of the balance look like mass: they are not friction's, but not believed either.
+        // If inertia is small, other errors of the balance look like mass. They are not assigned to the friction, but
+        // the mass is not updated either.
         if inertia.abs() > LEARN_HEAVY * level {
             model.mass = mass * self.described.mass;
         }
@@ -225,7 +226,7 @@ impl Adaptation {
         let k1 = described.gas.heat_capacity_ratio - 1.0;
         self.calm = if speed.abs() < LEARN_SPOOL_SPEED { self.calm + period } else { 0.0 };
         let open = spool.abs() - model.valve.overlap > LEARN_OPEN && self.calm > LEARN_SPOOL_CALM;
-        // The chamber that fills first: so a drive learns alike in both directions, also at a bound.
+        // The filling chamber comes first, so a drive learns alike in both directions, also at a bound.
         let [fills, vents] = if spool > 0.0 { [0, 1] } else { [1, 0] };
         let seen = [fills, vents].map(|side| {
             // Energy that flows in at full opening, W, while an edge is open.
@@ -243,7 +244,7 @@ impl Adaptation {
         if !open {
             return;
         }
-        // Near the supply's pressure what fills a chamber tells of that, and nothing of the valve.
+        // Near the supply's pressure, the filling flow depends on the supply and not on the valve.
         let is_full = state.pressures[fills] > LEARN_FULL * described.supply.pressure;
         for (phi, y) in seen.into_iter().skip(usize::from(is_full)) {
             let d = LEARN_OVERLAP_WITHIN;

@@ -286,7 +286,7 @@ impl Controller {
                 || !(position.abs() < FARTHEST && velocity.abs() < FARTHEST)
         });
         if lost {
-            // A sample far behind the last one, or one that no model follows: it begins anew.
+            // A sample far behind the last one, or one that no model follows: the observer starts again.
             self.restart();
             self.observe(sample);
         }
@@ -512,7 +512,7 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         let grown =
             (self.push + e.times(rate_of_push * model.mass * bandwidth * bandwidth)).within(-bound, bound);
         let fallen = self.push.times(1.0 - rate_of_push);
-        // Once the contact slips, what broke it away would drive the piston past its target.
+        // Once the contact slips, the breakaway force would drive the piston past its target.
         let slips = S::c(PUSH_SLIPS).lt(observer.state.velocity.abs());
         let grown = S::select(slips, self.push.times(1.0 - bandwidth * period), grown);
         let stands = S::select(S::zero().lt(ahead.stands), grown, fallen);

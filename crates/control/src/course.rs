@@ -53,7 +53,8 @@ impl Fade {
     /// acceleration. The deceleration, m/s2, grows where there is less than this room ahead, m.
     pub fn stop(begin: f64, [x, v, a]: [f64; 3], deceleration: f64, room: f64) -> (Self, f64) {
         let a = a.clamp(-deceleration, deceleration);
-        // The speed falls as 1 - 10 s^3 + 15 s^4 - 6 s^5: its way is half of v T, its steepest fall 1.875 v/T.
+        // The speed falls as 1 - 10 s^3 + 15 s^4 - 6 s^5. The distance is half of v T, and the steepest fall is 1.875
+        // v/T.
         let way = |duration: f64| duration * (0.5 * v + 0.1 * a * duration);
         let mut duration = (STEEPEST * v.abs() / deceleration).max(STOP_LEAST_TIME);
         let mut a = a;

@@ -96,7 +96,7 @@ pub fn demand(
         let wanted = reference.slowed(t, factor);
         (state.position, state.velocity) = (wanted.position, wanted.velocity);
         let [level, viscous] = model.friction_levels([wanted.position, wanted.velocity], state.pressures);
-        // Friction follows the way, however slow that is gone.
+        // Friction follows the direction of motion, however slow the motion is.
         let speed = wanted.velocity.abs();
         let share = (speed / FEASIBLE_SLOW).min(1.0);
         let rate = share

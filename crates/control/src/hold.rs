@@ -107,7 +107,7 @@ impl<S: Number> Hold<S> {
     /// Counts such slips while the reference stands; 1 if the place has changed, else 0.
     fn count(&mut self, stands: S, e: S, period: f64) -> S {
         let (zero, one) = (S::zero(), S::one());
-        // By the place: the velocity of an observer trembles behind each slip.
+        // The test uses the position: the observer's velocity is noisy after each slip.
         let has_moved = S::c(self.band).lt((e - self.place).abs());
         self.place = S::select(has_moved, e, self.place);
         self.rested = S::select(has_moved, zero, self.rested + S::c(period)) * stands;
@@ -156,7 +156,7 @@ impl<S: Number> Hold<S> {
         let held = zero.lt(self.holds);
         let limit = S::select(held, S::c(HOLD_LEAVE * self.band), S::c(self.band));
         let is_far = limit.lt((e - self.rest * self.kept()).abs());
-        // What takes it away from there may be another load: it is tried once more.
+        // Another load may have moved the drive away: it tries once more.
         self.vain = S::select(is_far, self.vain.min(S::c(HOLD_VAIN - 1.0)), self.vain);
         let kept = self.kept();
         let near = S::select(is_far, zero, stands);
@@ -172,7 +172,7 @@ impl<S: Number> Hold<S> {
             (true, false) => HOLD_ELASTIC,
             (true, true) => HOLD_DRIFTING,
         };
-        // Where it is kept, away from where friction gives way.
+        // A kept drive: the force moves away from the level at which the contact slips.
         let released = (S::c(-model.load) - force).times(HOLD_RELEASES * period);
         let tries = zero.lt(self.tries * kept);
         let pushed = S::select(e.lt(zero), -level, level).times(period / HOLD_RAMP);

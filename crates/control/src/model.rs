@@ -361,8 +361,8 @@ impl Model {
             }
             Slip::AtLevel => spring,
         };
-        // Through rest the sign is steeper than a step can follow: its derivatives are no more so than would bring the mass to
-        // rest within one.
+        // Through rest the sign is steeper than a step can follow. Its derivative is limited to the value that brings
+        // the mass to rest within one step.
         let slope =
             || (S::c(SMOOTH_SPEED * SMOOTH_SPEED) / (speed * speed * speed)).min(S::c(self.mass / h) / level);
         let rest = (level * sign.sloped(v, slope) - f).times(1.0 / h);
@@ -415,7 +415,7 @@ impl Function<f64, 4> for Steady<'_> {
     #[inline(always)]
     fn at<S: Over<f64>>(&self, [v, x, a, b]: [S; 4]) -> S {
         let Steady(model) = self;
-        // Formulas may say that friction is none at rest, where it has no direction.
+        // Formulas may give zero friction at rest, where it has no direction.
         let speed = v.abs().max(S::c(LEAST_SPEED));
         let at = model.at([x, S::select(v.lt(S::zero()), -speed, speed)], [a, b]);
         model.friction.steady(&at).abs() - speed.times(model.friction.law.levels().viscous)

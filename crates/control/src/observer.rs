@@ -41,7 +41,7 @@ impl<S: Over<f64>> State<S> {
         let grown = (model.gas_force(self.pressures) - old).times(1.0 / f64::from(pieces));
         for k in 0..pieces {
             let [v, f] = [self.velocity, self.friction];
-            // The force of the gas goes from the old one to the new one.
+            // The force of the gas changes from the old value to the new one.
             let rates = |own: &Self, at: f64, motion: [S; 2]| {
                 own.pushed(model, old + grown.times(f64::from(k) + at), followed, motion)
             };
@@ -126,7 +126,7 @@ fn steady_gain(mass: f64, period: f64, noise: Noise) -> [f64; 3] {
     let t = period;
     let f = [[1.0, t, 0.5 * t * t / mass], [0.0, 1.0, t / mass], [0.0, 0.0, 1.0]];
     let q = noise.disturbance * noise.disturbance;
-    // Of a disturbance that wanders evenly within a period: the integral of F(s) e3 e3' F(s)'.
+    // Covariance of a disturbance that wanders evenly within a period: the integral of F(s) e3 e3' F(s)'.
     let way = |s: f64| [0.5 * s * s / mass, s / mass, 1.0];
     let mut wander = [[0.0; 3]; 3];
     let nodes = [(0.5 - 0.15_f64.sqrt(), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + 0.15_f64.sqrt(), 5.0 / 18.0)];
@@ -188,7 +188,7 @@ impl Observer {
 impl<S: Number> Observer<S> {
     /// Returns the observer of a drive at rest at a first sample, sampled with a period, s.
     pub fn new(model: &Model, sample: &Sample<S>, period: f64, noise: Noise) -> Self {
-        // Nobody measures them: a usual start is the mean of supply and ambient.
+        // The pressures are not measured: the usual start is the mean of supply and ambient.
         let mean = 0.5 * (model.supply.pressure + model.ambient.pressure);
         let pressures = sample.pressures.unwrap_or([S::c(mean); 2]);
         let state = State {
@@ -221,7 +221,7 @@ impl<S: Number> Observer<S> {
 
     /// State and spool at a later time, s, under the commands given so far.
     pub fn predict(&self, model: &Model, to: f64, step: f64) -> (State<S>, Spool<S>) {
-        // A whole number of steps stays one, however times are rounded.
+        // A whole number of steps stays the same number, however times are rounded.
         let n = ((to - self.time) / step - 1e-6).ceil().max(1.0);
         let h = (to - self.time) / n;
         let (mut state, mut spool) = (self.state, self.spool.clone());

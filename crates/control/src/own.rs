@@ -39,7 +39,7 @@ macro_rules! signals {
     };
 }
 
-// A compiled law has this order in it: what is new comes last.
+// Compiled laws depend on this order: new signals are added at the end.
 signals! {
     time: "s", "time of the sample";
     position: "m", "position, as it is measured";

@@ -127,8 +127,8 @@ impl<S: Number> Spool<S> {
     /// Advances from one time to another, s; old commands are dropped.
     pub fn advance(&mut self, from: f64, to: f64) {
         let mut t = from;
-        // A spool without a lag is where its command is: one that acts at the end alone is none of this piece, however its
-        // times are rounded.
+        // A spool without a lag is where its command is. A command that acts only at the end of this piece does not
+        // belong to it, however times are rounded.
         let least = if self.angular_frequency.is_infinite() { SPOOL_ROUNDING * (to - from) } else { 0.0 };
         for place in 0..self.acts.len() {
             let until = self.acts.get(place + 1).map_or(to, |next| next.0.min(to));
@@ -177,7 +177,7 @@ impl<S: Number> Spool<S> {
         }
         let decay = (-d * w * h).exp();
         let root = (1.0 - d * d).abs().sqrt() * w;
-        // Below a damping ratio of one sine and cosine, above it those of hyperbolas, at one h and 1.
+        // Sine and cosine below a damping ratio of one, hyperbolic functions above it, h and 1 at one.
         let (s, c) = if d < 1.0 {
             ((root * h).sin() / root, (root * h).cos())
         } else if d > 1.0 {

@@ -257,12 +257,12 @@ impl Supervisor {
         } else if returns
             && (self.position.is_lost() || self.gas.is_lost() || self.gas.has_no_supply() || self.stands_by)
         {
-            // What was lost may be back: all begins anew.
+            // A lost signal may be back: the supervisor starts again.
             own.restart();
             (self.position, self.gas) = Default::default();
             self.lost_for = 0.0;
         }
-        // The state at the last sample, and where that leads by now.
+        // State at the last sample, and the state predicted from it.
         let last = own.state().zip(own.foresee(sample.time));
         let reactions = self.check_sensors(own, &mut sample, last);
         if own.state().is_some() || sample.position.is_finite() {
@@ -326,7 +326,8 @@ impl Supervisor {
         last: Option<(State, (State, Edges<f64>))>,
     ) -> [Option<Reaction>; 2] {
         let Some((before, (foreseen, edges))) = last else {
-            // Nothing to compare with yet; pressures that are no numbers are a usual mean.
+            // There is no earlier sample to compare with. Pressures that are not numbers are replaced by the usual
+            // mean.
             sample.pressures = sample.pressures.filter(|own| own.iter().all(|p| p.is_finite()));
             return [None; 2];
         };
@@ -360,7 +361,7 @@ impl Supervisor {
             }
             let Rules { on_pressure, on_valve, mut on_supply, .. } = self.rules;
             if on_supply == Reaction::Block && !found.starved {
-                // What still fills the chambers is told alone.
+                // A low supply that still fills the chambers is only reported.
                 on_supply = Reaction::Tell;
             }
             for (happened, reaction) in
@@ -502,7 +503,7 @@ impl Supervisor {
             return own.rest(course.at(sample.time), 0.0);
         }
         let time = sample.time;
-        // A law of one's own knows references alone.
+        // A custom law supports references only.
         if own.law.needs_reference() && course.reference().is_none() {
             self.stand_by(own, time);
         }
@@ -547,12 +548,12 @@ impl Supervisor {
         if command.is_nan() {
             return command;
         }
-        // Without readings the model is soon not to be trusted.
+        // Without readings, the model can be trusted only for a short time.
         self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
         let is_known = self.lost_for < MODEL_TRUSTED;
         self.reversed = self.reversed.filter(|&(way, until)| command * way >= 0.0 && sample.time < until);
         if self.reversed.is_some() {
-            // It would take air from the chamber that it is to fill.
+            // The command would take air from the chamber that it should fill.
             command = 0.0;
         }
         if let Some(brake) = self
@@ -571,7 +572,7 @@ impl Supervisor {
             let takes_air = !self.measures_gas && self.reversed.is_some_and(|(way, _)| brake * way > 0.0);
             command = if takes_air { 0.0 } else { brake };
             if self.gas.has_no_supply() {
-                // Whatever the law would do takes air from the chambers, and none comes back.
+                // Every action of the law takes air from the chambers, and the supply does not replace it.
                 self.react(own, sample, Reaction::Block);
             }
         } else {

@@ -243,7 +243,7 @@ impl Reach {
             [0, 1].map(|i| rates[i] * model.sides[i].area)
         };
         let k = model.gas.heat_capacity_ratio;
-        // k A/V of each: stiffness for each newton of its force.
+        // k A/V of each chamber: stiffness per newton of its force.
         let by_force = [0, 1].map(|i| k * model.sides[i].area / model.sides[i].volume(x));
         let of_pressure = |i: usize| by_force[i] * model.sides[i].area;
         let [low, high] = [model.ambient.pressure, model.supply.pressure];
@@ -346,7 +346,7 @@ impl Switched<f64> {
             .copied()
             .fold(self.mode, |best, own| if cost(own) < cost(best) { own } else { best });
         let mode = if self.waits > 0.0 { self.mode } else { best };
-        // No more than a pulse makes up for.
+        // A correction is limited to the effect of one pulse.
         let most = |i: usize| reach.filled[i].abs().max(reach.vented[i].abs()) * span;
         let next = left(mode, period);
         self.waits = if mode == self.mode { (self.waits - 1.0).max(0.0) } else { stays - 1.0 };

@@ -177,7 +177,7 @@ impl ByCircuit {
         }
         let [level, viscous] = model.friction_shares;
         let mass = model.mass / self.described.mass;
-        // What else lies in the way of the gas, the model takes for the valve's.
+        // The model attributes other restrictions in the gas path to the valve.
         let is_alone = self.axis.left_out.is_empty();
         let conductance = model.valve.flow.gain / self.described.valve.flow.gain;
         let now = [level, viscous, mass, if is_alone { conductance } else { 1.0 }];
@@ -201,7 +201,7 @@ impl ByCircuit {
                 }
             }
         }
-        // One that cannot be has no circuit: the last one stays.
+        // Impossible numbers do not give a circuit: the last circuit is kept.
         self.next = self.network.renewed(&belief).ok().map(|assembly| (assembly, now));
         self.next.is_some()
     }
@@ -230,7 +230,7 @@ impl ByCircuit {
                 let other = match *starting {
                     Starting::Gas(_) if place == 0 => mean,
                     Starting::Gas(_) => tick.model.wall_temperature,
-                    // The deflection under the force that the observer has.
+                    // Deflection under the friction force of the observer.
                     Starting::Inner(_) if place == 0 => state.friction / tick.model.stick_stiffness,
                     _ => 0.0,
                 };

@@ -317,7 +317,7 @@ impl Loop {
     ) -> Result<Turn, Error> {
         let period = controller.period;
         self.session.go_on(tick as f64 * period, look)?;
-        // A command comes behind what a valve samples at this instant.
+        // A command comes after the samples of a valve at this instant.
         self.session.settle_schedule();
         let truth = self.columns.map(|column| self.session.now(column));
         let sample = self.sample(tick, period, truth);
@@ -331,7 +331,7 @@ impl Loop {
         }
         let seen = self.faults.spoil(&sample);
         let arrives = self.faults.reference(t, reference);
-        // A law of one's own may have a memory that is not copied.
+        // A custom law may have a memory that is not copied.
         let is_repeated = self.repeats > 1 && !matches!(controller.law, AnyLaw::Own(_));
         let before = is_repeated.then(|| controller.clone());
         let begin = Instant::now();
@@ -347,7 +347,7 @@ impl Loop {
             (1..self.repeats).map(again).fold(took, f64::min)
         });
         if !std::ptr::eq(arrives, reference) {
-            // What is wanted has not arrived.
+            // Another reference arrived: the answer gets the intended state.
             answer.wanted = reference.at(t);
         }
         Ok(Turn { tick, sample, truth, answer, took, least })
@@ -374,7 +374,7 @@ impl Loop {
         if self.command_bits > 0 {
             let half = ((1_u64 << self.command_bits) - 1) as f64 / 2.0;
             let convert = |own: f64| ((own + 1.0) * half).round_ties_even() / half - 1.0;
-            // What is open or shut has no converter.
+            // Switching valves have no converter.
             (command, given) = (convert(command), if self.switches { given } else { given.map(convert) });
         }
         let acts = self.faults.command(t, given);

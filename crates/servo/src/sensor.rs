@@ -28,7 +28,7 @@ impl Sensor {
         if self.lag == 0.0 {
             return to;
         }
-        // Of a ramp of slope s: it ends lag s behind, and what it began with beside that decays.
+        // Response to a ramp: it ends the lag times the slope behind, and the initial deviation from this decays.
         let delayed = self.lag * (to - from) / period;
         to - delayed + (behind - from + delayed) * (-period / self.lag).exp()
     }

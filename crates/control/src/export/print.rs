@@ -40,7 +40,7 @@ impl Language {
             (_, Function::Cos) => "cos",
             (_, Function::Tanh) => "tanh",
         };
-        // What has parentheses needs no others.
+        // An expression in parentheses needs no further parentheses.
         let x = x
             .strip_prefix('(')
             .and_then(|own| own.strip_suffix(')'))

@@ -65,7 +65,8 @@ struct Recording {
     digit: Option<u32>,
     /// Answer given to each choice so far.
     answers: Vec<bool>,
-    /// Comparison that each choice depends on, as its number plus one; `None` while these are being found.
+    /// Comparison that each choice depends on, as its number plus one; 0: no comparison. `None` while these are
+    /// being found.
     takes: Option<Vec<usize>>,
 }
 
@@ -328,7 +329,7 @@ impl Real for Traced {
     fn lt(self, other: Self) -> bool {
         RECORDING.with_borrow_mut(|own| {
             own.comparisons.push([self.0, other.0]);
-            // Numbers from one on: zero is a mask that no comparison gave.
+            // Numbers begin at one: zero is a mask that does not come from a comparison.
             own.digit.is_some_and(|digit| own.comparisons.len() >> digit & 1 == 1)
         })
     }
@@ -337,7 +338,7 @@ impl Real for Traced {
             own.answers.push(mask);
             let place = own.answers.len() - 1;
             match own.takes.as_ref().map(|takes| takes[place]) {
-                // A node of its own each time: nothing is left out while comparisons are told apart.
+                // Each choice gets a separate node, so that nothing is left out while comparisons are identified.
                 None => own.node(Node::Input(usize::MAX - place)),
                 Some(0) => b,
                 Some(number) => own.node(Node::Select { of: own.comparisons[number - 1], then: [a.0, b.0] }),

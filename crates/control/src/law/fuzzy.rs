@@ -34,7 +34,7 @@ fn belongs<S: Number>(e: S, de: S) -> [(S, S); 2] {
     let one = S::one();
     [e, de].map(|share| {
         let place = share.limited().times(SETS);
-        // The first one, counted up.
+        // Index of the lower set, counted up.
         let lower = [-2.0, -1.0, 0.0, 1.0, 2.0]
             .iter()
             .fold(S::c(-SETS), |lower, &set| lower + S::select(place.lt(S::c(set)), S::zero(), one));

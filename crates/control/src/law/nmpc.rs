@@ -162,7 +162,7 @@ fn within<const N: usize>(
             fixed[i] = Some(bound);
             continue;
         }
-        // Pull of the cost at a bound: into the interior it is let go.
+        // Slope of the cost at a bound: a value that is pulled into the interior is released.
         let slope = |i: usize| g[i] + (0..N).map(|j| h[i][j] * x[j]).sum::<f64>();
         let free = (0..N).find(|&i| {
             fixed[i].is_some_and(|bound| {
@@ -311,7 +311,7 @@ fn by_model<S: Over<f64>>(
         let [middle, _] = go(half);
         [spool, speed] = go(whole);
         let open = model.opened_by(middle.max(S::c(-1.0)).min(S::one()));
-        // Contacts that may break away or turn around are followed in shorter pieces.
+        // Contacts that may break away or reverse are followed in shorter pieces.
         let pieces = if state.velocity.abs().lt(S::c(NMPC_SLOW)) { STEPS[block] } else { 1 };
         let began = state.advance_in(pieces as u32, model, open, h, None);
         if step > 0 {
@@ -365,7 +365,8 @@ impl Law for Nmpc {
         });
         let (low, high) = (self.plan.map(|w| -1.0 - w), self.plan.map(|w| 1.0 - w));
         if let Some(step) = within(&h_matrix, &gradient, &low, &high) {
-            // Derivatives in stick say nothing of what comes behind breakaway; whole steps turn the plan around at each sample.
+            // Derivatives in stick do not describe the motion after breakaway. Whole steps would reverse the plan at
+            // each sample.
             let whole: [f64; MOVES] = std::array::from_fn(|i| self.plan[i] + step[i]);
             let mut foreseen = 0.0;
             self.follow(tick, &horizon, &whole, |residual| foreseen += residual * residual);

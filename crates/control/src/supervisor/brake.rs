@@ -106,7 +106,7 @@ impl Braking {
         let has_none = gas.has_no_supply();
         let first = BRAKE_MARGINS[usize::from(has_none)];
         let margin = if self.acts { BRAKE_MARGINS[2] } else { first };
-        // Without pressure sensors a supply that has fallen is a force that is missing.
+        // Without pressure sensors, a fallen supply appears as an unmodelled force.
         let d = own.state().map_or(0.0, |state| state.disturbance);
         let misses = d.abs() > BRAKE_MISSING * own.plant.coulomb;
         self.explained_for = if misses { 0.0 } else { self.explained_for + own.period };
@@ -122,13 +122,13 @@ impl Braking {
             };
             let found = on(BRAKE_COUNTED_ON)?;
             if has_none {
-                // Where all else hits, what the supply may still have is tried.
+                // If every other command hits the end stop, the rest of the supply's pressure is used.
                 let is_lost = found.shut_needs > 1.0 && found.shut_speed > BRAKE_HITS;
                 let hoped = if is_lost { on(BRAKE_HOPED_FOR) } else { None };
                 return Some(hoped.unwrap_or(found).command);
             }
-            // Shut it stops whatever the supply does. Where that is not enough, or just so with little air ahead, a supply that
-            // presses brakes best, as most doubts pass.
+            // With the valve shut, the drive stops whatever the supply does. If that is not enough, or just enough
+            // with little air ahead, a supply that presses brakes best. Most doubts about the supply prove wrong.
             let ahead = trapped.state.pressures[usize::from(found.against < 0.0)];
             let has_little = ahead - ambient < BRAKE_COUNTED_ON * (own.model.supply.pressure - ambient);
             let needs = found.shut_needs * if has_little { 1.0 + BRAKE_SURE } else { 1.0 };
@@ -196,7 +196,7 @@ fn brakes_before(
         let least = pressure * area / model.mass;
         v * (model.valve.lag() + 2.0 * period + BRAKE_TURN) + 0.5 * v * v / least
     };
-    // What it may gain until a command of now acts, at the most.
+    // Highest speed that the drive can gain until a command of now acts.
     let room = |x: f64| if way > 0.0 { model.stroke - x } else { x };
     let [along, turned] = BRAKE_GAIN;
     let (gain, away) = if velocity >= 0.0 { (along, 0.0) } else { (turned, BRAKE_AWAY) };
@@ -226,7 +226,7 @@ fn brakes_before(
     };
     let left = room(state.position) - BRAKE_APART;
     let [full, shut] = [-way, 0.0].map(|brake| way_to(state, spool.clone(), brake));
-    // Of two that both reach the end stop, the slower one.
+    // If both reach the end stop, take the slower one.
     let reach = [full, shut].iter().all(|(needed, end)| *needed > left && *end > BRAKE_TOUCH);
     let is_shut_better = if reach { shut.1 < full.1 } else { shut.0 < full.0 };
     let needed = if is_shut_better { shut.0 } else { full.0 };

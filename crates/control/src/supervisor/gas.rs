@@ -127,7 +127,7 @@ impl Gas {
                 ..Chamber::default()
             })
         });
-        // The twin goes the observer's way with pressures of its own.
+        // The twin has the observer's motion and separate pressures.
         let mut twin = State {
             pressures: chambers.map(|own| own.pressure),
             temperatures: chambers.map(|own| own.temperature),
@@ -139,7 +139,7 @@ impl Gas {
         };
         let (described, shut) = (&model.supply, [[0.0; 2]; 2]);
         let (modelled, still) = (at(&twin, described, edges), at(&twin, described, shut));
-        // A supply that has fallen is seen where the gas is, not where it would be on the one as described.
+        // A fallen supply is detected from the actual state of the gas, not from its state on the described supply.
         let fallen = Held { pressure: described.pressure - SUPPLY_FALLEN, ..*described };
         let (open, weak) = (at(state, described, edges), at(state, &fallen, edges));
         let shut = at(state, described, shut);
@@ -157,12 +157,12 @@ impl Gas {
             own.rests = if reading == own.last { own.rests + 1 } else { 0 };
             let before = own.last;
             own.last = reading;
-            // Faster than any valve fills a chamber.
+            // A jump is faster than any valve fills a chamber.
             let most = PRESSURE_OFF + (model.most_rate(i, twin.position) + shut[i].abs()) * period;
             let jumps = (reading - seen.pressures[i]).abs() > most;
             own.bad = if reading.is_finite() && !jumps { 0 } else { own.bad + 1 };
             let off = reading - twin.pressures[i];
-            // A reading that rests while the model moves is off however wrong the flow may be.
+            // A reading that rests while the model moves is off, however uncertain the flow is.
             let unsure = if own.rests_for(period) { 0.0 } else { own.unsure };
             let is_off = off.abs() > PRESSURE_OFF + unsure;
             own.off_for = if is_off { own.off_for + period } else { 0.0 };
@@ -174,11 +174,11 @@ impl Gas {
             own.temperature = twin.temperatures[i];
             let [supplied, vented] = edges[i];
             own.fills = if supplied == vented { own.fills } else { supplied > vented };
-            // A reading that rests says nothing of a flow.
+            // A resting reading does not show the flow.
             let tells =
                 is_good && before.is_finite() && f64::from(own.rests) * period < 0.25 * PRESSURE_OFF_FOR;
             if tells {
-                // What comes late, behind a valve that has shut, is of the flow before.
+                // A late change, after the valve has shut, belongs to the flow before.
                 let side = usize::from(!own.fills);
                 let changes = [measured, by_flow, (weak[i] - shut[i]) * period];
                 let lately = period / (period + SUPPLY_FALLEN_FOR);
@@ -199,7 +199,7 @@ impl Gas {
             }
         }
         let stuck = chambers.map(|own| own.rests_for(period));
-        // Nothing is learned from a reading that rests; a chamber whose sensor is given up goes on from the twin.
+        // Nothing is learned from a resting reading. A chamber whose sensor is lost continues from the twin.
         found.modelled = stuck[0] || stuck[1];
         let mut foreseen = seen.pressures;
         let off = chambers.map(|own| own.off_for >= PRESSURE_OFF_FOR && !own.is_lost);
@@ -211,9 +211,9 @@ impl Gas {
             log.tell(time, EventKind::Valve, away(0).max(away(1)));
         }
         for i in 0..2 {
-            // Another chamber that begins to leave the model, too, speaks of the valve.
+            // If the other chamber begins to leave the model too, the fault is the valve's.
             let [own, other] = [&chambers[i], &chambers[1 - i]];
-            // What a supply that has fallen does not fill.
+            // The chamber lacks air because the supply has fallen.
             let is_starved = (self.supply_told || self.is_doubted) && own.last < own.pressure;
             let alone = (stuck[i] && !stuck[1 - i])
                 || (other.off_for == 0.0 && own.off_for >= 2.0 * PRESSURE_OFF_FOR && !is_starved);
@@ -243,7 +243,8 @@ impl Gas {
         if let Some(chambers) = &self.chambers {
             let lost = chambers.map(|own| own.is_lost);
             if lost[0] != lost[1] {
-                // What is missing beyond what friction may be wrong by is the pressure's that runs by the model.
+                // The unmodelled force beyond the uncertainty of friction is assigned to the pressure that runs by
+                // the model.
                 let i = usize::from(lost[1]);
                 let [level, _] = model.friction_levels([state.position, 0.0], state.pressures);
                 let d = state.disturbance;
@@ -268,13 +269,14 @@ impl Gas {
         let Moment { time, period } = at;
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;
         let seen = |flown: f64| fills > flown && vents < -flown && vented < 0.0;
-        // The flow that the other chamber makes of the valve, and by how many falls the filling one lacks it.
+        // The flow of the other chamber gives the valve's conductance. `falls` is the deficit of the filling chamber
+        // in units of a supply fall.
         let mut falls =
             if seen(SUPPLY_DOUBTED) { (fills - filled * vents / vented) / (fills - weakly) } else { 0.0 };
         if fills > SUPPLY_DOUBTED {
             self.is_doubted = falls > 1.0 || filled < (1.0 - PRESSURE_FLOW) * weakly;
         }
-        // What flowed long ago tells nothing of a valve that is open by little now.
+        // An old flow does not show whether the valve fills now, while it is open only a little.
         let [[now_filled, now_fills, _], [now_vented, now_vents, _]] = self.lately;
         let flows = now_fills > 0.5 * SUPPLY_DOUBTED && now_vents < -0.5 * SUPPLY_DOUBTED;
         let is_low = falls > 1.0 && seen(SUPPLY_FLOWN) && flows;

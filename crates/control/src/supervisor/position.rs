@@ -99,9 +99,9 @@ impl Position {
             return (foreseen.position, None);
         }
         let mut miss = reading - foreseen.position;
-        // A contact that is held may creep in the model and stick in truth: each reading puts the model back.
+        // A held contact may creep in the model and stick in reality: each reading corrects the model.
         let creeps = is_held || foreseen.velocity.abs() < POSITION_CREEPS[usize::from(!by_gas)];
-        // So may one that sticks in truth: what it bears there is taken for a force that is missing.
+        // The same holds for a contact that sticks in reality: its force is mistaken for a disturbance.
         let [level, _] = model.friction_levels([reading, 0.0], seen.pressures);
         let force = model.gas_force(seen.pressures) + model.load;
         let sticks = by_gas && self.stopped && force.abs() < POSITION_BEARS * level;
@@ -115,7 +115,7 @@ impl Position {
         }
         let apart = (POSITION_SPEED * period).max(POSITION_JUMP * jitter) * fastest;
         let jumps = miss.abs() > POSITION_JUMP * grain + apart * f64::from(1 + self.bad);
-        // Without measured pressures a law that holds drives its gas by the model alone, for as long as it rests.
+        // Without measured pressures, a law that holds drives its gas by the model alone while the drive rests.
         let rests = self.last == Some(reading) && (by_gas || !is_held);
         if !rests {
             self.twin = None;
@@ -137,7 +137,8 @@ impl Position {
         let breaks_away =
             (0.5 * level / model.mass * POSITION_CORRECTED * POSITION_CORRECTED).min(POSITION_GONE);
         let late = if self.from_rest { breaks_away } else { 0.0 };
-        // A reading may come as late as the next one, whose time jitters by so much beyond what the speed is unsure anyway.
+        // A reading may be as late as the next one. The jitter of its time counts as far as it exceeds the
+        // uncertainty of the speed.
         let jittered = (POSITION_JUMP * jitter - POSITION_SPEED * period).max(0.0) * foreseen.velocity.abs();
         let is_stuck = is_gone || self.moved.abs() > POSITION_STUCK * grain + late + jittered;
         if !jumps && !is_stuck && reading.is_finite() {
