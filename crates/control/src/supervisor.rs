@@ -187,8 +187,7 @@ pub struct Supervisor {
     /// For how long the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
-    /// Direction of commands that act in reverse on a fallen supply, and the time until which the supervisor gives no
-    /// such command, s.
+    /// Direction of commands that act in reverse on a fallen supply, and the time until which none is given, s.
     reversed: Option<(f64, f64)>,
     /// Until when a command that is tried again may act in reverse again, s.
     doubted_until: f64,
@@ -233,8 +232,7 @@ impl Supervisor {
         &self.log
     }
 
-    /// Returns the time of a sample by a clock that runs evenly. If the sample's time is not a number, this is the
-    /// time of the last sample.
+    /// Returns the time of a sample by an even clock. A time that is not a number becomes that of the last sample.
     pub(crate) fn corrected(&self, time: f64) -> f64 {
         let time = time + self.correction;
         if time.is_finite() { time } else { self.clock.unwrap_or(0.0) }
@@ -326,8 +324,7 @@ impl Supervisor {
         last: Option<(State, (State, Edges<f64>))>,
     ) -> [Option<Reaction>; 2] {
         let Some((before, (foreseen, edges))) = last else {
-            // There is no earlier sample to compare with. Pressures that are not numbers are replaced by the usual
-            // mean.
+            // No earlier sample. Pressures that are not numbers are replaced by the usual mean.
             sample.pressures = sample.pressures.filter(|own| own.iter().all(|p| p.is_finite()));
             return [None; 2];
         };
