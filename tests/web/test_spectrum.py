@@ -42,7 +42,7 @@ def test_what_has_no_spectrum_is_refused(served: Served) -> None:
     uneven[50:] += 5e-4
     for times, values, words in (
         (uneven, time, "evenly"),
-        (time, np.where(time == 0.05, np.nan, 1.0), "no number"),
+        (time, np.where(time == 0.05, np.nan, 1.0), "a value is missing"),
         (time[:9], time[:9], "too few"),
         (0.0 * time, time, "evenly"),
     ):

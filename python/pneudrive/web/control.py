@@ -18,7 +18,7 @@ from pneudrive.control.controller import Controller
 from pneudrive.control.loop import prepare, run_prepared
 from pneudrive.control.measures import SHOWN, Score, written
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
-from pneudrive.control.references import PROGRAMS, RECORDS, reference
+from pneudrive.control.references import RECORDS, reference
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import laws
 from pneudrive.describe import toml
@@ -55,7 +55,7 @@ _PANELS = (
     ("Command", "", 1.0, (("command", "command"),)),
     ("Disturbance, as the law sees it", "N", 1.0, (("disturbance_n", "disturbance"),)),
 )
-_REFERENCE_FILES = (*DESCRIPTIONS, *RECORDS, *PROGRAMS)
+_REFERENCE_FILES = (*DESCRIPTIONS, *RECORDS)
 
 
 class ControlRequest(PageRequest):
@@ -206,9 +206,7 @@ def _ready(workspace: Workspace, name: str, ready: Mapping[str, Path], what: str
 
 def _reference(workspace: Workspace, text: str) -> str:
     """Return a reference unchanged, or the place of its file in the workspace."""
-    program, colon, axis = text.rpartition(":")
-    name, behind = (program, colon + axis) if program.endswith(PROGRAMS) else (text, "")
-    return str(workspace.path(name, _REFERENCE_FILES)) + behind if name.endswith(_REFERENCE_FILES) else text
+    return str(workspace.path(text, _REFERENCE_FILES)) if text.endswith(_REFERENCE_FILES) else text
 
 
 def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | None = None) -> bytes:
