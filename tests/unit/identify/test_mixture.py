@@ -32,5 +32,5 @@ def test_values_that_only_their_sum_determines_are_kept_with_the_error_of_the_mi
     fit.to_toml(tmp_path / "fit.toml")
     with pytest.warns(PneudriveWarning, match=words):
         read_fit(tmp_path / "fit.toml").apply()
-    with pytest.warns(PneudriveWarning, match="were no part of the fit: run `pneudrive validate`"):
+    with pytest.warns(PneudriveWarning, match="combined with values outside the fit: run `pneudrive validate`"):
         read_fit(tmp_path / "fit.toml").apply(start.replace({"load.mass": "4 kg"}))
