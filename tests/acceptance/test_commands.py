@@ -22,7 +22,7 @@ def resolve(words):
     """Return the command of the words, its context's parent, and its arguments."""
     command, context = typer.main.get_command(app), None
     name = "pneudrive"
-    while hasattr(command, "table"):
+    while hasattr(command, "table") and words:
         context = command.make_context(name, [], parent=context, resilient_parsing=True)
         name, command, words = command.resolve_command(context, words)
     return command, context, words

@@ -103,7 +103,7 @@ def test_a_first_turn_is_led_with_what_friction_lacked_before_it():
     for seed in (2, 4):
         run = pn.control.run(drive, "nmpc", reference="R1", duration="1.3 s", mismatch="all", seed=seed)
         error = abs(run.position - run.reference)
-        assert float(error.sel(time=slice(0.7, 1.3)).max()) < 1.2e-3
+        assert float(error.sel(time=slice(0.7, 1.3)).max()) < 1.25e-3
 
 
 def test_a_weight_that_is_not_known_is_not_learned_as_friction():

@@ -51,12 +51,12 @@ def listed(by_formula, monkeypatch):
     entry |= {"kind": KIND, "title": "Toy gap", "formula": None}
     core, components = _core.Circuit, _core.components()
 
-    def known(text):
+    def known(text, names):
         form = json.loads(text)
         for one in form["components"]:
             if one["kind"] == KIND:
                 one |= {"kind": "restriction/formula", "formula": written}
-        return core(json.dumps(form))
+        return core(json.dumps(form), names)
 
     caches = (component_kinds, component_class, circuits.compiled)
     monkeypatch.setattr(_core, "components", lambda: [*components, entry])

@@ -1,4 +1,4 @@
-//! Valves that realize a fraction of opening: one 5/3 valve, two 3/2 valves, valves that are open or shut.
+//! Valves that realise a fraction of opening: one 5/3 valve, two 3/2 valves, valves that are open or shut.
 
 use crate::gains::{Gain, law, listed};
 use crate::model::Model;

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pneudrive.control.references import reference
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
-    from pneudrive.control.suitability import Suitability, suitability
+    from pneudrive.control.suited import Suitability, suitability
     from pneudrive.control.tuning import LawModel, Plant, TunedGain, Tuning, laws, tune
 
 __all__ = [
@@ -79,7 +79,7 @@ __getattr__ = lazy(
         "motion": ["Reference"],
         "references": ["reference"],
         "setup": ["Setup", "read_setup"],
-        "suitability": ["Suitability", "suitability"],
+        "suited": ["Suitability", "suitability"],
         "tuning": ["LawModel", "Plant", "TunedGain", "Tuning", "laws", "tune"],
     },
 )

@@ -136,7 +136,7 @@ law! {
     }
 }
 
-/// Minimizes x' H x/2 + g' x within bounds. Values at a bound are fixed there, and the others are solved for. This
+/// Minimises x' H x/2 + g' x within bounds. Values at a bound are fixed there, and the others are solved for. This
 /// repeats until no fixed value would leave its bound.
 fn within<const N: usize>(
     h: &[[f64; N]; N],
