@@ -209,7 +209,7 @@ class Daq:
 
 
 if __name__ == "__main__":
-    from pneudrive.campaign.protocol import parse_protocol
+    from pneudrive.campaign.planning.protocol import parse_protocol
     from pneudrive.campaign.run import run_campaign
 
     protocol = parse_protocol("""

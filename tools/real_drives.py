@@ -19,7 +19,7 @@ from pneudrive.identify.follow.problem import FollowProblem, solve_follow
 from pneudrive.identify.follow.regulator import RegulatorFit, identify_regulator
 from pneudrive.numbers import plain
 from pneudrive.report import style
-from pneudrive.report.motion import over_time_figure
+from pneudrive.report.recording.motion import over_time_figure
 from pneudrive.validate.motion import MotionValidation, validate_motion
 
 ROOT = Path(__file__).parents[1]

@@ -24,7 +24,7 @@ require_processor()
 if TYPE_CHECKING:
     from pneudrive import control as control
     from pneudrive import report as report
-    from pneudrive.datasheet.energy import energy_balance as energy_balance
+    from pneudrive.datasheet.characteristics.energy import energy_balance as energy_balance
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
     from pneudrive.datasheet.linear import linearise as linearise
     from pneudrive.datasheet.registry import characteristic as characteristic
@@ -63,8 +63,8 @@ if TYPE_CHECKING:
     from pneudrive.identify.dynamic import identify as identify
     from pneudrive.identify.dynamic import identify_presliding as identify_presliding
     from pneudrive.identify.follow.fit import identify_motion as identify_motion
-    from pneudrive.identify.laws import compare_laws as compare_laws
-    from pneudrive.identify.survey import survey as survey
+    from pneudrive.identify.static.laws import compare_laws as compare_laws
+    from pneudrive.identify.static.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
     from pneudrive.lines import lines as lines
     from pneudrive.signals.measuring import measure as measure
@@ -93,13 +93,13 @@ _HOME = {
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.friction.campaign.characteristics"),
     "compare": "pneudrive.friction.campaign.compare.comparison",
     "characteristic": "pneudrive.datasheet.registry",
-    "energy_balance": "pneudrive.datasheet.energy",
+    "energy_balance": "pneudrive.datasheet.characteristics.energy",
     "equilibrium": "pneudrive.datasheet.equilibrium",
     "linearise": "pneudrive.datasheet.linear",
     "Differentiable": "pneudrive.gradients.differentiable",
     **dict.fromkeys(["fit_any_law", "fit_friction"], "pneudrive.identify"),
-    "compare_laws": "pneudrive.identify.laws",
-    "survey": "pneudrive.identify.survey",
+    "compare_laws": "pneudrive.identify.static.laws",
+    "survey": "pneudrive.identify.static.survey",
     "Tank": "pneudrive.describe.tank",
     "identify_volume": "pneudrive.identify.volume",
     "design": "pneudrive.identify.design",
@@ -121,10 +121,10 @@ UPPER.update(
     simulate="pneudrive.simulate",
     Pneu="pneudrive.accessor",
     write_fit_report="pneudrive.report.fit",
-    follow_page="pneudrive.report.motion",
-    motion_page="pneudrive.report.motion",
-    plot_sizing="pneudrive.report.sizing",
-    write_sizing_report="pneudrive.report.sizing_page",
+    follow_page="pneudrive.report.recording.motion",
+    motion_page="pneudrive.report.recording.motion",
+    plot_sizing="pneudrive.report.sizing.figures",
+    write_sizing_report="pneudrive.report.sizing.page",
     Reproduction="pneudrive.studies.bracha.reproduction",
     reproduce="pneudrive.studies.bracha.reproduction",
 )

@@ -34,7 +34,7 @@ def lazy(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str], ob
 
     def get(name: str) -> object:
         if name in home:
-            module = home[name] if "." in home[name] else f"{package}.{home[name]}"
+            module = home[name] if home[name].startswith("pneudrive.") else f"{package}.{home[name]}"
             value = getattr(import_module(module), name)
             setattr(sys.modules[package], name, value)
             return value

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from oracle.campaigns import World, write_campaign
-from pneudrive.campaign.protocol import ready_protocols
+from pneudrive.campaign.planning.protocol import ready_protocols
 from pneudrive.cli.main import run
 from pneudrive.rig.description import DEFAULT
 from pneudrive.signals.proposal.propose import propose_layout

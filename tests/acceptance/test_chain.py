@@ -11,7 +11,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
-from pneudrive.identify.result import FrictionFit
+from pneudrive.identify.static.result import FrictionFit
 
 LAW = {
     "coulomb": "14 N",

@@ -17,7 +17,7 @@ from pneudrive.cli.main import run
 from pneudrive.control.measures import SCORED, score_of
 from pneudrive.control.mismatch import Mismatch, ready_mismatches
 from pneudrive.errors import PneudriveWarning
-from pneudrive.report.control import boxes
+from pneudrive.report.control.figures import boxes
 from pneudrive.trajectory import save
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -23,8 +23,8 @@ import xarray as xr
 
 import pneudrive as pn
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.folder import Campaign, Head, create, write_cycle
-from pneudrive.campaign.protocol import read_protocol, ready_protocols
+from pneudrive.campaign.planning.protocol import read_protocol, ready_protocols
+from pneudrive.campaign.storage.folder import Campaign, Head, create, write_cycle
 from pneudrive.cli.main import run
 from pneudrive.command import steps
 from pneudrive.errors import PneudriveError

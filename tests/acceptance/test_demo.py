@@ -6,7 +6,7 @@ from pneudrive.cli.demo import AXIS, SHIPPED
 from pneudrive.cli.main import run
 from pneudrive.errors import CampaignError
 from pneudrive.friction.recording.characterisation import characterise_recordings
-from pneudrive.report.closure import draw
+from pneudrive.report.recording.closure import draw
 from pneudrive.signals import pool
 
 

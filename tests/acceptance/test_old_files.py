@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive.campaign.plan import lay_out
-from pneudrive.campaign.protocol import read_protocol
+from pneudrive.campaign.planning.plan import lay_out
+from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.characterise import read_map
 from pneudrive.identify import FrictionFit, LawFit
 from pneudrive.identify.dynamic import DriveFit

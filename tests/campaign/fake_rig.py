@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.options import Options
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Envelope, Identity, Move, RigState, Samples, Sampling, Step
 
@@ -215,7 +215,7 @@ burst_rate = "0 Hz"
 
 def protocol(more: str = "", repeats: int = 1):
     """Read a small protocol: 8 sweeps at two pressures after a warm-up and a tare."""
-    from pneudrive.campaign.protocol import parse_protocol
+    from pneudrive.campaign.planning.protocol import parse_protocol
 
     return parse_protocol(PROTOCOL.format(more=more, repeats=repeats))
 

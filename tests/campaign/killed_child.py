@@ -12,7 +12,7 @@ from pneudrive.cli.main import run as pneudrive
 from pneudrive.rig import load_rig
 
 # What is imported on first use elsewhere is imported here, once, by the server that forks the children.
-for name in ("polars", "scipy.optimize", "scipy.signal", "scipy.stats", "pneudrive.campaign.campaign_run"):
+for name in ("polars", "scipy.optimize", "scipy.signal", "scipy.stats", "pneudrive.campaign.running.campaign_run"):
     import_module(name)
 load_rig("default").identity()
 

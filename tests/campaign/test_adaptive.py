@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from campaign.fake_rig import QUICK, FakeRig, protocol, stribeck_n
-from pneudrive.campaign.adaptive import Finished, QuickPoint, choose_speed, next_cycle
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.folder import Campaign
-from pneudrive.campaign.plan import lay_out
+from pneudrive.campaign.planning.adaptive import Finished, QuickPoint, choose_speed, next_cycle
+from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.run import resume_campaign, run_campaign
 from pneudrive.campaign.status import status_of
-from pneudrive.identify.model import FrictionModel, Observations
+from pneudrive.campaign.storage.folder import Campaign
+from pneudrive.identify.static.model import FrictionModel, Observations
 from pneudrive.rig.interface import Sampling
 
 #: D-optimal support of the Stribeck curve (exponent 2, vs = 12 mm/s) over 1 to 450 mm/s: the ends, vs, 2.8 vs.

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneudrive.campaign.checks import FLAGS, arrival_flags
-from pneudrive.campaign.plan import lay_out
-from pneudrive.campaign.protocol import read_protocol
+from pneudrive.campaign.planning.plan import lay_out
+from pneudrive.campaign.planning.protocol import read_protocol
+from pneudrive.campaign.running.checks import FLAGS, arrival_flags
 from pneudrive.rig import load_rig
 from pneudrive.rig.interface import Samples
 

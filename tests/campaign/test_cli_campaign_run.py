@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from campaign.fake_rig import PROTOCOL, FakeRig, contents, protocol
-from pneudrive.campaign.adaptive import Finished, QuickPoint
-from pneudrive.campaign.lock import FolderLock, holder
-from pneudrive.campaign.plan import lay_out
-from pneudrive.campaign.textplot import text_plot
+from pneudrive.campaign.planning.adaptive import Finished, QuickPoint
+from pneudrive.campaign.planning.plan import lay_out
+from pneudrive.campaign.running.textplot import text_plot
+from pneudrive.campaign.storage.lock import FolderLock, holder
 from pneudrive.cli.main import run
 
 TESTS = Path(__file__).parents[1]
@@ -120,7 +120,7 @@ def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys):
 
 
 def test_a_lock_ends_with_its_process(tmp_path):
-    code = "import sys, time; from pneudrive.campaign.lock import FolderLock; from pathlib import Path\n"
+    code = "import sys, time; from pneudrive.campaign.storage.lock import FolderLock; from pathlib import Path\n"
     code += "lock = FolderLock(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
     process = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path)],
@@ -141,7 +141,7 @@ def test_a_lock_ends_with_its_process(tmp_path):
 def test_the_live_picture_shows_what_runs():
     from rich.console import Console
 
-    from pneudrive.campaign.live import ScreenDisplay
+    from pneudrive.campaign.running.live import ScreenDisplay
 
     out = io.StringIO()
     screen = ScreenDisplay(Console(file=out, force_terminal=True, width=100, height=30, color_system=None))

@@ -14,9 +14,18 @@ import pytest
 
 from campaign.fake_rig import FakeRig, contents, protocol
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.folder import Campaign, CycleFile, Head, create, read_head, read_samples, tidy, write_cycle
 from pneudrive.campaign.motion import steps_from_motion
 from pneudrive.campaign.status import status_of
+from pneudrive.campaign.storage.folder import (
+    Campaign,
+    CycleFile,
+    Head,
+    create,
+    read_head,
+    read_samples,
+    tidy,
+    write_cycle,
+)
 from pneudrive.errors import CampaignError
 from pneudrive.files import formats, seal, tables
 from pneudrive.rig.interface import Move, Samples, Sampling

@@ -17,13 +17,14 @@ import pytest
 from event_model import DocumentNames, schema_validators
 
 from campaign.fake_rig import QUICK, FakeRig, at_rest, contents, on_part, press, protocol
-from pneudrive.campaign import campaign_run, storage
-from pneudrive.campaign.control import ABORT, PAUSE, RESUME, STOP, ask, wait_for
-from pneudrive.campaign.folder import Campaign
-from pneudrive.campaign.live import Display
-from pneudrive.campaign.lock import FolderLock, holder
 from pneudrive.campaign.run import DONE, ENDED, resume_campaign, run_campaign
+from pneudrive.campaign.running import campaign_run
+from pneudrive.campaign.running.live import Display
 from pneudrive.campaign.status import status_of
+from pneudrive.campaign.storage import files as storage
+from pneudrive.campaign.storage.control import ABORT, PAUSE, RESUME, STOP, ask, wait_for
+from pneudrive.campaign.storage.folder import Campaign
+from pneudrive.campaign.storage.lock import FolderLock, holder
 from pneudrive.errors import CampaignError, ConnectionLostError, ProtocolError, RigError
 from pneudrive.rig.faults import Fault, FaultyRig
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneudrive.campaign.adaptive import measure
-from pneudrive.campaign.checks import FLAGS
 from pneudrive.campaign.cycle import KINDS, Cycle
-from pneudrive.campaign.folder import COLUMNS, Campaign
-from pneudrive.campaign.head import Head
+from pneudrive.campaign.planning.adaptive import measure
+from pneudrive.campaign.running.checks import FLAGS
 from pneudrive.campaign.status import status_of
+from pneudrive.campaign.storage.folder import COLUMNS, Campaign
+from pneudrive.campaign.storage.head import Head
 from pneudrive.friction.campaign.reading import _plans, read_part
 from pneudrive.friction.reduction.settling import Settled
 from pneudrive.rig.interface import Identity
@@ -65,7 +65,7 @@ def test_the_page_names_every_key_kind_flag_and_column():
 
 def test_steps_are_derived_only_where_a_result_needs_them(folder, monkeypatch):
     """Deriving them from the motion takes as long as all else that is done with a sweep."""
-    from pneudrive.campaign import folder as module
+    from pneudrive.campaign.storage import folder as module
 
     derived = []
     derive = module.steps_from_motion

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from connect import served_child
-from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.run import run_campaign
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characteristics import characterise
 from pneudrive.rig import load_rig
 from pneudrive.rig.opcua.nodes import load_map

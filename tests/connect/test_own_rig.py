@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from campaign.fake_rig import QUICK, protocol
-from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.run import DONE, run_campaign
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.cli.main import run
 from pneudrive.errors import RigError
 from pneudrive.rig import Hold, Move, Reproducible, Rig, Samples, Sampling, load_rig

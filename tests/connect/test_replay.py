@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.run import run_campaign
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import load_recordings
 from pneudrive.characteristics import characterise
 from pneudrive.errors import RigError

@@ -12,8 +12,8 @@ import sys
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.identify.fit import fit_values
-from pneudrive.identify.model import FrictionModel, Observations
+from pneudrive.identify.static.fit import fit_values
+from pneudrive.identify.static.model import FrictionModel, Observations
 
 TRUTH = {"coulomb": 30.0, "breakaway": 40.0, "stribeck_velocity": 0.012, "stribeck_exponent": 2.0, "viscous": 60.0}
 SPEED = np.geomspace(1e-3, 0.45, 20)

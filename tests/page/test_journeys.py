@@ -17,12 +17,12 @@ import pytest
 import pneudrive as pn
 from page.conftest import DRIVE, ROOT, Server, Tab
 from page.results import RECORDING, make_results
-from pneudrive.campaign.lock import holder
-from pneudrive.campaign.plan import lay_out
-from pneudrive.campaign.protocol import read_protocol
+from pneudrive.campaign.planning.plan import lay_out
+from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.campaign.status import status_of
+from pneudrive.campaign.storage.lock import holder
 from pneudrive.characterise import write_map
-from pneudrive.identify.result import FrictionFit
+from pneudrive.identify.static.result import FrictionFit
 from pneudrive.rig import load_rig
 from pneudrive.trajectory import save_columns
 

@@ -10,8 +10,8 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
+from pneudrive.datasheet.characteristics.steady import velocity_gain
 from pneudrive.datasheet.plant import HeldDrive
-from pneudrive.datasheet.steady import velocity_gain
 from pneudrive.errors import CommandError, DescriptionError
 
 #: Length in m and bore in mm -> choked speed of the reference drive, m/s, worked out by hand.

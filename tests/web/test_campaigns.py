@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneudrive.campaign.folder import Campaign
 from pneudrive.campaign.run import run_campaign
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.cli.main import run as command_line
 from pneudrive.web.app import make_app
 from pneudrive.web.workspace import Workspace

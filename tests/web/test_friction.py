@@ -13,7 +13,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as run_command
-from pneudrive.identify.result import FrictionFit
+from pneudrive.identify.static.result import FrictionFit
 from web.conftest import Served
 from web.test_recordings import MEASURED, get
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from pneudrive.campaign.folder import ABOUT, CYCLES, TRUTH, Campaign
 from pneudrive.campaign.replay import ReplayRig, ReplaySource, Tolerance
+from pneudrive.campaign.storage.folder import ABOUT, CYCLES, TRUTH, Campaign
 from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.describe.base import Bounds, Quantity
 from pneudrive.describe.marks import Percent
@@ -25,7 +25,7 @@ from pneudrive.rig.rig_file import RigFile
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.campaign.folder import CycleFile
+    from pneudrive.campaign.storage.folder import CycleFile
     from pneudrive.rig.interface import Step
     from pneudrive.signals.load import RecordingFile
     from pneudrive.signals.motion import Stroke

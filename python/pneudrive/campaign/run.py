@@ -10,20 +10,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import own_code
-from pneudrive.campaign.campaign_run import CampaignRun
-from pneudrive.campaign.control import Requests
-from pneudrive.campaign.folder import ABOUT, LOG, Campaign, create, tidy
-from pneudrive.campaign.folder_plan import plan_of
-from pneudrive.campaign.journal import Journal
-from pneudrive.campaign.live import Display, guarded
-from pneudrive.campaign.live_files import LiveFiles
-from pneudrive.campaign.lock import FolderLock, now
 from pneudrive.campaign.options import Options
-from pneudrive.campaign.plan import Plan, lay_out
-from pneudrive.campaign.preflight import check_levels
-from pneudrive.campaign.prompt import Terminal
-from pneudrive.campaign.protocol import Protocol, read_protocol
-from pneudrive.campaign.storage import make_folder
+from pneudrive.campaign.planning.plan import Plan, lay_out
+from pneudrive.campaign.planning.preflight import check_levels
+from pneudrive.campaign.planning.protocol import Protocol, read_protocol
+from pneudrive.campaign.running.campaign_run import CampaignRun
+from pneudrive.campaign.running.live import Display, guarded
+from pneudrive.campaign.running.live_files import LiveFiles
+from pneudrive.campaign.running.prompt import Terminal
+from pneudrive.campaign.storage.control import Requests
+from pneudrive.campaign.storage.files import make_folder
+from pneudrive.campaign.storage.folder import ABOUT, LOG, Campaign, create, tidy
+from pneudrive.campaign.storage.folder_plan import plan_of
+from pneudrive.campaign.storage.journal import Journal
+from pneudrive.campaign.storage.lock import FolderLock, now
 from pneudrive.errors import CampaignError, RigError
 from pneudrive.rig.plain_data import plain
 from pneudrive.show import Shown
@@ -31,7 +31,7 @@ from pneudrive.show import Shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from pneudrive.campaign.prompt import Prompt
+    from pneudrive.campaign.running.prompt import Prompt
     from pneudrive.rig.interface import Identity, Rig
     from pneudrive.watch import Flag
 

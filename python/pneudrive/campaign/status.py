@@ -6,17 +6,17 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pneudrive.campaign.folder import CYCLES, Campaign, Problem
-from pneudrive.campaign.folder_plan import plan_of
-from pneudrive.campaign.lock import Holder, holder
+from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem
+from pneudrive.campaign.storage.folder_plan import plan_of
+from pneudrive.campaign.storage.lock import Holder, holder
 from pneudrive.errors import CampaignError, ProtocolError
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.campaign.folder import CycleFile
-    from pneudrive.campaign.plan import Plan
+    from pneudrive.campaign.planning.plan import Plan
+    from pneudrive.campaign.storage.folder import CycleFile
 
 
 @dataclass(frozen=True, repr=False)
@@ -93,6 +93,6 @@ def _needless(plan: Plan, campaign: Campaign, files: list[CycleFile]) -> set[str
     rules = plan.protocol.adaptive
     if rules is None or rules.interval_n is None:
         return set()
-    from pneudrive.campaign.adaptive import finished_of, needless
+    from pneudrive.campaign.planning.adaptive import finished_of, needless
 
     return needless(plan, finished_of(files, campaign.identity, measured=True))

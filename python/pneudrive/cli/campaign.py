@@ -37,12 +37,12 @@ def plan(
     ] = None,
 ) -> None:
     """Show the plan of a protocol on a rig (cycles, time, data), and check it against the limits of the rig."""
-    from pneudrive.campaign.fraction import propose, write_fraction
-    from pneudrive.campaign.live import duration
-    from pneudrive.campaign.plan import lay_out
-    from pneudrive.campaign.plan_words import show
-    from pneudrive.campaign.preflight import check_levels
-    from pneudrive.campaign.protocol import parse_protocol, read_protocol
+    from pneudrive.campaign.planning.fraction import propose, write_fraction
+    from pneudrive.campaign.planning.plan import lay_out
+    from pneudrive.campaign.planning.plan_words import show
+    from pneudrive.campaign.planning.preflight import check_levels
+    from pneudrive.campaign.planning.protocol import parse_protocol, read_protocol
+    from pneudrive.campaign.running.live import duration
     from pneudrive.cli.campaign_plan import check_target, proposal_lines
     from pneudrive.rig.loading import load_rig, opened
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.campaign.live import duration
+from pneudrive.campaign.running.live import duration
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.campaign.fraction import CellProposal
-    from pneudrive.campaign.plan import Plan
-    from pneudrive.campaign.protocol import Protocol
+    from pneudrive.campaign.planning.fraction import CellProposal
+    from pneudrive.campaign.planning.plan import Plan
+    from pneudrive.campaign.planning.protocol import Protocol
 
 
 def check_target(path: Path, protocol: Protocol) -> None:

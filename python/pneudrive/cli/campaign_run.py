@@ -16,8 +16,8 @@ from pneudrive.cli.options import BenchRig, Protocol
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.campaign.live import Display
     from pneudrive.campaign.run import Options, Result
+    from pneudrive.campaign.running.live import Display
 
 EXIT_OTHER, EXIT_INTERRUPTED = 1, 130
 
@@ -82,9 +82,9 @@ def resume(
     patience: Patience = "10 min",
 ) -> None:
     """Resume a campaign that is paused in another process, or whose process has ended."""
-    from pneudrive.campaign.control import RESUME, ask, wait_for
-    from pneudrive.campaign.lock import holder
     from pneudrive.campaign.run import resume_campaign
+    from pneudrive.campaign.storage.control import RESUME, ask, wait_for
+    from pneudrive.campaign.storage.lock import holder
 
     running = holder(folder)
     if running is not None and running.state in ("paused", "operator"):
@@ -103,7 +103,7 @@ def resume(
 
 def status(folder: Folder) -> None:
     """Show progress, flagged or damaged cycles, and the running process of a campaign."""
-    from pneudrive.campaign.live import duration
+    from pneudrive.campaign.running.live import duration
     from pneudrive.campaign.status import status_of
 
     found = status_of(folder)
@@ -128,7 +128,7 @@ def pause(
     now: Annotated[bool, typer.Option("--now", help="Stop the axis now; the running cycle is repeated later.")] = False,
 ) -> None:
     """Pause a campaign in another process, after its cycle or now."""
-    from pneudrive.campaign.control import PAUSE, STOP, ask, wait_for
+    from pneudrive.campaign.storage.control import PAUSE, STOP, ask, wait_for
 
     before = ask(folder, STOP if now else PAUSE, _me(""))
     after = wait_for(folder, ("pausing", "paused", "operator"), 10.0)
@@ -137,7 +137,7 @@ def pause(
 
 def abort(folder: Folder) -> None:
     """End a campaign in another process: the axis comes to rest, finished cycles are kept."""
-    from pneudrive.campaign.control import ABORT, ask, wait_for
+    from pneudrive.campaign.storage.control import ABORT, ask, wait_for
     from pneudrive.errors import CampaignError
 
     ask(folder, ABORT, _me(""))
@@ -179,7 +179,7 @@ def _options(operator: str, yes: bool, patience: str) -> Options:
 
 
 def _display() -> Display:
-    from pneudrive.campaign.live import LineDisplay, ScreenDisplay
+    from pneudrive.campaign.running.live import LineDisplay, ScreenDisplay
 
     return ScreenDisplay() if sys.stdout.isatty() else LineDisplay()
 
@@ -228,6 +228,6 @@ def _end(result: Result, again: str) -> None:
 
 
 def _me(operator: str) -> str:
-    from pneudrive.campaign.lock import user
+    from pneudrive.campaign.storage.lock import user
 
     return operator or user()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.friction.reduction.settling import SampleChoice
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.result import FrictionFit
 
 Fits = dict[str, dict[str, "FrictionFit"]]
 
@@ -53,8 +53,8 @@ def characterise(
     from pneudrive.friction.recording.characterisation import characterise_recordings
     from pneudrive.friction.reduction.condition import ALL_RECORDINGS
     from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
-    from pneudrive.identify.fit import LAWS
-    from pneudrive.identify.seals import fit_characterisation
+    from pneudrive.identify.static.fit import LAWS
+    from pneudrive.identify.static.seals import fit_characterisation
     from pneudrive.report import write_report
     from pneudrive.validate.closure import close_balance
 
@@ -88,7 +88,7 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
     from pneudrive.friction.campaign.characteristics import characteristics
     from pneudrive.friction.campaign.files import write_characteristics
     from pneudrive.friction.campaign.fits import ALL, fit_campaign
-    from pneudrive.report.campaign import write_campaign_report
+    from pneudrive.report.campaign.page import write_campaign_report
 
     if len(recordings) > 1 or layout is not None:
         raise CommandError(

@@ -56,7 +56,7 @@ def characteristic(
     if out is not None:
         _save(found, out)
     if plot is not None:
-        from pneudrive.report.datasheet_figures import plot_characteristic
+        from pneudrive.report.datasheet.figures import plot_characteristic
 
         plot_characteristic(found, plot)
     tell([out, plot])

@@ -13,7 +13,7 @@ from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
     from pneudrive.friction.campaign.compare.comparison import Comparison
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.result import FrictionFit
 
 SPEEDS = 5  # at which curves are compared
 SAME_PA = 1.0  # rounding of a pressure
@@ -37,7 +37,7 @@ def compare(
     from pneudrive.friction.campaign.compare.comparison import compare as compared
     from pneudrive.friction.campaign.files import write_comparison
     from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
-    from pneudrive.report.campaign_compare import write_comparison_report
+    from pneudrive.report.campaign.compare import write_comparison_report
 
     if all(one.suffix == ".toml" or str(one).startswith("catalogue:") for one in (first, second)):
         _values(str(first), str(second))
@@ -55,9 +55,9 @@ def compare(
 
 def _values(first: str, second: str) -> None:
     """Print the values that differ between two drives or fits."""
-    from pneudrive.identify.differences import differences
     from pneudrive.identify.files import read_source
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.differences import differences
+    from pneudrive.identify.static.result import FrictionFit
 
     sources = read_source(first), read_source(second)
     found = differences(*sources)
@@ -75,7 +75,7 @@ def _curves(before: FrictionFit, after: FrictionFit) -> None:
     """Print the difference between the curves of two fits, at speeds and pressures that both have measured."""
     import numpy as np
 
-    from pneudrive.identify.differences import common, curve_differences
+    from pneudrive.identify.static.differences import common, curve_differences
 
     low, high = common(before, after, "speed_m_s")
     gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]

@@ -194,7 +194,7 @@ def run(
     if out is not None:
         save(found.dataset(), out)
     if plot is not None:
-        from pneudrive.report.control import plot_control
+        from pneudrive.report.control.figures import plot_control
 
         plot_control(found.dataset(), plot)
     tell([out, plot])
@@ -239,7 +239,7 @@ def compare(
     from pneudrive.control.card import SCORES
     from pneudrive.control.comparison import compare_watched
     from pneudrive.describe.load import load_described
-    from pneudrive.report.control_page import write_control_report
+    from pneudrive.report.control.page import write_control_report
 
     described = load_described(drive)
     words = laws if laws == "all" else names_in(laws)
@@ -301,7 +301,7 @@ def reference(
     found = named_or_read(along, tuning.plant.stroke_m, tuning.plant.speed_m_s)
     typer.echo(f"{found.text}\n{aligned(feasibility(tuning, found).rows())}")
     if plot is not None:
-        from pneudrive.report.control import plot_reference
+        from pneudrive.report.control.figures import plot_reference
 
         plot_reference(found, tuning.plant, plot)
     tell([plot])

@@ -31,7 +31,7 @@ def datasheet(
     from pneudrive.cli.progress import on_terminal
     from pneudrive.datasheet.sheet import build
     from pneudrive.describe.load import load_described
-    from pneudrive.report.datasheet import SUFFIXES, write_datasheet
+    from pneudrive.report.datasheet.page import SUFFIXES, write_datasheet
     from pneudrive.trajectory import check_target
 
     out.parent.mkdir(parents=True, exist_ok=True)

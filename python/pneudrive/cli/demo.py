@@ -26,10 +26,10 @@ def demo(
     from pneudrive.errors import CommandError
     from pneudrive.friction.friction_map import write_map
     from pneudrive.friction.recording.characterisation import characterise_recordings
-    from pneudrive.identify.seals import fit_characterisation, fit_file
+    from pneudrive.identify.static.seals import fit_characterisation, fit_file
     from pneudrive.report import write_report
+    from pneudrive.report.recording.verdict import verdict
     from pneudrive.report.study import WithSections
-    from pneudrive.report.verdict import verdict
     from pneudrive.studies.bracha import FOLDER
     from pneudrive.studies.bracha.reproduction import reproduce
     from pneudrive.studies.identified_axis import identify_axis

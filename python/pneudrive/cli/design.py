@@ -12,7 +12,7 @@ from pneudrive.cli.options import option, quantity
 
 if TYPE_CHECKING:
     from pneudrive.identify.design import Design, Limits
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.result import FrictionFit
     from pneudrive.rig.interface import Envelope, Identity
 
 #: Largest number of designs until the protocol fits the requested time, and factor on the time of each next design.
@@ -38,14 +38,14 @@ def design(
 
     The file is a protocol for pneudrive campaign plan. The expected intervals are printed.
     """
-    from pneudrive.campaign.live import duration
-    from pneudrive.campaign.next_points import protocol_of
-    from pneudrive.campaign.plan import lay_out
-    from pneudrive.campaign.protocol import parse_protocol
+    from pneudrive.campaign.planning.next_points import protocol_of
+    from pneudrive.campaign.planning.plan import lay_out
+    from pneudrive.campaign.planning.protocol import parse_protocol
+    from pneudrive.campaign.running.live import duration
     from pneudrive.cli.output import write_text
     from pneudrive.errors import CommandError
     from pneudrive.identify.design import design as designed
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.result import FrictionFit
     from pneudrive.rig.loading import load_rig
 
     if out is not None and (out.exists() or out.suffix != ".toml" or not out.parent.is_dir()):
@@ -87,7 +87,7 @@ def design(
 def _shared(fit: FrictionFit, plan: Design) -> list[str]:
     """Return a note on shared errors that exceed the errors that more points reduce."""
     from pneudrive.identify.determined import shown_in
-    from pneudrive.identify.model import unit_of
+    from pneudrive.identify.static.model import unit_of
 
     out = []
     for name, then in plan.half_widths_then.items():
@@ -103,7 +103,7 @@ def _shared(fit: FrictionFit, plan: Design) -> list[str]:
 
 
 def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:
-    from pneudrive.campaign.next_points import limits_of
+    from pneudrive.campaign.planning.next_points import limits_of
     from pneudrive.errors import CommandError
     from pneudrive.units import parse_range
 

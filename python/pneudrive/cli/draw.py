@@ -20,7 +20,7 @@ def draw(
     from pneudrive.describe.load import load_described
     from pneudrive.errors import DescriptionError
     from pneudrive.files.content import read_text
-    from pneudrive.report.circuit_drawing import draw_circuit
+    from pneudrive.report.circuit.drawing import draw_circuit
     from pneudrive.report.written import PICTURES
     from pneudrive.trajectory import check_target
 

@@ -62,7 +62,7 @@ def export(
     from pneudrive.identify.export.convert import check_tool
     from pneudrive.identify.export.convert import export as exported
     from pneudrive.identify.files import read_source
-    from pneudrive.identify.friction_curve import curve_of_drive
+    from pneudrive.identify.static.friction_curve import curve_of_drive
     from pneudrive.units import parse_pressure, parse_range
 
     check_tool(to)

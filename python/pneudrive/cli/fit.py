@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.identify.laws import LawComparison
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.laws import LawComparison
+    from pneudrive.identify.static.result import FrictionFit
 
 MOST_NAMED = 6  # largest number of values of a label in a message
 MAP_SUFFIXES = (".parquet", ".csv")
@@ -63,8 +63,8 @@ def fit(
     """
     from pneudrive.errors import CommandError, nearest
     from pneudrive.friction.campaign.fits import NO_POINTS, with_dependences
-    from pneudrive.identify.laws import CANDIDATES
-    from pneudrive.identify.model import PRESSURE_FORMS
+    from pneudrive.identify.static.laws import CANDIDATES
+    from pneudrive.identify.static.model import PRESSURE_FORMS
 
     names = names_in(laws) or list(CANDIDATES)
     for name in names:
@@ -147,7 +147,7 @@ def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
 def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None) -> list[str]:
     """Return sentences on the spread between several seals of one map, if each was fitted."""
     from pneudrive.errors import FitError
-    from pneudrive.identify.survey import survey
+    from pneudrive.identify.static.survey import survey
 
     if by != "seal" or "seal" not in curves or len(set(curves["seal"].to_numpy().tolist())) < 2:
         return []
@@ -194,7 +194,7 @@ def _ambient(curves: xr.Dataset, said: str) -> float:
 def _groups(curves: xr.Dataset, by: str) -> list[tuple[str, xr.Dataset]]:
     import numpy as np
 
-    from pneudrive.identify.survey import row_labels
+    from pneudrive.identify.static.survey import row_labels
 
     if not by:
         return [("", curves)]
@@ -230,8 +230,8 @@ def _fitted(
 ) -> tuple[FrictionFit, LawComparison | None]:
     """Compare several laws and fit the recommended one; fit a single law directly."""
     from pneudrive.errors import FitError
-    from pneudrive.identify.fit import fit_friction
-    from pneudrive.identify.laws import CANDIDATES, compare_laws
+    from pneudrive.identify.static.fit import fit_friction
+    from pneudrive.identify.static.laws import CANDIDATES, compare_laws
 
     forms = None if not pressure else () if pressure == "none" else (pressure,)
     comparison: LawComparison | None = None

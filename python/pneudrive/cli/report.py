@@ -28,8 +28,8 @@ def report(
     from pneudrive.errors import CommandError
     from pneudrive.friction.friction_map import read_map
     from pneudrive.identify.files import read_fit
-    from pneudrive.identify.sliding_fit import SlidingFit
-    from pneudrive.identify.with_map import with_map
+    from pneudrive.identify.static.sliding_fit import SlidingFit
+    from pneudrive.identify.static.with_map import with_map
 
     found = read_fit(fit)
     if friction_map is not None:

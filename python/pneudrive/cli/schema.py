@@ -28,6 +28,6 @@ def schema(
     elif kind is SchemaKind.circuit:
         from pneudrive.describe.schema import circuit_schema as described
     else:
-        from pneudrive.campaign.protocol import protocol_schema as described
+        from pneudrive.campaign.planning.protocol import protocol_schema as described
 
     typer.echo(json.dumps(described(), indent=2, ensure_ascii=False))

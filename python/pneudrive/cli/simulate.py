@@ -93,7 +93,7 @@ def simulate(
         draw(result.dataset(), plot)
     _say(described.name, result.columns, result.provenance, (out, plot))
     if energy:
-        from pneudrive.datasheet.energy import energy_balance
+        from pneudrive.datasheet.characteristics.energy import energy_balance
 
         given = command_of(described, command)
         typer.echo(str(energy_balance(described, given, duration, initial=initial, rtol=rtol)))

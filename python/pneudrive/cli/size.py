@@ -32,7 +32,7 @@ def size(
     """
     from pneudrive.cli.main import EXIT_INTERRUPTED
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.report.sizing_page import write_sizing_report
+    from pneudrive.report.sizing.page import write_sizing_report
     from pneudrive.sizing.result import HEAD, PARTS, REASONS, SUMMARY, TABLE, WRITTEN, row_of, sentences, set_to
     from pneudrive.sizing.search import DRAWS_BEST_OF, watched
 

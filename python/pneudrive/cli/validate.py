@@ -51,7 +51,7 @@ def validate(
     """
     from pneudrive.describe.drive import Drive
     from pneudrive.errors import CommandError
-    from pneudrive.report.validation import write_validation_report
+    from pneudrive.report.validation.page import write_validation_report
     from pneudrive.validate.static import is_friction
     from pneudrive.validate.validation import validate as validated
 
@@ -117,7 +117,7 @@ def _fit(path: str) -> DriveFit | None:
 
 
 def _friction(drive: Drive, path: Path, out: Path) -> None:
-    from pneudrive.report.validation_static import write_friction_report
+    from pneudrive.report.validation.static import write_friction_report
     from pneudrive.validate.static import validate_friction
 
     found = validate_friction(drive, path)

@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive.datasheet.actuation import HELD, LOCK, Actuation, held_tables, positions_of
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.identify.friction_curve import steady_friction
+from pneudrive.identify.static.friction_curve import steady_friction
 from pneudrive.session import Session
 
 if TYPE_CHECKING:

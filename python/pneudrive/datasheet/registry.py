@@ -25,14 +25,13 @@ if TYPE_CHECKING:
 @cache
 def characteristics() -> dict[str, Characteristic]:
     """Return all characteristics by name."""
-    from pneudrive.datasheet import (
+    from pneudrive.datasheet import published, stands
+    from pneudrive.datasheet.characteristics import (
         air,
         cushion,
         frequency,
         line_study,
-        published,
         response,
-        stands,
         steady,
         stiffness,
         threshold,

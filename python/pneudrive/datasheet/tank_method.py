@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.datasheet.air import drawn_mass
+from pneudrive.datasheet.characteristics.air import drawn_mass
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.errors import PneudriveError, RecordingError

@@ -69,7 +69,7 @@ class Circuit(Described):
     #: Kind of its file in words, and what precedes the names of components in its keys.
     file_kind: ClassVar[str] = "circuit"
     key_prefix: ClassVar[str] = "components."
-    picture_home: ClassVar[str] = "pneudrive.report.circuit_svg:circuit_svg"
+    picture_home: ClassVar[str] = "pneudrive.report.circuit.svg:circuit_svg"
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str = "unnamed circuit"

@@ -15,8 +15,8 @@ from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import chosen
 from pneudrive.identify.determined import names_of
 from pneudrive.identify.dynamic.transforms import transforms_of
-from pneudrive.identify.model import PRESSURE_NAMES
-from pneudrive.identify.result import slope_key
+from pneudrive.identify.static.model import PRESSURE_NAMES
+from pneudrive.identify.static.result import slope_key
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:

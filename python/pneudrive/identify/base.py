@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from pneudrive.identify.determined import FittedData
     from pneudrive.identify.export.convert import Exported
-    from pneudrive.identify.friction_curve import SlidingCurve
+    from pneudrive.identify.static.friction_curve import SlidingCurve
 
     Array = NDArray[np.float64]
 

@@ -11,15 +11,15 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.estimate.levels import SAME_SPEED
 from pneudrive.identify.determined import Intervals
-from pneudrive.identify.robust import estimate
-from pneudrive.identify.survey import pressure_levels
+from pneudrive.identify.static.robust import estimate
+from pneudrive.identify.static.survey import pressure_levels
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.model import Observations
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.model import Observations
+    from pneudrive.identify.static.result import FrictionFit
 
     Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.determined import shown_in
-from pneudrive.identify.laws import CANDIDATES
-from pneudrive.identify.model import FrictionModel, at_conditions, unit_of
-from pneudrive.identify.result import FrictionFit
+from pneudrive.identify.static.laws import CANDIDATES
+from pneudrive.identify.static.model import FrictionModel, at_conditions, unit_of
+from pneudrive.identify.static.result import FrictionFit
 from pneudrive.show import Shown
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.model import Observations
+    from pneudrive.identify.static.model import Observations
 
     Array = NDArray[np.float64]
 

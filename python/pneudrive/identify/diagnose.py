@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.model import FrictionModel, Observations
-    from pneudrive.identify.robust import RobustEstimate
+    from pneudrive.identify.static.model import FrictionModel, Observations
+    from pneudrive.identify.static.robust import RobustEstimate
 
     Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from pneudrive.describe.load import OF_A_CIRCUIT
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.identify.dynamic.presliding import Presliding
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.identify.law_fit import LawFit
-from pneudrive.identify.result import FrictionFit
+from pneudrive.identify.static.law_fit import LawFit
+from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.volume_result import VolumeFit
 
 if TYPE_CHECKING:

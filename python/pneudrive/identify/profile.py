@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.model import EXPONENT_BOUNDS
+from pneudrive.identify.static.model import EXPONENT_BOUNDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.model import FrictionModel, Observations
-    from pneudrive.identify.robust import RobustEstimate
+    from pneudrive.identify.static.model import FrictionModel, Observations
+    from pneudrive.identify.static.robust import RobustEstimate
 
     Array = NDArray[np.float64]
 

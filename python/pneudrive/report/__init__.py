@@ -7,27 +7,27 @@ from typing import TYPE_CHECKING
 from pneudrive.lazy import lazy, upper
 
 if TYPE_CHECKING:
-    from pneudrive.report.campaign import write_campaign_report as write_campaign_report
-    from pneudrive.report.circuit_drawing import draw_circuit as draw_circuit
-    from pneudrive.report.control import plot_control as plot_control
-    from pneudrive.report.control import plot_reference as plot_reference
-    from pneudrive.report.control_page import write_control_report as write_control_report
-    from pneudrive.report.datasheet_figures import plot_characteristic as plot_characteristic
+    from pneudrive.report.campaign.page import write_campaign_report as write_campaign_report
+    from pneudrive.report.circuit.drawing import draw_circuit as draw_circuit
+    from pneudrive.report.control.figures import plot_control as plot_control
+    from pneudrive.report.control.figures import plot_reference as plot_reference
+    from pneudrive.report.control.page import write_control_report as write_control_report
+    from pneudrive.report.datasheet.figures import plot_characteristic as plot_characteristic
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
     from pneudrive.report.lines_figure import plot_lines as plot_lines
-    from pneudrive.report.pressure import plot_pressure as plot_pressure
+    from pneudrive.report.recording.pressure import plot_pressure as plot_pressure
     from pneudrive.report.trajectory import plot as plot
     from pneudrive.report.write import write_report as write_report
 #: Module -> its names.
 _HOMES = {
-    "campaign": ["write_campaign_report"],
-    "circuit_drawing": ["draw_circuit"],
-    "control": ["plot_control", "plot_reference"],
-    "control_page": ["write_control_report"],
-    "datasheet_figures": ["plot_characteristic"],
+    "campaign.page": ["write_campaign_report"],
+    "circuit.drawing": ["draw_circuit"],
+    "control.figures": ["plot_control", "plot_reference"],
+    "control.page": ["write_control_report"],
+    "datasheet.figures": ["plot_characteristic"],
     "layout_figure": ["write_layout_figure"],
     "lines_figure": ["plot_lines"],
-    "pressure": ["plot_pressure"],
+    "recording.pressure": ["plot_pressure"],
     "trajectory": ["plot"],
     "write": ["write_report"],
 }

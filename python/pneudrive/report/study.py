@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.page import Block, Section
 
     #: Group of recordings -> friction law -> its fit.

@@ -5,25 +5,24 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pneudrive.report import campaign_course as course
-from pneudrive.report import (
-    campaign_curves,
-    campaign_run,
+from pneudrive.report import provenance, style
+from pneudrive.report.campaign import course
+from pneudrive.report.campaign import curves as campaign_curves
+from pneudrive.report.campaign import run as campaign_run
+from pneudrive.report.page import Report
+from pneudrive.report.recording import (
     closure,
     loops,
     measured,
     pressure,
-    provenance,
     record,
     recovered,
     speed,
     stick_slip,
     strokes,
-    style,
     uncertainty,
 )
-from pneudrive.report.page import Report
-from pneudrive.report.verdict import lines_of
+from pneudrive.report.recording.verdict import lines_of
 
 if TYPE_CHECKING:
     from pathlib import Path

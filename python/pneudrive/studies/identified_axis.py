@@ -19,7 +19,7 @@ from pneudrive.campaign.run import run_campaign
 from pneudrive.control.controller import Controller
 from pneudrive.control.loop import run
 from pneudrive.friction.campaign.characteristics import characterise
-from pneudrive.identify.fit import fit_friction
+from pneudrive.identify.static.fit import fit_friction
 from pneudrive.report import style
 from pneudrive.report.page import PageTable, Paragraph, Picture, section
 from pneudrive.simulate import simulate
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.page import Section
 
 VALVE, FRICTION = "components.valve", "components.cylinder.friction"

@@ -11,7 +11,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.identify.friction_curve import steady_friction
+from pneudrive.identify.static.friction_curve import steady_friction
 from pneudrive.show import Shown
 from pneudrive.trajectory import columns_in
 from pneudrive.validate.metrics import Metrics, metrics

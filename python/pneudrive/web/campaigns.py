@@ -9,12 +9,12 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.adaptive import finished_of
-from pneudrive.campaign.control import WORDS, ask
-from pneudrive.campaign.folder import CYCLES, LOG
-from pneudrive.campaign.live_files import read_live
-from pneudrive.campaign.lock import holder
+from pneudrive.campaign.planning.adaptive import finished_of
+from pneudrive.campaign.running.live_files import read_live
 from pneudrive.campaign.status import status_of
+from pneudrive.campaign.storage.control import WORDS, ask
+from pneudrive.campaign.storage.folder import CYCLES, LOG
+from pneudrive.campaign.storage.lock import holder
 from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, protocol_named
 from pneudrive.web.messages import pack
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from pneudrive.campaign.adaptive import Finished
+    from pneudrive.campaign.planning.adaptive import Finished
     from pneudrive.campaign.status import Status
     from pneudrive.web.workspace import Workspace
 
@@ -42,10 +42,10 @@ def planned(given: Mapping[str, Any], workspace: Workspace) -> dict[str, Any]:
     CommandError, ProtocolError
         As for `campaign_job`, or a cycle of the plan breaks a limit of the rig.
     """
-    from pneudrive.campaign.plan import lay_out
-    from pneudrive.campaign.plan_words import show
-    from pneudrive.campaign.preflight import check_levels
-    from pneudrive.campaign.protocol import read_protocol
+    from pneudrive.campaign.planning.plan import lay_out
+    from pneudrive.campaign.planning.plan_words import show
+    from pneudrive.campaign.planning.preflight import check_levels
+    from pneudrive.campaign.planning.protocol import read_protocol
     from pneudrive.rig.loading import load_rig, opened
 
     name = protocol_named(given, workspace)
@@ -54,8 +54,9 @@ def planned(given: Mapping[str, Any], workspace: Workspace) -> dict[str, Any]:
         check_levels(asked, bench)
         plan = lay_out(asked, bench.identity(), bench.limits())
     python = (
-        "from pneudrive.campaign.plan import lay_out\nfrom pneudrive.campaign.plan_words import show\n"
-        "from pneudrive.campaign.protocol import read_protocol\nfrom pneudrive.rig import load_rig\n\n"
+        "from pneudrive.campaign.planning.plan import lay_out\n"
+        "from pneudrive.campaign.planning.plan_words import show\n"
+        "from pneudrive.campaign.planning.protocol import read_protocol\nfrom pneudrive.rig import load_rig\n\n"
         f"rig, asked = load_rig({RIG!r}), read_protocol({name!r})\n"
         "plan = lay_out(asked, rig.identity(), rig.limits())\nprint(show(plan))\n"
     )

@@ -149,7 +149,7 @@ def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
     PneudriveError
         The description is not valid.
     """
-    from pneudrive.report.circuit_shapes import circuit_shapes, pistons  # it draws: the server starts without it
+    from pneudrive.report.circuit.shapes import circuit_shapes, pistons  # it draws: the server starts without it
 
     found = circuit_shapes(described_at(workspace, path, text))
     return {

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.campaign.next_points import limits_of
+from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, read_map
 from pneudrive.identify.design import design
 from pneudrive.identify.determined import shown_in
-from pneudrive.identify.differences import common, curve_differences
 from pneudrive.identify.files import read_fit
-from pneudrive.identify.laws import CANDIDATES
-from pneudrive.identify.model import PRESSURE_FORMS
-from pneudrive.identify.result import FrictionFit
-from pneudrive.identify.sliding_fit import SlidingFit
-from pneudrive.identify.with_map import PROBABILITIES, ellipses, profiles, with_map
+from pneudrive.identify.static.differences import common, curve_differences
+from pneudrive.identify.static.laws import CANDIDATES
+from pneudrive.identify.static.model import PRESSURE_FORMS
+from pneudrive.identify.static.result import FrictionFit
+from pneudrive.identify.static.sliding_fit import SlidingFit
+from pneudrive.identify.static.with_map import PROBABILITIES, ellipses, profiles, with_map
 from pneudrive.rig.loading import load_rig
 from pneudrive.web.jobs import RIG, AskedJob, folder_name
 from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.identify.files import AnyFit
-    from pneudrive.identify.result import Prediction
+    from pneudrive.identify.static.result import Prediction
     from pneudrive.web.workspace import Workspace
 
 MOST_POINTS = 10_000
@@ -176,7 +176,7 @@ def map_slice(workspace: Workspace, name: str, fit_name: str, speed_m_s: float) 
             others.append((other, float(reach.min()), float(reach.max())))
     pair = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
     python = (
-        "import numpy as np\nfrom pneudrive.identify.result import FrictionFit\n\n"
+        "import numpy as np\nfrom pneudrive.identify.static.result import FrictionFit\n\n"
         f"fit = FrictionFit.from_toml({_fit_name(name, fit_name)!r})\n"
         f"# gauge pressure of chamber {'ba'[along]}, and the ends of that of chamber {'ab'[along]}, Pa\n"
         f"levels = {others!r}\n"
@@ -230,8 +230,8 @@ def map_difference(workspace: Workspace, path: str, fit_name: str, other: str) -
         raise CommandError("the maps have no pair of chamber pressures in common", value=" and ".join(names))
     fit_names = list(map(_fit_name, names, beside))
     python = (
-        "import numpy as np\nfrom pneudrive.identify.differences import common, curve_differences\n"
-        "from pneudrive.identify.result import FrictionFit\n\n"
+        "import numpy as np\nfrom pneudrive.identify.static.differences import common, curve_differences\n"
+        "from pneudrive.identify.static.result import FrictionFit\n\n"
         f"before, after = (FrictionFit.from_toml(name) for name in {fit_names!r})\n"
         f'speeds = np.geomspace(*common(before, after, "speed_m_s"), {SPEEDS})\n'
         f"gauges = {pairs!r}  # gauge pressures of chambers a and b, Pa\n"
@@ -410,7 +410,7 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
     lines = [
         "from pneudrive.characterise import read_map",
         "from pneudrive.identify.files import read_fit",
-        "from pneudrive.identify.with_map import ellipses, profiles, with_map\n",
+        "from pneudrive.identify.static.with_map import ellipses, profiles, with_map\n",
         f"curves = read_map({edge.path!r})\nfit = with_map(read_fit({path!r}), curves)",
         'data = fit.compared()["friction"]\nresiduals = data.measured - data.model',
         "outlines = ellipses(fit)",
@@ -444,8 +444,8 @@ def next_points(workspace: Workspace, path: str, points: int | None) -> dict[str
     plan = design(fit, limits_of(fit, rig.identity(), rig.limits()), points=points)
     scales = {name: shown_in(fit.units[name]) for name in plan.half_widths_then}
     python = (
-        "import pneudrive as pn\nfrom pneudrive.campaign.next_points import limits_of\n"
-        "from pneudrive.identify.result import FrictionFit\nfrom pneudrive.rig import load_rig\n\n"
+        "import pneudrive as pn\nfrom pneudrive.campaign.planning.next_points import limits_of\n"
+        "from pneudrive.identify.static.result import FrictionFit\nfrom pneudrive.rig import load_rig\n\n"
         f"fit, rig = FrictionFit.from_toml({path!r}), load_rig({RIG!r})\n"
         f"plan = pn.design(fit, limits_of(fit, rig.identity(), rig.limits()), points={points})\nprint(plan)\n"
     )

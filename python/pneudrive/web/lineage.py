@@ -16,7 +16,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.campaign.folder import ABOUT as CAMPAIGN
+from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
 from pneudrive.control.card import ABOUT as COMPARISON
 from pneudrive.describe import toml
 from pneudrive.describe.catalogue import entries
@@ -27,12 +27,12 @@ from pneudrive.files.tables import open_table
 from pneudrive.friction.friction_map import HASHES, read_map
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit
-from pneudrive.identify.fit import fingerprint
-from pneudrive.identify.laws import CANDIDATES
-from pneudrive.identify.result import FrictionFit
-from pneudrive.identify.sliding_fit import SlidingFit
+from pneudrive.identify.static.fit import fingerprint
+from pneudrive.identify.static.laws import CANDIDATES
+from pneudrive.identify.static.result import FrictionFit
+from pneudrive.identify.static.sliding_fit import SlidingFit
+from pneudrive.identify.static.with_map import values_of_fit
 from pneudrive.identify.volume_result import VolumeFit
-from pneudrive.identify.with_map import values_of_fit
 from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
 from pneudrive.signals.layout import stem
 from pneudrive.signals.load import hashes_of
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.identify.files import AnyFit
-    from pneudrive.identify.model import Observations
+    from pneudrive.identify.static.model import Observations
     from pneudrive.web.workspace import Listed, Workspace
 
 MOST_CHECKED, MOST_TRACED = 300, 3000  # files of a kind that are looked at, the newest: for all results, for one

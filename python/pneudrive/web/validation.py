@@ -18,8 +18,8 @@ from pneudrive.describe.catalogue import entries
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import CommandError
 from pneudrive.free.parameters import Parameter, numbers_of, with_shape
-from pneudrive.identify.differences import differences
 from pneudrive.identify.files import read_fit
+from pneudrive.identify.static.differences import differences
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
 from pneudrive.trajectory import SUFFIXES, columns_in, read_columns
 from pneudrive.units import readable
@@ -357,7 +357,8 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     texts = [one.to_toml().splitlines() for one in sources if isinstance(one, Drive)]
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
     python = (
-        "from pneudrive.identify.differences import differences\nfrom pneudrive.identify.files import read_source\n\n"
+        "from pneudrive.identify.static.differences import differences\n"
+        "from pneudrive.identify.files import read_source\n\n"
         f"for one in differences(read_source({before!r}), read_source({after!r})):\n    print(one)\n"
     )
     return {

@@ -306,7 +306,7 @@ def _texts(value: object) -> Iterator[str]:
 @cache
 def _folder_marks() -> tuple[tuple[str, tuple[str, ...]], ...]:
     """Return the kinds of folders that are listed as one item, by files in them."""
-    from pneudrive.campaign.folder import ABOUT, RIG
+    from pneudrive.campaign.storage.folder import ABOUT, RIG
     from pneudrive.control.card import ABOUT as COMPARISON
     from pneudrive.sizing.folder import ABOUT as SIZING
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from pneudrive.campaign.plan import lay_out
-from pneudrive.campaign.protocol import parse_protocol
+from pneudrive.campaign.planning.plan import lay_out
+from pneudrive.campaign.planning.protocol import parse_protocol
 from pneudrive.rig import Envelope, Identity
 
 IDENTITY = Identity(

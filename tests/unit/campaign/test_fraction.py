@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pneudrive.campaign.fraction import propose, write_fraction
-from pneudrive.campaign.plan import cell_name, lay_out
-from pneudrive.campaign.protocol import parse_protocol, read_protocol
+from pneudrive.campaign.planning.fraction import propose, write_fraction
+from pneudrive.campaign.planning.plan import cell_name, lay_out
+from pneudrive.campaign.planning.protocol import parse_protocol, read_protocol
 from pneudrive.errors import ProtocolError
 
 TEXT = """\

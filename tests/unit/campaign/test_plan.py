@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pneudrive.campaign.cycle import KINDS, Cycle
-from pneudrive.campaign.protocol import ready_protocols
+from pneudrive.campaign.planning.protocol import ready_protocols
 from pneudrive.rig import Hold, Limits, Move, move
 
 SWEEP = """

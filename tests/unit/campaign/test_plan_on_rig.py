@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from pneudrive.campaign.folder import Head, write_cycle
-from pneudrive.campaign.plan import lay_out
-from pneudrive.campaign.protocol import parse_protocol
+from pneudrive.campaign.planning.plan import lay_out
+from pneudrive.campaign.planning.protocol import parse_protocol
+from pneudrive.campaign.storage.folder import Head, write_cycle
 from pneudrive.errors import RigError
 from pneudrive.rig import Samples, load_rig
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pneudrive.campaign import preflight
+from pneudrive.campaign.planning import preflight
 from pneudrive.errors import ProtocolError
 
 SWEEP = '[speed]\nlist = ["10 mm/s", "500 mm/s"]\nsettled_time = "0 s"\n'

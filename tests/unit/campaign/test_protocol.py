@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from pneudrive.campaign.protocol import parse_protocol, protocol_schema, read_protocol, ready_protocols
+from pneudrive.campaign.planning.protocol import parse_protocol, protocol_schema, read_protocol, ready_protocols
 from pneudrive.errors import ProtocolError
 
 SPEED = '[speed]\nfrom = "1 mm/s"\nto = "450 mm/s"\ncount = 20\n'

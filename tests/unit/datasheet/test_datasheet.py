@@ -13,7 +13,7 @@ from pneudrive.cli.main import run
 from pneudrive.datasheet import sheet
 from pneudrive.datasheet.measured import MeasuredBeside, beside, response_of
 from pneudrive.datasheet.sheet import build
-from pneudrive.report.datasheet import write_datasheet
+from pneudrive.report.datasheet.page import write_datasheet
 from pneudrive.trajectory import columns
 from pneudrive.validate.validation import validate
 from pneudrive.watch import UNWATCHED
@@ -99,7 +99,7 @@ def test_strokes_that_the_drive_does_not_do_count_against_it(tmp_path):
 
 def test_intervals_reach_the_numbers_of_the_page(monkeypatch):
     monkeypatch.setattr(sheet, "OF_A_SHEET", ("minimum-pressure",))
-    monkeypatch.setattr("pneudrive.datasheet.threshold.least_pressure", lambda *_: 2e5)
+    monkeypatch.setattr("pneudrive.datasheet.characteristics.threshold.least_pressure", lambda *_: 2e5)
     origin = {"interval": ["43 N", "47 N"], "source": "stops.csv"}
     found = build(DRIVE.replace({"provenance": {"friction.breakaway": origin}}), [], None, UNWATCHED)
     force = next(one for one in found.numbers if one.name == "breakaway force")

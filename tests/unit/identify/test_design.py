@@ -10,7 +10,7 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.design import DesignSpace, exchange, information, prediction_variance
 from pneudrive.identify import fit_friction
 from pneudrive.identify.design import Limits, Prior, design, expected_half_widths
-from pneudrive.identify.model import at_conditions
+from pneudrive.identify.static.model import at_conditions
 
 RANGE = (1e-3, 0.45)
 

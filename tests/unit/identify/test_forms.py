@@ -10,8 +10,8 @@ from pneudrive import Drive, _core
 from pneudrive.errors import FitError
 from pneudrive.estimate.losses import LOSSES
 from pneudrive.identify import FrictionFit, fit_friction
-from pneudrive.identify.laws import compare_laws
-from pneudrive.identify.model import FrictionModel, Observations
+from pneudrive.identify.static.laws import compare_laws
+from pneudrive.identify.static.model import FrictionModel, Observations
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
 GRID = [(a, b) for a in (0.0, 2e5, 4e5, 6e5) for b in (0.0, 2e5, 4e5, 6e5)]

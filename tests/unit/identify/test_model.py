@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneudrive import _core
-from pneudrive.identify.model import FrictionModel, Observations
+from pneudrive.identify.static.model import FrictionModel, Observations
 
 SPEED = np.geomspace(1e-3, 0.45, 13)
 ONE = np.ones_like(SPEED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pneudrive.campaign.protocol import ready_protocols
+from pneudrive.campaign.planning.protocol import ready_protocols
 from pneudrive.studies.bracha import paper_figures
 from pneudrive.studies.bracha import stick_slip as ss
 from pneudrive.studies.bracha.experiments import EXPERIMENTS, run_experiment

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import characterise_recordings, load_recordings
-from pneudrive.identify.seals import fit_characterisation
+from pneudrive.identify.static.seals import fit_characterisation
 from pneudrive.report import write_report
 from pneudrive.report.page import Report
-from pneudrive.report.verdict import verdict
+from pneudrive.report.recording.verdict import verdict
 from pneudrive.rig import SimulatedRig, sweep
 from pneudrive.signals.trajectories import from_run
 from pneudrive.studies.bracha.stick_slip import creep

@@ -4,7 +4,7 @@ import pytest
 
 from pneudrive.friction.recording.pressure_line import FrictionPoint, fit_pressure_lines
 from pneudrive.report import style
-from pneudrive.report.pressure import draw_panel
+from pneudrive.report.recording.pressure import draw_panel
 
 
 @pytest.mark.parametrize("runs", [("1",), ("1", "2")])

@@ -10,9 +10,9 @@ import pytest
 import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.describe.components import component, component_kinds
-from pneudrive.report import circuit_blocks as blocks
-from pneudrive.report.circuit_drawing import draw_circuit
-from pneudrive.report.circuit_shapes import arranged
+from pneudrive.report.circuit import blocks
+from pneudrive.report.circuit.drawing import draw_circuit
+from pneudrive.report.circuit.shapes import arranged
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SIZE = {"conductance": "1 dm3/(s bar)"}

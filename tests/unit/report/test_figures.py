@@ -49,7 +49,7 @@ def test_looks_differ_without_colour():
 
 
 def test_equal_data_give_equal_files(real):
-    from pneudrive.report.closure import draw
+    from pneudrive.report.recording.closure import draw
 
     with style.applied():
         once, again = (svg_text(draw(list(real[0].closures))) for _ in range(2))
@@ -59,7 +59,7 @@ def test_equal_data_give_equal_files(real):
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_run_keeps_its_marker_and_the_legend_leaves_the_points_free(order):
     from pneudrive.friction.recording.pressure_line import FrictionPoint
-    from pneudrive.report.pressure import draw_panel
+    from pneudrive.report.recording.pressure import draw_panel
 
     points = [
         FrictionPoint(f"{run}/{bar}", "seal", run, bar * 1e5, 0.01, 2.0 + 0.1 * bar, 0.3)

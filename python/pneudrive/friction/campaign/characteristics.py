@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.bulk import many_objects
-from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.curves.curves import curves_of, fit_points
 from pneudrive.friction.campaign.curves.points import Points, points_of

@@ -10,8 +10,8 @@ import numpy as np
 from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.dependences import dependences_of
 from pneudrive.identify.dependences import Dependences
-from pneudrive.identify.fit import LAWS
-from pneudrive.identify.seals import fit_groups
+from pneudrive.identify.static.fit import LAWS
+from pneudrive.identify.static.seals import fit_groups
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.identify.result import FrictionFit
+    from pneudrive.identify.static.result import FrictionFit
 
 ALL = "all cycles"  # the group of a campaign without levels
 #: Note of a fit of rows that have no friction modifiers in common.

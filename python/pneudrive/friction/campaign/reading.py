@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.bulk import many_objects
-from pneudrive.campaign.folder import CycleFile, read_samples
+from pneudrive.campaign.storage.folder import CycleFile, read_samples
 from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.friction.campaign.samples import plan_of, read_or_skip, read_standing, recording_of
 from pneudrive.friction.campaign.sensors import (
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.campaign.folder import Campaign
+    from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.friction.reduction.settling import SampleChoice
     from pneudrive.rig.interface import Samples
 

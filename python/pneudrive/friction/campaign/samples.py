@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.campaign.folder import CycleFile, Head
+    from pneudrive.campaign.storage.folder import CycleFile, Head
     from pneudrive.rig.interface import Identity, Samples
 
 T = TypeVar("T")

@@ -16,8 +16,8 @@ from pneudrive.identify.base import HASH_DIGITS, Fit
 from pneudrive.identify.determined import FittedData, Intervals
 from pneudrive.identify.dynamic.mixture import warn_of_mixture
 from pneudrive.identify.dynamic.recordings import CHANNELS
-from pneudrive.identify.friction_curve import SlidingCurve, curve_of_drive
 from pneudrive.identify.identified import apply_identified
+from pneudrive.identify.static.friction_curve import SlidingCurve, curve_of_drive
 from pneudrive.numbers import plain
 from pneudrive.trajectory import meaning
 from pneudrive.units import readable

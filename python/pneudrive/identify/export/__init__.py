@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pneudrive.identify.export.convert import TOOLS, Exported, check_tool, export
 from pneudrive.identify.files import read_source
-from pneudrive.identify.friction_curve import SlidingCurve as Curve
-from pneudrive.identify.friction_curve import curve_of_drive, curve_of_fit
+from pneudrive.identify.static.friction_curve import SlidingCurve as Curve
+from pneudrive.identify.static.friction_curve import curve_of_drive, curve_of_fit
 
 __all__ = ["TOOLS", "Curve", "Exported", "check_tool", "curve_of_drive", "curve_of_fit", "export", "read_source"]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.friction_curve import SlidingCurve
+    from pneudrive.identify.static.friction_curve import SlidingCurve
 
     Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive.report import axes as draw
 from pneudrive.report import style
-from pneudrive.report.rig_diagram import rig_diagram
+from pneudrive.report.campaign.rig_diagram import rig_diagram
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

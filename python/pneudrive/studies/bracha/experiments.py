@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.campaign.folder import Campaign
+    from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.rig import Envelope
 
 #: Experiment -> (ready protocol, rig as `load_rig` takes it). The paper does not describe its rigs: the first one is

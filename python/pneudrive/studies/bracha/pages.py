@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from pneudrive.report import style
 from pneudrive.report.page import Paragraph, Picture
-from pneudrive.report.recovered import recovered
-from pneudrive.report.stick_slip import DrawnMotion, in_time, phase_plane
+from pneudrive.report.recording.recovered import recovered
+from pneudrive.report.recording.stick_slip import DrawnMotion, in_time, phase_plane
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, sentence
 from pneudrive.studies.bracha.chamber_laws import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE

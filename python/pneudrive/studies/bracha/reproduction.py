@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise import characterise_recordings
-from pneudrive.identify.seals import fit_characterisation
-from pneudrive.report import recovered
+from pneudrive.identify.static.seals import fit_characterisation
+from pneudrive.report.recording import recovered
 from pneudrive.report.study import Addition
 from pneudrive.report.topics import Topic
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep

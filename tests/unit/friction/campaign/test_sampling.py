@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from oracle.campaigns import write_campaign
-from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import SourcePaper
 from pneudrive.characteristics import characteristics
 from pneudrive.friction.campaign.reading import read_campaign

@@ -7,7 +7,7 @@ from threading import Lock
 import numpy as np
 
 from oracle.campaigns import write_campaign
-from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.files import seal, tables
 from pneudrive.friction.campaign import reading
 from pneudrive.friction.campaign.curves.points import points_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.folder import Head, create, write_cycle
+from pneudrive.campaign.storage.folder import Head, create, write_cycle
 from pneudrive.characteristics import characteristics
 from pneudrive.rig import Hold, Move, Samples, Sampling, load_rig
 

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characteristics import characteristics
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.threads import one_thread

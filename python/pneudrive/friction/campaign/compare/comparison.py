@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.campaign.folder import Campaign
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import CHANCE, Estimate
 from pneudrive.friction.campaign.compare.checks import Check, checks_of

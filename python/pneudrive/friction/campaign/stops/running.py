@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.campaign.folder import read_samples
+from pneudrive.campaign.storage.folder import read_samples
 from pneudrive.friction.campaign.samples import condition_of, read_or_skip, recording_of, steps_of
 from pneudrive.friction.campaign.stops.phases import FEWEST, mean_velocity, steady_part
 from pneudrive.friction.reduction.condition import Skipped
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.campaign.folder import CycleFile
+    from pneudrive.campaign.storage.folder import CycleFile
     from pneudrive.friction.campaign.stops.phases import Phases
     from pneudrive.friction.reduction.condition import Condition
     from pneudrive.rig.interface import Identity, Samples

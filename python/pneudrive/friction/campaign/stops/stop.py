@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.campaign.folder import CycleFile, read_samples
+from pneudrive.campaign.storage.folder import CycleFile, read_samples
 from pneudrive.friction.campaign.samples import condition_of, read_or_skip, recording_of, steps_of
 from pneudrive.friction.campaign.stops.breakaway import BreakawayPeak, find_breakaway
 from pneudrive.friction.campaign.stops.phases import Phases, find_phases, mean_velocity, steady_part, stop_step
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.folder import Campaign
+    from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.friction.reduction.condition import Condition
     from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording

@@ -1,0 +1,1 @@
+"""From a protocol to a plan of cycles, checked against a rig."""

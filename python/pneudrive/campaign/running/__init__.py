@@ -1,0 +1,1 @@
+"""Cycles of a plan on a rig."""

@@ -1,0 +1,186 @@
+"""One attempt at a cycle, from the present position of the axis to the samples, on the rig's thread."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, cast
+
+from pneudrive.campaign.storage.lock import now
+from pneudrive.errors import PneudriveError, RigError
+from pneudrive.rig.interface import Changeable, Reproducible, Samples, closed_after, has_verbs
+from pneudrive.rig.plain_data import plain
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.running.rig_thread import RigThread
+    from pneudrive.rig.interface import Rig
+
+#: Distance from the start of a cycle within which the axis stays: a shorter move would disturb the seal.
+AT_START_M = 1e-4
+#: Highest speed to the start of a cycle, m/s; lower on a slower rig.
+TO_START_M_S = 0.05
+
+
+@dataclass
+class Measured:
+    """The results of a completed attempt.
+
+    Attributes
+    ----------
+    samples : Samples
+    began_s : float
+        The rig's clock at time zero.
+    started : str
+        Date and time of the computer.
+    attempts : int
+        Number of attempts at the cycle.
+    memory, truth : dict
+        Snapshot and ground truth of a reproducible rig after the cycle.
+    """
+
+    samples: Samples
+    began_s: float
+    started: str
+    attempts: int
+    memory: dict[str, Any] = field(default_factory=dict)
+    truth: dict[str, Any] = field(default_factory=dict)
+
+
+class GivenUpError(Exception):
+    """Error: the cycle was abandoned, with the reason in the message."""
+
+
+class Attempts:
+    """Attempts at cycles, and the state of the rig that one cycle leaves to the next.
+
+    Parameters
+    ----------
+    thread : RigThread
+    watch : callable
+        Called with samples and rig; returns why the cycle must be given up, or an empty text.
+    show : callable
+        Called with each part of the samples.
+    """
+
+    def __init__(
+        self, thread: RigThread, watch: Callable[[Samples, Rig], str], show: Callable[[Samples], None]
+    ) -> None:
+        self._thread, self._watch, self._show = thread, watch, show
+        self._begun: dict[str, int] = {}
+        self._memory: dict[str, Any] = {}  # snapshot after the last finished cycle, or before the first one
+        self._pressures_after: tuple[float, float] | None = None  # position after the last finished cycle
+        self._pressures: tuple[float, float] | None = None  # pressures in the chambers now, if known
+        self._homed = self._whole = False  # whether the axis is homed; whether the last cycle was completed
+
+    def run(self, rig: Rig, cycle: Cycle, settling_s: float) -> Measured:
+        """Bring the rig to the start of a cycle, run its steps and return the samples.
+
+        For an operator's step, inform the rig about the change.
+
+        Raises
+        ------
+        GivenUpError
+            If samples or the state of the rig are out of bounds, or the axis was stopped.
+        """
+        self._whole, started = False, now()
+        self._begun[cycle.key] = self._begun.get(cycle.key, 0) + 1
+        self._go_to_start(rig, cycle)
+        if cycle.steps:
+            self._set_pressures(rig, cycle, settling_s)
+            began_s = rig.state().time_s
+            samples = self._acquire(rig, cycle)
+        else:
+            factor = cycle.key.rpartition("/")[2]  # b2/operator/seal: other factors stay unchanged
+            if has_verbs(rig, Changeable) and factor in cycle.levels:
+                cast("Changeable", rig).change({factor: cycle.levels[factor]})
+            began_s, samples = rig.state().time_s, Samples.join([])
+        measured = Measured(samples, began_s, started, self._begun[cycle.key])
+        if has_verbs(rig, Reproducible):
+            remembering = cast("Reproducible", rig)
+            measured.memory, measured.truth = as_plain(remembering.memory()), remembering.truth()
+        self._whole = True
+        return measured
+
+    def _go_to_start(self, rig: Rig, cycle: Cycle) -> None:
+        if not self._homed:
+            rig.home()
+            self._homed = True
+        if has_verbs(rig, Reproducible):
+            remembering = cast("Reproducible", rig)
+            self._memory = self._memory or as_plain(remembering.memory())
+            remembering.restore(as_plain(self._memory))
+            self._pressures = self._pressures_after
+            remembering.begin_cycle(cycle.key)
+        if cycle.start_m is not None and abs(rig.state().position_m - cycle.start_m) > AT_START_M:
+            rig.move(cycle.start_m, min(TO_START_M_S, rig.limits().speed_m_s))
+
+    def _set_pressures(self, rig: Rig, cycle: Cycle, settling_s: float) -> None:
+        """Set the chambers to the pressures of a cycle; let them settle after a change."""
+        wanted = (cycle.pressure_a_pa, cycle.pressure_b_pa)
+        rig.set_pressure(*wanted)
+        if settling_s > 0.0 and wanted != self._pressures:
+            rig.hold(settling_s)
+        self._pressures = wanted
+
+    def _acquire(self, rig: Rig, cycle: Cycle) -> Samples:
+        parts: list[Samples] = []
+        with closed_after(rig.acquire(cycle.steps, cycle.sampling)) as acquired:
+            for given in acquired:
+                parts.append(Samples.of(given))
+                self._go_on()
+                if wrong := self._watch(parts[-1], rig):
+                    raise GivenUpError(wrong)
+                self._show(parts[-1])
+            self._go_on()  # the rig may have ended early on a request
+        return Samples.join(parts)
+
+    def _go_on(self) -> None:
+        if self._thread.interrupted.is_set():
+            raise GivenUpError("the axis was stopped")
+
+    def finished(self, cycle: Cycle, memory: dict[str, Any]) -> None:
+        """Record a cycle as done, now or in an earlier run: the next one continues from its end."""
+        self._memory = dict(memory)
+        self._pressures_after = (cycle.pressure_a_pa, cycle.pressure_b_pa)
+
+    def rest(self) -> str:
+        """Bring the rig to rest; return why it may not be at rest, in words."""
+        trouble = self._thread.rest()
+        self._pressures = None
+        self._homed = self._homed and self._whole
+        return trouble
+
+    def go_home_first(self) -> None:
+        """Home the axis before the next cycle: its position may be lost."""
+        self._homed = False
+
+
+def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
+    """Return the snapshot as read back from a file, so that continuing at once and resuming later agree.
+
+    Raises
+    ------
+    RigError
+        If JSON cannot hold it.
+    """
+    try:
+        return json.loads(json.dumps(memory, default=plain))
+    except (TypeError, ValueError) as error:
+        raise RigError(
+            "the rig's memory cannot be stored", value=str(error), rule="plain data that JSON can hold"
+        ) from None
+
+
+def as_own_error(error: BaseException) -> PneudriveError:
+    """Return an error of pneudrive unchanged. Wrap an error of a laboratory's code."""
+    if isinstance(error, PneudriveError):
+        return error
+    frame, trace = "", error.__traceback__
+    while trace is not None:
+        frame, trace = f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}", trace.tb_next
+    wrapped = RigError(f"the rig's own code failed: {type(error).__name__}: {error}", where=frame)
+    wrapped.__cause__ = error
+    return wrapped

@@ -1,0 +1,448 @@
+"""A running campaign: one cycle after the other, with pauses, requests and failures between them."""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import errno
+import re
+import shutil
+import time
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.campaign.planning.adaptive import Finished, QuickPoint, finished_of, measure, needless, next_cycle
+from pneudrive.campaign.running.attempt import Attempts, GivenUpError, Measured, as_own_error
+from pneudrive.campaign.running.checks import arrival_flags, serious
+from pneudrive.campaign.running.prompt import wait_for_answer
+from pneudrive.campaign.running.rig_thread import RigThread
+from pneudrive.campaign.running.watch import FAULT, NO_ANSWER, MeasuringBounds, look
+from pneudrive.campaign.storage.control import ABORT, PAUSE, RESUME, STOP
+from pneudrive.campaign.storage.documents import Documents
+from pneudrive.campaign.storage.files import REMEDIES
+from pneudrive.campaign.storage.folder import CYCLES, Head, write_cycle, write_truth
+from pneudrive.campaign.storage.lock import now, user
+from pneudrive.errors import CampaignError, ConnectionLostError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from concurrent.futures import Future
+    from pathlib import Path
+
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.options import Options
+    from pneudrive.campaign.planning.plan import Plan
+    from pneudrive.campaign.running.live import Display
+    from pneudrive.campaign.running.prompt import Prompt
+    from pneudrive.campaign.storage.control import Requests
+    from pneudrive.campaign.storage.folder import Campaign, CycleFile
+    from pneudrive.campaign.storage.journal import Journal
+    from pneudrive.campaign.storage.lock import FolderLock
+    from pneudrive.rig.interface import Rig
+
+#: Bytes on the disk per sample while a cycle is written, and per cycle beside its samples.
+SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
+#: Errors of a connection that is lost or does not answer; three types up to Python 3.10.
+LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
+
+
+class EndedError(Exception):
+    """Error: a person ended the campaign, and the message has the name."""
+
+
+class CampaignRun:
+    """A running campaign.
+
+    The thread that calls `run` decides and writes; the rig's verbs run on another thread. While it waits for
+    them, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    plan : Plan
+    rig : Rig
+    options : Options
+    lock : FolderLock
+    journal : Journal
+    display : Display
+    requests : Requests
+    prompt : Prompt
+    subscribers : sequence of callable
+    files : sequence of CycleFile
+        Cycles finished by earlier runs.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        plan: Plan,
+        rig: Rig,
+        options: Options,
+        lock: FolderLock,
+        journal: Journal,
+        display: Display,
+        requests: Requests,
+        prompt: Prompt,
+        subscribers: Sequence[Callable[[str, dict], None]],
+        files: Sequence[CycleFile],
+    ) -> None:
+        self.campaign, self.plan, self.options = campaign, plan, options
+        self._lock, self._journal, self._display = lock, journal, display
+        self._requests, self._prompt, self._subscribers = requests, prompt, subscribers
+        self._bounds = MeasuringBounds.of(plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa)
+        self._thread = RigThread(rig)
+        self._attempts = Attempts(self._thread, self._bounds.during, display.part)
+        self._wants_points = plan.protocol.adaptive is not None or display.wants_points
+        self.finished: list[Finished] = finished_of(files, campaign.identity, measured=self._wants_points)
+        self._index = max((_number(path) for path in (campaign.path / CYCLES).glob("[0-9]*")), default=0)
+        if files:
+            self._attempts.finished(files[-1].head.cycle, files[-1].head.memory)
+        self._samples = {p.cycle.key: p.samples for p in plan.planned}
+        self._pausing = ""  # PAUSE: after the cycle; STOP: now
+        self._leaving = False  # nobody can end a pause
+        self._path = campaign.path  # index of the last cycle's file
+        self._bad = 0
+        self._failures: dict[str, int] = {}
+
+    @property
+    def now(self) -> str:
+        """Progress in words: cycles finished and in total."""
+        return f"{len(self.finished)} of {self.total} cycles"
+
+    @property
+    def total(self) -> int:
+        """Number of cycles in total, as known now."""
+        done = {one.cycle.key for one in self.finished} | needless(self.plan, self.finished)
+        return len(self.finished) + sum(p.cycle.key not in done for p in self.plan.planned)
+
+    def _tell(self, text: str) -> None:
+        self._journal.write(text)
+        self._display.say(text)
+
+    def run(self) -> bool:
+        """Run the rest of the plan, with its pauses.
+
+        The next cycle depends only on the plan and the finished cycles.
+
+        Returns
+        -------
+        bool
+            True if the campaign is done. False if a person ended it, and it can be resumed.
+        """
+        documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", self._metadata())
+        try:
+            while (following := next_cycle(self.plan, self.finished)) is not None:
+                documents.event(self._cycle(*following))
+                self._checkpoint()
+                self._stop_where_all_is_bad()
+        except EndedError as ended:
+            documents.stop("abort", str(ended))
+            return False
+        except BaseException as error:
+            documents.stop("fail", str(error))
+            raise
+        documents.stop("success")
+        return True
+
+    def close(self) -> str:
+        """Bring the rig to rest; return why it may not be at rest, in words."""
+        trouble = self._attempts.rest() and self._attempts.rest()  # a second attempt if the first failed
+        self._thread.close()
+        return trouble
+
+    def _metadata(self) -> dict[str, Any]:
+        from pneudrive import __version__
+
+        return {
+            "plan_name": "friction campaign",
+            "campaign": str(self.campaign.about.get("name", "")),
+            "folder": str(self.campaign.path),
+            "operator": self.options.operator,
+            "synthetic": self.campaign.synthetic,
+            "num_points": len(self.plan.planned),
+            "versions": {"pneudrive": __version__},
+        }
+
+    # -- requests ---------------------------------------------------------------------------------------------
+
+    def _on_rig(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
+        """Run a job on the rig's thread to its end; serve requests meanwhile."""
+        future = self._thread.start(job, moves=moves)
+        future.add_done_callback(lambda _: self._requests.wake())
+        while not future.done():
+            self._requests.wait()
+            self._serve()
+        return future
+
+    def _sleep(self, seconds: float) -> None:
+        """Wait, and serve requests meanwhile."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0.0 and not self._pausing:
+            self._requests.wait(left)
+            self._serve()
+
+    def _serve(self) -> None:
+        """Serve the requests since the last call.
+
+        Raises
+        ------
+        EndedError
+            If the campaign must end.
+        """
+        request = self._requests.take()
+        if request is None:
+            return
+        self._leaving = request.leave
+        if request.word == PAUSE:
+            self._lock.tell(state="pausing", text="after the cycle")
+            what = "ending" if request.leave else "pausing"
+            self._tell(f"{what} after this cycle ({request.by}); Ctrl-C again stops the axis now")
+            self._pausing = PAUSE
+        elif request.word == STOP:
+            self._lock.tell(state="pausing", text="now")
+            self._tell(f"stopping now ({request.by})")
+            self._pausing = STOP
+            self._rest()
+        elif request.word == ABORT:
+            self._lock.tell(state="stopping", text="")
+            self._tell(f"ending now ({request.by}); finished cycles are kept")
+            self._rest()
+            raise EndedError(request.by)
+        elif request.word == RESUME:
+            self._tell(f"{request.by} asked to continue, but nothing is paused")
+
+    def _checkpoint(self) -> None:
+        """Handle requests, and pause on request."""
+        self._serve()
+        if self._pausing:
+            self._pause()
+
+    def _pause(self, question: str = "") -> dict[str, str]:
+        """Stop the axis and wait until a person resumes the campaign or confirms the operator's step.
+
+        Returns
+        -------
+        dict
+            Person who answered, with time and manner.
+
+        Raises
+        ------
+        EndedError
+            If the campaign must end.
+        """
+        self._pausing = ""
+        self._rest()
+        if self._leaving:
+            raise EndedError("nobody would answer")
+        operator = self.options.operator or user()
+        if question:
+            text = f"Operator's step: {question}"
+            keys = f"Enter: done (by {operator}), another name: done by that person, a: end > "
+            self._lock.tell(state="operator", text=question)
+        else:
+            text = f"Paused after {self.now}; the axis is at rest, the pressure released."
+            keys = "Enter: continue, a: end the campaign > "
+            self._lock.tell(state="paused", text=f"after {self.now}")
+        self._journal.write(f"paused{': ' + question if question else ''}")
+        self._display.suspend()
+        if self._prompt.there:
+            self._prompt.show(f"{text}\n{keys}")
+        else:
+            self._display.say(f"{text} To resume: pneudrive campaign resume {self.campaign.path}")
+        answer = wait_for_answer(self._requests, self._prompt, operator)
+        if not answer.goes_on:
+            self._tell(str(answer))
+            raise EndedError("ended while paused")
+        self._journal.write(str(answer))
+        self._display.go_on()
+        self._requests.began_again()
+        self._lock.tell(state="running", text="")
+        return {"name": answer.name, "time": now(), "how": answer.how}
+
+    # -- a cycle ----------------------------------------------------------------------------------------------
+
+    def _cycle(self, cycle: Cycle, reason: str) -> dict[str, Any]:
+        """Run a cycle, store it, and return the data of its event."""
+        self._lock.tell(state="running", text="", cycle=cycle.key)
+        self._display.cycle(cycle, reason, len(self.finished), self.total)
+        if reason:
+            self._journal.write(f"{cycle.key} {reason}")
+        confirmed = self._confirm(cycle) if cycle.text else {}
+        measured = self._measured(cycle)
+        return self._write(cycle, reason, measured, confirmed)
+
+    def _confirm(self, cycle: Cycle) -> dict[str, str]:
+        """Ask the operator for a step and return who confirmed it."""
+        if self.options.yes:
+            self._journal.write(f"{cycle.key}: {cycle.text} (assumed done: --yes)")
+            return {"name": self.options.operator or user(), "time": now(), "how": "--yes"}
+        answer = self._pause(cycle.text)  # at rest: somebody will reach into the rig
+        self._journal.write(f"{cycle.key}: {cycle.text} (confirmed by {answer['name']})")
+        return answer
+
+    def _measured(self, cycle: Cycle) -> Measured:
+        """Run a cycle until it is complete; wait while conditions are not met."""
+        settling_s = self.plan.protocol.pressure.settling_s
+        while True:
+            self._await_conditions(cycle)
+            self._check_space(cycle)
+            self._checkpoint()
+            attempt = self._on_rig(lambda rig: self._attempts.run(rig, cycle, settling_s))
+            error = attempt.exception()
+            if error is None:
+                return attempt.result()
+            if self._pausing != STOP:  # this request ended the cycle
+                self._give_up(cycle, error)
+            self._checkpoint()
+
+    def _give_up(self, cycle: Cycle, error: BaseException) -> None:
+        """Handle an attempt that failed.
+
+        Raises
+        ------
+        PneudriveError
+            Error of the rig, or the message that no attempts are left.
+        """
+        of_rig = None if isinstance(error, GivenUpError) else as_own_error(error)
+        reason = str(of_rig or error).splitlines()[0].strip()
+        self._rest()
+        self._tell(f"{cycle.key} was given up: {reason}")
+        failures = self._failures[cycle.key] = self._failures.get(cycle.key, 0) + 1
+        if (
+            of_rig is not None
+            and not isinstance(of_rig, ConnectionLostError)
+            and not _lost(of_rig)
+            and not self._trouble().startswith((FAULT, NO_ANSWER))
+        ):
+            raise of_rig
+        if failures >= self.options.attempts:
+            raise CampaignError(
+                f"cycle {cycle.key} was given up {failures} times",
+                value=reason,
+                rule=f"a cycle is begun {self.options.attempts} times",
+                remedy="Check the rig, then resume: finished cycles are kept.",
+            ) from of_rig
+
+    def _trouble(self) -> str:
+        """Return why measuring cannot continue. Empty if it can."""
+        return self._on_rig(lambda rig: look(rig, self._bounds), moves=False).result()
+
+    def _rest(self) -> None:
+        trouble = self._attempts.rest()
+        if trouble:
+            self._tell(f"the rig may not be at rest: {trouble}")
+
+    def _await_conditions(self, cycle: Cycle) -> None:
+        """Wait, up to a limit, until conditions, rig and connection allow measuring."""
+        options = self.options
+        waited = good_for = 0.0
+        last_wrong = ""
+        while True:
+            self._checkpoint()
+            wrong = self._trouble()
+            if not wrong and (not last_wrong or good_for >= options.steady_s):
+                break
+            good_for = 0.0 if wrong else good_for + options.look_s
+            if wrong and _without_numbers(wrong) != _without_numbers(last_wrong):
+                self._tell(f"waiting before {cycle.key}: {wrong}")
+                self._lock.tell(state="waiting", text=wrong)
+            if wrong.startswith((FAULT, NO_ANSWER)):
+                self._attempts.go_home_first()
+            if wrong and not last_wrong:
+                self._rest()
+            last_wrong = wrong or last_wrong
+            if waited >= options.patience_s:
+                raise CampaignError(
+                    f"the campaign has waited for {options.patience_s:g} s in vain",
+                    value=last_wrong,
+                    remedy="Correct this, then resume: finished cycles are kept.",
+                )
+            self._sleep(options.look_s)
+            waited += options.look_s
+        if last_wrong:
+            self._tell(f"going on after {waited:.3g} s: conditions are met again")
+            self._lock.tell(state="running", text="")
+
+    def _check_space(self, cycle: Cycle) -> None:
+        """Refuse to begin a cycle if the disk has too little space for it."""
+        samples = self._samples.get(cycle.key, max(self._samples.values(), default=0))
+        needed = samples * SAMPLE_BYTES + CYCLE_BYTES
+        free = shutil.disk_usage(self.campaign.path).free
+        if free < needed:
+            raise CampaignError(
+                "the disk is full",
+                where=str(self.campaign.path),
+                value=f"{free / 1e6:.3g} MB are free, the next cycle may need {needed / 1e6:.3g} MB",
+                remedy=REMEDIES[errno.ENOSPC],
+            )
+
+    # -- finished cycles ----------------------------------------------------------------------------------------
+
+    def _write(self, cycle: Cycle, reason: str, measured: Measured, confirmed: dict[str, str]) -> dict[str, Any]:
+        """Store a cycle. It is then finished, and nothing interrupts the storing."""
+        identity, samples = self.campaign.identity, measured.samples
+        assert all(one.cycle.key != cycle.key for one in self.finished), f"{cycle.key} is finished already"
+        self._index += 1
+        head = Head(
+            index=self._index,
+            cycle=cycle,
+            began_s=measured.began_s,
+            started=measured.started,
+            flags=arrival_flags(samples, cycle, identity) if cycle.steps else {},
+            memory=measured.memory,
+            confirmed=confirmed,
+            attempts=measured.attempts,
+            reason=reason,
+        )
+        if measured.truth:
+            write_truth(self.campaign.path, head, measured.truth)
+        self._path = write_cycle(self.campaign.path, head, samples)
+        self._attempts.finished(cycle, measured.memory)
+        point = measure(samples, cycle, identity) if self._wants_points else QuickPoint()
+        self.finished.append(Finished(cycle, head.flags, point))
+        found = _counted(head.flags)
+        self._journal.write(f"{cycle.key} is finished, {len(samples)} samples" + (f"; flags: {found}" if found else ""))
+        self._display.finished(self.finished[-1])
+        return {
+            "index": self._index,
+            "key": cycle.key,
+            "kind": cycle.kind,
+            "speed_m_s": float("nan") if cycle.speed_m_s is None else cycle.speed_m_s,
+            "pressure_a_pa": cycle.pressure_a_pa,
+            "pressure_b_pa": cycle.pressure_b_pa,
+            "flags": " ".join(head.flags),
+            "file": self._path.name,
+        }
+
+    def _stop_where_all_is_bad(self) -> None:
+        last = self.finished[-1]
+        self._bad = self._bad + 1 if serious(last.flags) else 0
+        if self._bad >= self.options.bad_in_a_row:
+            raise CampaignError(
+                f"{self._bad} cycles in a row have unusable samples",
+                value=_counted(last.flags),
+                where=str(self._path),
+                remedy="Check the sensors, then resume. The cycles are kept, with their flags.",
+            )
+
+
+def _counted(flags: dict[str, int]) -> str:
+    return ", ".join(f"{flag} {count}" for flag, count in flags.items())
+
+
+def _without_numbers(text: str) -> str:
+    """Return a message without its numbers, so that it is logged once and not at each change."""
+    return re.sub(r"\d[\d.e+-]*", "", text)
+
+
+def _lost(error: BaseException | None) -> bool:
+    """Return whether a lost connection caused an error."""
+    while error is not None:
+        if isinstance(error, LOST):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _number(path: Path) -> int:
+    digits = path.name.partition("-")[0]
+    return int(digits) if digits.isdigit() else 0

@@ -1,0 +1,1 @@
+"""Folder of a campaign: results of each cycle, which every later step reads."""

@@ -1,0 +1,461 @@
+"""The campaign folder: one Parquet file per cycle, written whole or not at all; its listing is the catalogue.
+
+- ``campaign.toml``: the protocol as run
+- ``campaign.json``: schema, name, seed, operator, labels, created, version
+- ``rig.json``: the rig's identity and calibration (`pneudrive.rig.interface.Identity`)
+- ``cycles/00001-KEY.parquet``: raw samples; the header of the cycle is JSON under the key "pneudrive" of its metadata
+- ``truth/00001-KEY.json``: simulated rigs only: ground truth for tests, never read by an analysis
+
+docs/reference/campaign-folder.md describes the format key by key.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.bulk import many_objects
+from pneudrive.campaign.motion import steps_from_motion
+from pneudrive.campaign.storage.control import FOLDER as CONTROL
+from pneudrive.campaign.storage.files import PART, clear_errors, make_folder, write_whole
+from pneudrive.campaign.storage.head import SCHEMA, Head, check_schema
+from pneudrive.campaign.storage.head import read_head as parse_head
+from pneudrive.errors import CampaignError, PneudriveError
+from pneudrive.files.content import exists, read_json, read_text
+from pneudrive.files.seal import sealed_parquet
+from pneudrive.files.tables import read_columns, read_texts
+from pneudrive.rig.interface import CHANNELS, Identity, Samples
+from pneudrive.rig.plain_data import identity_of, plain
+from pneudrive.show import Card, Shown
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.files.tables import Text
+
+HEAD = "pneudrive"
+COLUMNS = (*CHANNELS, "step")
+REQUIRED_COLUMNS = ("time_s", "position_m", "force_n")
+CYCLES, TRUTH = "cycles", "truth"
+PROTOCOL, ABOUT, RIG, LOG = "campaign.toml", "campaign.json", "rig.json", "campaign.log"
+#: Ending of a damaged file that was put aside; its cycle is run again.
+ASIDE = ".damaged"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A problem of a campaign folder, or a note on it.
+
+    Attributes
+    ----------
+    where : str
+        File, within the folder.
+    what : str
+        In words.
+    lost : bool
+        Whether the cycle cannot be used; otherwise this is a note.
+    """
+
+    where: str
+    what: str
+    lost: bool = True
+
+    def __str__(self) -> str:
+        """Return a description in one line."""
+        return f"{self.where}: {self.what}"
+
+
+@dataclass(frozen=True, repr=False)
+class CycleFile(Shown):
+    """A finished cycle on disk; ``sealed``: its checksum is right."""
+
+    path: Path
+    head: Head
+    sealed: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the file without its ending: index and key."""
+        return self.path.stem
+
+    def samples(self) -> Samples:
+        """Read the raw samples.
+
+        Returns
+        -------
+        Samples
+            As recorded. A missing pressure is replaced by that of the cycle. A missing temperature is NaN. Missing
+            steps are derived from the motion.
+
+        Raises
+        ------
+        CampaignError
+            If the file is damaged or lacks a column.
+        """
+        (samples,) = read_samples([self])
+        if isinstance(samples, CampaignError):
+            raise samples
+        return samples
+
+
+def read_samples(
+    files: Sequence[CycleFile], steps_of: Collection[str] | None = None
+) -> Iterator[Samples | CampaignError]:
+    """Read the raw samples of many files, see `CycleFile.samples`; an unreadable file gives its error.
+
+    Parameters
+    ----------
+    files : sequence of CycleFile
+    steps_of : collection of str, optional
+        Kinds of cycles whose steps are wanted; None: all. For other kinds, missing steps are -1: to derive them
+        from the motion takes longer than reading.
+    """
+    columns = read_columns([file.path for file in files], COLUMNS, CampaignError)
+    for file, found in zip(files, columns, strict=True):
+        samples: Samples | CampaignError
+        try:
+            samples = _samples(file, found, steps_of is None or file.head.cycle.kind in steps_of)
+        except CampaignError as error:
+            samples = error
+        yield samples
+
+
+def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError, derive: bool) -> Samples:
+    """Make samples from a file's columns.
+
+    Raises
+    ------
+    CampaignError
+        If the columns cannot be read, are damaged, or one is missing.
+    """
+    where = str(file.path)
+    if isinstance(columns, PneudriveError):
+        raise columns
+    channels = {name: _number_column(columns[name], name, where) for name in CHANNELS if name in columns}
+    step = _step_column(columns["step"], where) if "step" in columns else None
+    if file.head.sha256 and file.head.sha256 != digest(channels, step):
+        raise CampaignError("the samples are damaged: their SHA-256 differs from the one in the header", where=where)
+    missing = [name for name in REQUIRED_COLUMNS if name not in channels]
+    if missing:
+        raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="names have SI units")
+    for name in ("pressure_a_pa", "pressure_b_pa"):
+        if name not in channels:
+            channels[name] = np.full(channels["time_s"].size, getattr(file.head.cycle, name))
+    if "temperature_k" not in channels:
+        channels["temperature_k"] = np.full(channels["time_s"].size, np.nan)
+    if step is None and derive:
+        step = steps_from_motion(channels["time_s"], channels["position_m"], file.head.cycle.stop_s)
+    elif step is None:
+        step = np.full(channels["time_s"].size, -1)
+    return Samples(**channels, step=step)
+
+
+def digest(channels: dict[str, NDArray[np.float64]], step: NDArray[np.int64] | None) -> str:
+    """Return the SHA-256 of the present columns: little-endian bytes, in the order of `COLUMNS`."""
+    total = hashlib.sha256()
+    for name in CHANNELS:
+        if name in channels:
+            total.update(np.ascontiguousarray(channels[name], dtype="<f8").tobytes())
+    if step is not None:
+        total.update(np.ascontiguousarray(step, dtype="<i8").tobytes())
+    return total.hexdigest()
+
+
+def file_name(index: int, key: str) -> str:
+    """Return the name of a cycle's file without its ending."""
+    return f"{index:05d}-{re.sub(r'[^A-Za-z0-9.+-]+', '_', key)[:150]}"
+
+
+def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
+    """Write one cycle: to a temporary name, flushed, then renamed, so that it exists whole or not at all.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the campaign.
+    head : Head
+        Its ``sha256`` is filled in.
+    samples : Samples or None
+        None for an operator's step.
+
+    Raises
+    ------
+    CampaignError
+        If the cycle exists already, or cannot be written.
+    """
+    import polars as pl
+
+    target = folder / CYCLES / f"{file_name(head.index, head.cycle.key)}.parquet"
+    if target.exists():
+        raise CampaignError("the cycle exists already and is not written again", where=str(target))
+    make_folder(target.parent)
+    given = samples if samples is not None else Samples.join([])
+    channels = {name: np.asarray(getattr(given, name), dtype=np.float64) for name in CHANNELS}
+    step = np.asarray(given.step, dtype=np.int64)
+    head = replace(head, sha256=digest(channels, step))
+    write_whole(target, sealed_parquet(pl.DataFrame({**channels, "step": step}), {HEAD: head.to_json()}))
+    return target
+
+
+def write_truth(folder: Path, head: Head, truth: dict[str, Any]) -> Path:
+    """Write the ground truth of a cycle of a simulated rig."""
+    target = folder / TRUTH / f"{file_name(head.index, head.cycle.key)}.json"
+    make_folder(target.parent)
+    write_whole(target, json.dumps(truth, default=plain).encode(), flush=False)  # results do not depend on it
+    return target
+
+
+def read_head(path: Path) -> Head:
+    """Read the header of a cycle's file; check the whole file against its checksum.
+
+    Raises
+    ------
+    CampaignError
+        If it cannot be read or is invalid.
+    """
+    return read_noted_head(path)[0].head
+
+
+def read_noted_head(path: Path) -> tuple[CycleFile, list[str]]:
+    """Read the header of a cycle's file, and notes on unknown keys; see `read_head`."""
+    (found,) = read_texts([path], HEAD, CampaignError)
+    return _file_of(path, found)
+
+
+def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[str]]:
+    """Make a cycle from the metadata of its file.
+
+    Raises
+    ------
+    CampaignError
+        If it cannot be read, or is invalid.
+    """
+    if isinstance(found, PneudriveError):
+        raise found
+    if found.text is None:
+        raise CampaignError(
+            f'the file has no header: "{HEAD}" in its Parquet metadata',
+            where=str(path),
+            remedy="See docs/reference/campaign-folder.md.",
+        )
+    number, _, key = path.stem.partition("-")
+    index = int(number) if number.isdigit() else None
+    head, notes = parse_head(found.text, str(path), index=index, key=key)
+    return CycleFile(path, head, found.sealed), notes
+
+
+def _number_column(values: NDArray[Any], name: str, where: str) -> NDArray[np.float64]:
+    if values.dtype.kind not in "iuf":
+        raise CampaignError(f"column {name} holds {values.dtype}", where=where, rule="numbers in SI units")
+    return np.array(values, dtype=np.float64)
+
+
+def _step_column(values: NDArray[Any], where: str) -> NDArray[np.int64]:
+    if values.dtype.kind not in "iu":  # whole numbers with missing ones come as floats
+        raise CampaignError(f"column step holds {values.dtype}", where=where, rule="whole numbers, none missing")
+    return np.array(values, dtype=np.int64)
+
+
+@dataclass(frozen=True, repr=False)
+class Campaign(Shown):
+    """A campaign folder, opened for reading.
+
+    Attributes
+    ----------
+    path : Path
+    identity : Identity
+        The rig.
+    about : dict
+        ``campaign.json``.
+    notes : tuple of str
+        Unknown keys of ``rig.json``, which are ignored.
+    """
+
+    path: Path
+    identity: Identity
+    about: dict[str, Any]
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def open(cls, path: str | Path) -> Campaign:
+        """Open a folder.
+
+        Raises
+        ------
+        CampaignError
+            If it is not a campaign.
+        """
+        folder = Path(path)
+        missing = [name for name in (RIG, ABOUT) if not exists(folder / name)]
+        if missing:
+            raise CampaignError(
+                "this is not a campaign folder",
+                where=str(folder),
+                value=f"there is no {missing[0]}",
+                rule=f"it has {RIG}, {ABOUT} and {CYCLES}/",
+                remedy=f"Was a campaign killed before its start? pneudrive campaign run PROTOCOL --out {folder}",
+            )
+        if exists(folder / CYCLES) and not (folder / CYCLES).is_dir():
+            raise CampaignError(
+                "a file has the name of the folder of the cycles",
+                where=str(folder / CYCLES),
+                remedy="Rename it; the cycles of the folder are lost unless there is a copy.",
+            )
+        rig = read_json(folder / RIG, CampaignError)
+        about = read_json(folder / ABOUT, CampaignError)
+        if not isinstance(about, dict):
+            raise CampaignError("this is not a JSON object", where=str(folder / ABOUT))
+        check_schema(about.get("schema"), str(folder / ABOUT))
+        identity, notes = identity_of(rig, str(folder / RIG), CampaignError)
+        return cls(folder, identity, about, tuple(notes))
+
+    def _card(self) -> Card:
+        """Return rig and progress for a notebook."""
+        title = f"{self.about.get('name', self.path.name)} ({'simulated' if self.synthetic else 'measured'})"
+        rows = [("folder", str(self.path)), ("rig", self.identity.name), ("cycles on disk", str(len(self.files())))]
+        return Card(title, rows=rows, notes=self.notes)
+
+    @property
+    def protocol(self) -> str:
+        """Text of the protocol as run; empty if the folder has none."""
+        path = self.path / PROTOCOL
+        return read_text(path, CampaignError) if exists(path) else ""
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the rig was simulated."""
+        return bool(self.about.get("synthetic", False)) or self.identity.synthetic
+
+    def files(self) -> list[Path]:
+        """Return the files of finished cycles in the order of their names, damaged ones too."""
+        # Sorted by name as text: comparing paths takes ten times as long.
+        return sorted((self.path / CYCLES).glob("*.parquet"), key=lambda path: path.name)
+
+    def scan(self) -> tuple[list[CycleFile], list[Problem]]:
+        """Read all headers.
+
+        Returns
+        -------
+        list of CycleFile, list of Problem
+            The usable cycles in running order, and the problems of the others: a file that is damaged, cut off,
+            foreign, or repeats the cycle of an earlier file.
+        """
+        found: list[CycleFile] = []
+        problems = [Problem(RIG, note, lost=False) for note in self.notes]
+        paths = self.files()
+        with many_objects():
+            for path, text in zip(paths, read_texts(paths, HEAD, CampaignError), strict=True):
+                try:
+                    file, notes = _file_of(path, text)
+                except CampaignError as error:
+                    problems.append(Problem(f"{CYCLES}/{path.name}", _one_line(error)))
+                    continue
+                problems += [Problem(f"{CYCLES}/{path.name}", note, lost=False) for note in notes]
+                found.append(file)
+        found.sort(key=lambda file: file.head.index)  # equal indices stay in the order of their names
+        unique: list[CycleFile] = []
+        keys: dict[str, str] = {}
+        for file in found:
+            key = file.head.cycle.key
+            if key in keys:
+                problems.append(Problem(f"{CYCLES}/{file.path.name}", f"cycle {key!r} is in {keys[key]} already"))
+            else:
+                keys[key] = file.path.name
+                unique.append(file)
+        return unique, problems
+
+    def cycles(self) -> Iterator[CycleFile]:
+        """Return the usable finished cycles in running order; `problems` lists the others."""
+        yield from self.scan()[0]
+
+    def problems(self) -> list[Problem]:
+        """Check every file to its last sample, by checksum or by reading, and return the problems."""
+        return self.checked()[1]
+
+    def checked(self) -> tuple[list[CycleFile], list[Problem]]:
+        """Return the cycles that are usable to their last sample, and the result of `problems`."""
+        files, problems = self.scan()
+        foreign = [file for file in files if not file.sealed]
+        damaged = {
+            file.path: Problem(f"{CYCLES}/{file.path.name}", _one_line(samples))
+            for file, samples in zip(foreign, read_samples(foreign), strict=True)
+            if isinstance(samples, CampaignError)
+        }
+        return [file for file in files if file.path not in damaged], [*problems, *damaged.values()]
+
+
+def _one_line(error: CampaignError) -> str:
+    parts = [error.what.rstrip("."), *(str(part) for part in (error.value, error.rule) if part)]
+    return "; ".join(parts)
+
+
+def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any]) -> Campaign:
+    """Create a campaign folder; ``campaign.json`` is written last, so that a folder with it is complete.
+
+    Raises
+    ------
+    CampaignError
+        If the folder holds something else, or cannot be written.
+    """
+    make_folder(folder)
+
+    # A process that was killed while it created the folder leaves some of these.
+    own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, TRUTH, CONTROL}
+    foreign = [p.name for p in folder.iterdir() if p.name.removesuffix(PART) not in own and p.suffix != ".lock"]
+    if foreign or any((folder / CYCLES).glob("*")):
+        raise CampaignError(
+            "the folder is not empty and is not a campaign",
+            where=str(folder),
+            value=", ".join(sorted(foreign)[:5]) or CYCLES,
+            remedy="Name another folder, or an empty one.",
+        )
+    make_folder(folder / CYCLES)
+    write_whole(folder / PROTOCOL, protocol.encode())
+    write_whole(folder / RIG, json.dumps(identity.to_dict(), indent=2, default=plain).encode())
+    write_whole(folder / ABOUT, json.dumps({"schema": SCHEMA, **about}, indent=2, default=plain).encode())
+    return Campaign.open(folder)
+
+
+def tidy(campaign: Campaign) -> tuple[list[CycleFile], list[str]]:
+    """Prepare a folder for resuming: remove leftovers of a killed process, put damaged cycles aside.
+
+    Returns
+    -------
+    list of CycleFile, list of str
+        The finished cycles, and the actions in words.
+
+    Raises
+    ------
+    CampaignError
+        If the folder cannot be written to.
+    """
+    done = []
+    for folder in (campaign.path, campaign.path / CYCLES, campaign.path / TRUTH):
+        for path in sorted(folder.glob(f"*{PART}")):
+            with clear_errors("the campaign folder cannot be tidied", path):
+                path.unlink()
+            done.append(f"removed {path.name}: it was incomplete")
+    files, problems = campaign.checked()
+    for problem in problems:
+        if problem.lost and problem.where.startswith(f"{CYCLES}/"):
+            path = campaign.path / problem.where
+            with clear_errors("the campaign folder cannot be tidied", path):
+                path.replace(_free_name(path))
+            done.append(f"put aside {problem}")
+    return files, done
+
+
+def _free_name(path: Path) -> Path:
+    names = (path.with_name(f"{path.name}{ASIDE}{n or ''}") for n in range(10_000))
+    return next(name for name in names if not name.exists())
+
+
+__all__ = ["Campaign", "CycleFile", "Head", "Problem", "create", "read_head", "tidy", "write_cycle", "write_truth"]

@@ -1,0 +1,196 @@
+"""Air and exergy that a cycle takes from the supply, and where the exergy is lost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
+from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.characteristics.motion import cycle
+from pneudrive.datasheet.strokes import litres_anr
+from pneudrive.describe.system import compiled
+
+if TYPE_CHECKING:
+    from pneudrive.datasheet.plant import HeldDrive
+
+    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+
+FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall
+REPEATS, RTOL = 3, 1e-8  # cycles before the one that counts, and tolerance
+NORMAL_DENSITY_KG_M3 = 1.2929  # dry air at 0 degC and 101325 Pa (normal litre, DIN 1343)
+_BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "entropy over the boundary [J/K]")
+
+
+class Accounts(NamedTuple):
+    """Accounts of the last of several equal cycles, by name, and the mass that it drew."""
+
+    values: dict[str, float]
+    drawn_kg: float
+    half_s: float
+    energy_error: float
+    entropy_error: float
+
+
+def accounts_of(plant: HeldDrive, command: float, half_s: float) -> Accounts:
+    """Return the ledger of one cycle: of REPEATS + 1 cycles less that of REPEATS."""
+    more, less = (
+        cycle(plant, command, half_s, repeats=count, ledger=True, rtol=RTOL) for count in (REPEATS + 1, REPEATS)
+    )
+    many, few = more.attrs["ledger"], less.attrs["ledger"]
+    values = {name: many["accounts"][name] - few["accounts"][name] for name in many["accounts"]}
+    return Accounts(values, drawn_mass(plant, command, half_s), half_s, many["energy_error"], many["entropy_error"])
+
+
+def drawn_mass(plant: HeldDrive, command: float, half_s: float, repeats: int = REPEATS) -> float:
+    """Return the mass that one cycle draws from the supply, integrated over the solver's steps, kg."""
+    import warnings
+
+    from pneudrive.ensemble.many import simulate_many
+    from pneudrive.errors import PneudriveWarning
+
+    plans = plant.plans([(k * half_s, command if k % 2 == 0 else -command) for k in range(2 * repeats + 2)])
+    start = {f"{plant.piston}.position": "0 mm"}
+    if f"{plant.piston}.b" in plant.nodes:
+        start[f"{plant.piston}.b"] = f"{plant.before(1.0)[1]!r} Pa abs"
+    reservoir = plant.supply.removesuffix(".pressure_pa")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PneudriveWarning)
+        found = simulate_many(
+            plant.circuit,
+            plans,
+            [2 * repeats * half_s, (2 * repeats + 2) * half_s],
+            vary={f"{plant.piston}.stroke": [f"{plant.stroke_m!r} m"] * 2},
+            outputs=[f"drawn = integral({reservoir}.mass_flow)"],
+            initial=start,
+            rtol=RTOL,
+        )
+    few, many = np.abs(found["drawn"].to_numpy())
+    return float(many - few)
+
+
+def specific_exergy(plant: HeldDrive, pressure: float, temperature: float) -> float:
+    """Return the flow exergy of the supplied gas against ambient, J/kg.
+
+    The core's enthalpy and entropy give the result: the gas that a small tank takes from a reservoir in each state.
+    """
+    p_0, t_0 = plant.ambient
+    (h, s), (h_0, s_0) = (_entering(plant, p, t) for p, t in ((pressure, temperature), (p_0, t_0)))
+    return h - h_0 - t_0 * (s - s_0)
+
+
+def _entering(plant: HeldDrive, pressure: float, temperature: float) -> tuple[float, float]:
+    """Return specific enthalpy, J/kg, and entropy, J/(kg K), of gas that leaves a reservoir."""
+    circuit = type(plant.circuit).model_validate(
+        {
+            **{key: plant.circuit.to_dict()[key] for key in ("gas", "ambient") if key in plant.circuit.to_dict()},
+            "name": "flow out of a reservoir",
+            "components": {
+                "reservoir": {
+                    "kind": "reservoir",
+                    "pressure": f"{pressure!r} Pa abs",
+                    "temperature": f"{temperature!r} K",
+                },
+                "edge": {"kind": "fitting", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3},
+                "tank": {"kind": "tank", "volume": "1 l"},
+            },
+            "connections": ["reservoir -> edge -> tank"],
+        }
+    )
+    start = circuit.core_initial({"tank": f"{0.1 * pressure!r} Pa abs"})
+    found = compiled(circuit.core_json()).simulate([], 0.05, 100.0, start, RTOL, True)["ledger"]
+    accounts = (found or {})["accounts"]
+    mass, enthalpy, entropy = (_sum(accounts, ending) for ending in _BOUNDARY)
+    return enthalpy / mass, entropy / mass
+
+
+def _sum(accounts: dict[str, float], ending: str) -> float:
+    return sum(value for name, value in accounts.items() if name.endswith(ending))
+
+
+def losses(accounts: dict[str, float], ambient_k: float) -> dict[str, float]:
+    """Return the exergy that each component loses, J: ambient temperature times its production of entropy."""
+    out: dict[str, float] = {}
+    for name, value in accounts.items():
+        component, _, what = name.partition(": ")
+        if what.endswith("[J/K]") and not what.startswith(("entropy over", "wall heat over")):
+            out[f"{component}: {what.removesuffix(' [J/K]')}"] = ambient_k * value
+    return dict(sorted(out.items(), key=lambda one: -one[1]))
+
+
+def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = None) -> Found:
+    full = drawn_mass(plant, command, FULL_S)
+    half = cycle(plant, command).half_s if half_period is None else half_period
+    own, gas = drawn_mass(plant, command, half), plant.circuit.gas
+    density = gas.anr_density_kg_m3
+    normal = NORMAL_DENSITY_KG_M3 * (AIR_GAS_CONSTANT_J_KG_K / gas.gas_constant_j_kg_k)
+    return {}, {
+        "full": number(
+            litres_anr(full, density),
+            "l ANR",
+            "litres at 100 kPa, 20 degC and 65 % humidity (ISO 8778), chambers filled and vented",
+        ),
+        "full_normal": number(full / normal * 1e3, "l", "the same in normal litres: 101325 Pa, 0 degC, dry"),
+        "cycle": number(litres_anr(own, density), "l ANR", "in a cycle of the half period below"),
+        "half_period": number(half, "s", "half of the period of that cycle"),
+        "mean_flow": number(
+            60.0 * litres_anr(own, density) / (2.0 * half), "l/min ANR", "mean flow from the supply in that cycle"
+        ),
+    }
+
+
+def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S) -> Found:
+    found = accounts_of(plant, command, half_period)
+    t_0 = plant.ambient[1]
+    supply_k = plant.session(command, 0.5 * plant.stroke_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
+    drawn = found.drawn_kg * specific_exergy(plant, plant.supply_pa, supply_k)
+    lost = losses(found.values, t_0)
+    h_0, s_0 = _entering(plant, *plant.ambient)
+    mass, enthalpy, entropy = (_sum(found.values, ending) for ending in _BOUNDARY)
+    entered = enthalpy - t_0 * entropy - mass * (h_0 - t_0 * s_0)  # less what leaves
+    wall = _sum(found.values, "wall heat [J]") - t_0 * _sum(found.values, "wall heat over wall temperature [J/K]")
+    work = _sum(found.values, "external work [J]") + _sum(found.values, "ambient work [J]")
+    rest = entered + wall + work - sum(lost.values())
+    return {"loss": ResultValue(("loss",), list(lost), "1", "component and cause")}, {
+        "lost": ResultValue(
+            ("loss",), list(lost.values()), "J", "exergy lost: ambient temperature times entropy produced"
+        ),
+        "drawn": number(drawn, "J", "exergy drawn from the supply in one cycle"),
+        "exhausted": number(drawn - entered, "J", "exergy that leaves with the exhaust air"),
+        "load_work": number(-work, "J", "work done on load and ambience"),
+        "open": number(rest / drawn, "1", "what is left of the balance, over the exergy drawn"),
+        "half_period": number(half_period, "s", "half of the period of the cycle"),
+    }
+
+
+_SETTINGS: dict[str, tuple[Any, str]] = {"command": (1.0, "size of the command")}
+CHARACTERISTICS = (
+    Characteristic(
+        name="air",
+        title="Air per cycle",
+        definition="Mass drawn from the supply in one periodic cycle out and back, as volume at the standard reference "
+        "atmosphere; with chambers that fill and vent completely, and at the cycle of the square response.",
+        algorithm="flow out of the supply integrated along the solver's steps, one cycle of several",
+        find=_air,
+        standard="volumes by ISO 8778",
+        cites=("iso8778-2003",),
+        settings=_SETTINGS | {"half_period": (None, "of the second cycle, s; default: that of the square response")},
+        slow=True,
+        held=False,
+    ),
+    Characteristic(
+        name="exergy",
+        title="Exergy and its losses",
+        definition="Exergy of the air drawn in one periodic cycle against ambient, and what each component loses: "
+        "ambient temperature times the entropy that it produces.",
+        algorithm="ledger of the run (accounts of energy and entropy), one cycle of several",
+        find=_exergy,
+        cites=("bejan2016",),
+        x="loss",
+        y="lost",
+        settings=_SETTINGS | {"half_period": (FULL_S, "s")},
+        slow=True,
+        held=False,
+    ),
+)

@@ -1,0 +1,212 @@
+"""Frequency response: of the linear model, and of the drive itself at amplitudes that matter."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.characteristics.motion import short_columns, simulate_plant, start_of
+from pneudrive.datasheet.equilibrium import under_load
+from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
+from pneudrive.errors import SimulationError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.datasheet.plant import HeldDrive
+    from pneudrive.session import Linear
+
+    Array = NDArray[np.float64]
+    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+
+FREQUENCIES = tuple(float(f) for f in np.geomspace(0.1, 100.0, 91))  # Hz
+SLOW = 1e-4  # of the linear model's slowest pole that counts: where the velocity gain is read, Hz
+SMALL = 0.05  # command whose steady motion gives the pressures of the operating point
+SINE_HZ, AMPLITUDES = (1.0, 2.0, 4.0, 8.0), (0.05, 0.1, 0.2, 0.4)
+STEPS, SETTLING, COUNTED = 200, 4, 2  # of the command in a period; periods before, and looked at
+HARMONICS = 10
+LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a load
+
+
+def moving_pressures(plant: HeldDrive, position: float) -> tuple[float, float]:
+    """Return the pressures of slow steady motion, Pa: the usual operating point of a drive in motion."""
+    found = under_load(plant, plant.sizes((SMALL,))[0], position, 0.0)
+    return found.pressure_a_pa, found.pressure_b_pa
+
+
+def response(linear: Linear, output: str, frequencies: Array) -> Array:
+    """Return the response of an output to the command, complex."""
+    c, d = linear.C[linear.outputs.index(output)], linear.D[linear.outputs.index(output), 0]
+    unity, b = np.eye(len(linear.states)), linear.B[:, 0]
+    return np.array([c @ np.linalg.solve(2j * math.pi * f * unity - linear.A, b) + d for f in frequencies])
+
+
+def _bode(
+    plant: HeldDrive,
+    command: float = 0.0,
+    position: float | None = None,
+    pressures: Any = None,  # noqa: ANN401
+    friction: str = "sliding",
+) -> Found:
+    x = 0.5 * plant.stroke_m if position is None else position
+    at = moving_pressures(plant, x) if pressures is None else pressures
+    linear = linear_model(plant, command or SIDE, x, gas_at(plant, at), 0.0, friction)
+    f = np.array(FREQUENCIES)
+    velocity = response(linear, f"{plant.piston}.velocity_m_s", f)
+    a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
+    gain = abs(response(linear, f"{plant.piston}.velocity_m_s", np.array([SLOW]))[0])
+    axes = {"frequency": ResultValue(("frequency",), f, "Hz", "frequency")}
+    over = ("frequency",)
+    return axes, {
+        "velocity_response": ResultValue(over, np.abs(velocity), "m/s", "velocity over command, size"),
+        "velocity_phase": ResultValue(over, np.unwrap(np.angle(velocity)) * 180.0 / math.pi, "deg", "its phase"),
+        "position_response": ResultValue(
+            over, np.abs(velocity) / (2.0 * math.pi * f), "m", "position over command, size"
+        ),
+        "pressure_response": ResultValue(over, np.abs(a - b), "Pa", "pressure a less b over command, size"),
+        "velocity_gain": number(gain, "m/s", "velocity over command at low frequency"),
+        "resonance": number(f[int(np.argmax(np.abs(velocity)))], "Hz", "where the velocity response is largest"),
+    }
+
+
+def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any = SINE_HZ) -> Found:  # noqa: ANN401
+    grid = np.array([[_harmonics(plant, float(a), float(f)) for f in frequencies] for a in amplitudes])
+    over = ("amplitude", "frequency")
+    axes = {
+        "amplitude": ResultValue(("amplitude",), list(map(float, amplitudes)), "1", "amplitude of the command"),
+        "frequency": ResultValue(("frequency",), list(map(float, frequencies)), "Hz", "frequency"),
+    }
+    return axes, {
+        "gain": ResultValue(over, grid[:, :, 0], "m/s", "first harmonic of the velocity over the amplitude"),
+        "phase": ResultValue(over, grid[:, :, 1], "deg", "phase of the first harmonic"),
+        "distortion": ResultValue(over, grid[:, :, 2], "1", "harmonics 2 to 10 over the first one, root of squares"),
+    }
+
+
+def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[float, float, float]:
+    """Return gain, phase and distortion of the velocity. NaN if the piston meets an end."""
+    rate = STEPS * frequency
+
+    def sine(t: float) -> float:  # held from a step to the next: the value at its middle
+        return amplitude * math.sin(2.0 * math.pi * frequency * (t + 0.5 / rate))
+
+    periods = SETTLING + COUNTED
+    rest = gas_at(plant)
+    pressures = plant.pressures(rest)
+    start = start_of(plant, 0.5 * plant.stroke_m, pressures)
+    try:
+        plans = {name: lambda t, size=size: size * sine(t) for name, size in plant.actuation.out.items()}
+        run = simulate_plant(plant, plans, periods / frequency, rate, initial=start)
+    except SimulationError:
+        return math.nan, math.nan, math.nan
+    columns = short_columns(plant, run)
+    last = slice(SETTLING * STEPS, periods * STEPS)
+    if np.abs(columns["end_stop_force_n"][last]).max() > 0.0:
+        return math.nan, math.nan, math.nan
+    return _over_sine(columns["velocity_m_s"][last], amplitude)
+
+
+def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
+    """Return gain and phase, in degrees, of the first harmonic over a sine, and the distortion."""
+    spectrum = np.fft.rfft(values)[::COUNTED] * 2.0 / (COUNTED * STEPS)
+    first = spectrum[1] * 1j
+    distortion = float(np.sqrt(np.sum(np.abs(spectrum[2 : HARMONICS + 1]) ** 2))) / abs(first)
+    return abs(first) / amplitude, math.degrees(np.angle(first)), distortion
+
+
+def _load_describing(
+    plant: HeldDrive,
+    amplitudes: Any = None,  # noqa: ANN401
+    frequencies: Any = SINE_HZ,  # noqa: ANN401
+    pressures: Any = None,  # noqa: ANN401
+) -> Found:
+    from pneudrive.datasheet.characteristics.steady import full_force
+
+    if amplitudes is None:
+        most = min(full_force(plant, direction)[0] for direction in (1.0, -1.0))
+        amplitudes = [share * most for share in LOADS]
+    gas = gas_at(plant, pressures)
+    grid = np.array([[_load_harmonics(plant, float(a), float(f), gas) for f in frequencies] for a in amplitudes])
+    over = ("amplitude", "frequency")
+    axes = {
+        "amplitude": ResultValue(("amplitude",), list(map(float, amplitudes)), "N", "amplitude of the load"),
+        "frequency": ResultValue(("frequency",), list(map(float, frequencies)), "Hz", "frequency"),
+    }
+    return axes, {
+        "compliance": ResultValue(over, grid[:, :, 0], "m/N", "first harmonic of the position over the amplitude"),
+        "phase": ResultValue(over, grid[:, :, 1], "deg", "phase of the first harmonic"),
+        "distortion": ResultValue(over, grid[:, :, 2], "1", "harmonics 2 to 10 over the first one, root of squares"),
+    }
+
+
+def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: Array) -> tuple[float, float, float]:
+    """Return gain, phase and distortion of the position under a load, with the valve shut.
+
+    NaN if the piston meets an end.
+    """
+    rate, periods = STEPS * frequency, SETTLING + COUNTED
+    session = plant.session(0.0, 0.5 * plant.stroke_m, 0.0, gas)
+    sine = amplitude * np.sin(2.0 * math.pi * (np.arange(periods * STEPS) + 0.5) / STEPS)  # held from step to step
+    session.schedule(plant.load, [(k / rate, float(force)) for k, force in enumerate(sine)])
+    session.advance(SETTLING / frequency)
+    positions = []
+    for k in range(COUNTED * STEPS):
+        session.advance((SETTLING * STEPS + k) / rate)
+        positions.append(session.read(f"{plant.piston}.position_m"))
+    if min(positions) <= 0.0 or max(positions) >= plant.stroke_m:
+        return math.nan, math.nan, math.nan
+    return _over_sine(np.array(positions), amplitude)
+
+
+CHARACTERISTICS = (
+    Characteristic(
+        name="bode",
+        title="Frequency response",
+        definition="Response of velocity, position, pressures to a small command about an operating point: mid stroke, "
+        "pressures of slow steady motion, valve at its centre seen from positive commands, viscous friction.",
+        algorithm="exact linearisation by the core, evaluated at frequencies",
+        find=_bode,
+        x="frequency",
+        y="velocity_response",
+        settings={
+            "command": (0.0, "at which the valve stands"),
+            "position": (None, "m; default: mid stroke"),
+            "pressures": (None, "of both chambers; default: those of slow steady motion"),
+            "friction": ("sliding", "presliding, sliding or none"),
+        },
+        needs_shares=True,
+    ),
+    Characteristic(
+        name="describing-function",
+        title="Response to large sines",
+        definition="First harmonic of the velocity over a sinusoidal command, for amplitudes and frequencies, and the "
+        "other harmonics over it; from mid stroke, where the piston does not meet an end.",
+        algorithm="simulated, command in 200 steps a period; two periods by Fourier transform after four of settling",
+        find=_describing,
+        x="frequency",
+        y="gain",
+        settings={"amplitudes": (AMPLITUDES, "of the command"), "frequencies": (SINE_HZ, "Hz")},
+        slow=True,
+        held=False,
+        needs_shares=True,
+    ),
+    Characteristic(
+        name="load-describing-function",
+        title="Response to large sines of the load",
+        definition="First harmonic of the position over a sinusoidal load with the valve shut, for amplitudes and "
+        "frequencies, and the other harmonics over it; from mid stroke, where the piston does not meet an end.",
+        algorithm="simulated, load in 200 steps a period; two periods by Fourier transform after four of settling",
+        find=_load_describing,
+        x="frequency",
+        y="compliance",
+        settings={
+            "amplitudes": (None, "of the load, N; default: 20, 30 and 40 % of the blocked force at full command"),
+            "frequencies": (SINE_HZ, "Hz"),
+            "pressures": (None, "of both chambers; default: half way from ambient to supply"),
+        },
+        slow=True,
+    ),
+)

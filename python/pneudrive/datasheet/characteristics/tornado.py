@@ -1,0 +1,112 @@
+"""Importance of the numbers of a drive: relative sensitivities of its characteristics."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive import units
+from pneudrive.datasheet.characteristic import Characteristic, ResultValue
+from pneudrive.datasheet.characteristics.motion import one_stroke
+from pneudrive.datasheet.characteristics.steady import full_force
+from pneudrive.datasheet.characteristics.stiffness import adiabatic_stiffness
+from pneudrive.datasheet.equilibrium import under_load
+from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.describe.base import StatedPressure
+from pneudrive.describe.provenance import values
+from pneudrive.errors import CommandError, PneudriveError, nearest
+
+if TYPE_CHECKING:
+    from pneudrive.describe.drive import Drive
+
+    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+
+SHARE = 1e-3  # of a number, to both sides
+_RESULTS = {
+    "steady_speed": "steady speed at full command",
+    "stall_force": "load that the resting piston just moves",
+    "natural_frequency": "natural frequency at mid stroke",
+    "stroke_time": "time of a full stroke from rest",
+    "end_speed": "speed at the end of that stroke",
+}
+
+
+def moved(drive: Drive, name: str, factor: float) -> Drive:
+    """Return a drive with one of its numbers multiplied by a factor."""
+    given = values(drive)[name]
+    if isinstance(given.mark, StatedPressure):
+        pressure = _part(drive, name)
+        text = f"{factor * pressure.value_pa!r} Pa {'gauge' if pressure.gauge else 'abs'}"
+        return drive.replace({name: text})
+    unit = given.mark.si_unit if given.mark is not None else ""
+    value = factor * given.si
+    return drive.replace({name: units.UnitFloat(value, unit, given.mark.written) if unit else value})  # type: ignore[union-attr]
+
+
+def _part(drive: Drive, name: str) -> units.Pressure:
+    found: Any = drive
+    for key in name.split("."):
+        found = getattr(found, key)
+    return found
+
+
+def _of(plant: HeldDrive) -> dict[str, float]:
+    """Return the results of one drive."""
+    x = 0.5 * plant.stroke_m
+    spring = adiabatic_stiffness(plant.static, x, "3 bar abs")
+    stroke = one_stroke(plant, 1.0, 0.0, plant.before(1.0)).strokes[0]
+    return {
+        "steady_speed": under_load(plant.static, 1.0, x, 0.0).velocity_m_s,
+        "stall_force": full_force(plant.static, 1.0)[1],
+        "natural_frequency": math.sqrt(spring / plant.mass) / (2.0 * math.pi),
+        "stroke_time": stroke.stroke_time,
+        "end_speed": stroke.end_speed,
+    }
+
+
+def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - a sequence of names
+    drive: Any = plant.described
+    if not hasattr(drive, "cylinder"):
+        raise CommandError(f"{plant.name} is a circuit", rule="sensitivities are those of a drive file")
+    names, rows = [], []
+    known = values(drive)
+    for name in numbers or ():
+        if name not in known:
+            raise CommandError(f"{name} is not a number of this drive", remedy=nearest(name, known))
+    for name in known if numbers is None else numbers:
+        if known[name].si == 0.0:
+            continue
+        try:
+            low, high = (_of(HeldDrive(moved(drive, name, 1.0 + sign * SHARE))) for sign in (-1.0, 1.0))
+        except PneudriveError:  # at a bound, or tied to another number
+            continue
+        width = math.log1p(SHARE) - math.log1p(-SHARE)
+        names.append(name)
+        rows.append([math.log(high[key] / low[key]) / width for key in _RESULTS])
+    table = np.array(rows)
+    order = np.argsort(-np.nanmax(np.abs(table), axis=1))
+    axes = {"parameter": ResultValue(("parameter",), [names[k] for k in order], "1", "number of the drive file")}
+    return axes, {
+        f"{key}_sensitivity": ResultValue(
+            ("parameter",), table[order, number], "1", f"relative change of the {what}, over that of the number"
+        )
+        for number, (key, what) in enumerate(_RESULTS.items())
+    }
+
+
+CHARACTERISTICS = (
+    Characteristic(
+        name="sensitivity",
+        title="Sensitivity to each number of the drive",
+        definition="Relative change of a result over that of one number of the drive file, all others held.",
+        algorithm="central differences of 0.1 % of the number",
+        find=_tornado,
+        x="parameter",
+        y="stroke_time_sensitivity",
+        settings={"numbers": (None, "of the drive file; default: all")},
+        slow=True,
+        held=False,
+    ),
+)

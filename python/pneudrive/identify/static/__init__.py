@@ -1,0 +1,1 @@
+"""Fits of friction over speed and pressure."""

@@ -1,0 +1,416 @@
+"""Fit of a sliding law: estimates with covariance, prediction, application to a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from pneudrive.errors import FitError, warn
+from pneudrive.estimate.estimates import student
+from pneudrive.identify.dependences import Dependences
+from pneudrive.identify.identified import Identified, apply_identified
+from pneudrive.identify.static.friction_curve import (
+    TABLES,
+    CurveEntry,
+    SlidingCurve,
+    curve_of_drive,
+    middle_of,
+    speeds_over,
+)
+from pneudrive.identify.static.model import PRESSURE_NAMES, FrictionModel, at_conditions, unit_of
+from pneudrive.identify.static.sliding_fit import SlidingFit
+from pneudrive.show import Shown
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from pneudrive.describe.drive import Drive
+
+    Array = NDArray[np.float64]
+
+#: Laws of a fit from a file, and required entries of its statistics.
+LAWS = ("coulomb", "stribeck")
+STATISTICS = ("values", "degrees_of_freedom", "scale", "variance", "rms_n")
+
+
+#: Share of friction by which kept values may move the curve of a drive from that of the fit without a warning.
+KEPT_SHARE = 0.01
+#: Parameters of the steady curve over speed.
+STEADY = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
+#: Correlation above which two parameters are reported to change together.
+TOGETHER = 0.9
+#: Range of candidate speeds for a remedy, as a factor beyond the measured ones.
+BEYOND = 10.0
+CANDIDATES = 60
+
+
+@dataclass(frozen=True, repr=False)
+class Prediction(Shown):
+    """Predicted friction at given speeds, N; arrays in the shape of the speeds.
+
+    Attributes
+    ----------
+    friction_n : ndarray
+        Friction of the law at its estimates.
+    lower_n, upper_n : ndarray
+        Interval of the given probability (Student's t, first order).
+    stderr_n : ndarray
+        Standard error.
+    """
+
+    friction_n: Array
+    lower_n: Array
+    upper_n: Array
+    stderr_n: Array
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class FrictionFit(SlidingFit):
+    """Parameters of a sliding law with their uncertainty.
+
+    Attributes
+    ----------
+    law : str
+        Requested law. If the data do not determine it, `model` is the smaller fitted law.
+    free : tuple of str
+        Order of `covariance`.
+    covariance : ndarray, shape (p, p)
+        Statistical covariance of the free parameters, without directions that the data do not determine.
+    intervals : dict
+        Free parameter that the data determine -> (lower, upper), statistical, 95 %; other parameters have none.
+    systematic : dict
+        Free parameter -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
+    undetermined : tuple of Undetermined
+        Undetermined parameters, each with reason and remedy.
+    notes : tuple of str
+        Notes on omissions and assumptions.
+    statistics : dict
+        values, degrees_of_freedom, scale (1: the standard errors are right), variance, scatter_n
+        (between levels, beyond their standard errors), rms_n, outlying,
+        fit_percent, aicc, bic.
+    provenance : dict
+        Version, hash of the values, options.
+    model : FrictionModel
+    observations : Observations or None
+        Fitted values (None if read from a file).
+    weights : ndarray or None
+        Huber weight of each value.
+    dependences : Dependences
+        Measured friction modifiers: direction, position, stops, temperature. `apply` also puts them into the drive.
+    """
+
+    KIND: ClassVar[str] = "friction map"
+    TITLE: ClassVar[str] = "friction fit"
+    GROUPS: ClassVar[tuple[str, ...]] = ("parameters", "shared")
+    HEAD: ClassVar[str] = (
+        "# Friction fit. SI units; intervals are 95 %, statistical; u_systematic is a standard uncertainty."
+    )
+
+    law: str
+    model: FrictionModel
+    weights: Array | None = field(default=None, repr=False)
+    dependences: Dependences = field(default_factory=Dependences)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Name in the drive file -> value in SI; NaN for parameters that could not be estimated."""
+        return self.values
+
+    def correlated(self) -> list[str]:
+        """Return sentences on pairs of parameters with a correlation above 0.9, each with a remedy."""
+        return _correlated(self)
+
+    def predict(
+        self,
+        speed_m_s: ArrayLike,
+        gauge_a_pa: ArrayLike = 0.0,
+        gauge_b_pa: ArrayLike = 0.0,
+        *,
+        stderr_n: ArrayLike | None = None,
+        probability: float = 0.95,
+    ) -> Prediction:
+        """Predict friction at given speeds with an interval.
+
+        Parameters
+        ----------
+        speed_m_s : array_like
+            Speeds in m/s; the sign is ignored, friction opposes the motion.
+        gauge_a_pa, gauge_b_pa : array_like
+            Gauge pressures, broadcast with the speeds; without effect if the fit does not depend on pressure.
+        stderr_n : array_like, optional
+            None: interval of the law itself. Values: interval of a new mean with this standard error, including the
+            scatter between levels and the scale of the residuals.
+        probability : float
+            Probability of the interval.
+
+        Returns
+        -------
+        Prediction
+        """
+        speed, a, b = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
+        flat = np.abs(speed).ravel()
+        if not np.isfinite(flat).all() or (flat <= 0.0).any():
+            raise FitError(
+                "friction is predicted at speeds that are finite and not zero",
+                value=f"speed_m_s = {np.asarray(speed_m_s)}",
+                rule="the laws describe steady sliding only",
+            )
+        q = self.coordinates
+        value, jac = self.model.value_and_jacobian(q, at_conditions(flat, a.ravel(), b.ravel()))
+        # derivatives by the natural parameters of the covariance
+        natural = np.linalg.solve(self.model.natural_jacobian(q).T, jac.T).T
+        variance = np.einsum("ij,jk,ik->i", natural, self.covariance, natural)
+        if stderr_n is not None:
+            new = np.broadcast_to(stderr_n, speed.shape).ravel() ** 2 + self.statistics["scatter_n"] ** 2
+            variance = variance + self.statistics["variance"] * new
+        stderr = np.sqrt(np.maximum(variance, 0.0))
+        reach = student(int(self.statistics["degrees_of_freedom"]), probability) * stderr
+        value, stderr, reach = (x.reshape(speed.shape) for x in (value, stderr, reach))
+        return Prediction(value, value - reach, value + reach, stderr)
+
+    def free_values(self) -> dict[str, float]:
+        """Parameters including the names in `free`: a coefficient shared by both chambers has its own name."""
+        return self.values | self._groups()[1]
+
+    # -- into a drive -----------------------------------------------------------------------------------------
+
+    def apply(self, drive: Drive) -> Drive:
+        """Return a new drive whose friction has the determined parameters of this fit.
+
+        The drive keeps its own values of undetermined parameters, and of those without effect on sliding (bristles).
+
+        Parameters
+        ----------
+        drive : Drive
+
+        Returns
+        -------
+        Drive
+
+        Raises
+        ------
+        FitError
+            The drive's law lacks a determined parameter.
+
+        Warns
+        -----
+        PneudriveWarning
+            An undetermined breakaway force below the fitted Coulomb force, or the reverse, is set to that limit. A
+            breakaway force above the Coulomb force stays. Kept values move the curve of the drive. Measured effects of
+            a campaign that cannot be applied, and assumptions.
+        """
+        known = {p["key"] for p in drive.friction.entry["parameters"]}
+        forces = {n for n in self.determined if n not in PRESSURE_NAMES}
+        other_law = not forces <= known
+        takes_curve = other_law or (self.model.stribeck and "stribeck_exponent" in known)
+        missing = sorted({"coulomb", "breakaway", "stribeck_velocity", "viscous"} - forces)
+        if other_law and missing:
+            raise FitError(
+                f"the drive's friction law {drive.friction.law!r} has no Stribeck part, and the fit does not determine "
+                + ", ".join(missing),
+                rule="a drive can only change to a complete law",
+                remedy="First give the drive the law stribeck or lugre, or fit law='coulomb'.",
+            )
+        self._check_pressure(drive)
+        changes: dict[str, object] = {"friction.law": self.law} if other_law else {}
+        if takes_curve and self.model.lorentzian:
+            changes["friction.stribeck_shape"] = "lorentzian"
+        found = self.identified(curve=takes_curve and not self.model.lorentzian)
+        kept = drive.friction.parameters.get("breakaway", 0.0)
+        if "coulomb" in forces and "breakaway" not in forces and not other_law and kept > self.values["coulomb"]:
+            warn(
+                f"the fit does not determine breakaway: the drive keeps its {kept:.4g} N with the fitted Coulomb "
+                f"force of {self.values['coulomb']:.4g} N, so that its friction at low speed is not that of the map"
+            )
+        for note in self.dependences.notes:
+            warn(note)
+        law = str(changes.get("friction.law", drive.friction.law))
+        after = apply_identified(found, drive, changes, self.dependences.for_law(law))
+        self._warn_of_kept(after)
+        return after
+
+    def _warn_of_kept(self, after: Drive) -> None:
+        """Warn if undetermined values, which the drive keeps, take its friction away from that of the fit."""
+        kept = [n for n in STEADY if n not in self.determined and n in after.friction.parameters]
+        speeds = self.provenance.get("speed_m_s")
+        if not kept or not isinstance(speeds, (list, tuple)) or not speeds[0] < speeds[1]:
+            return
+        fitted = self.curve()
+        ends = (float(fitted.speed_m_s[0]), float(fitted.speed_m_s[-1]))
+        friction_n = curve_of_drive(after, ends, fitted.gauge_a_pa, fitted.gauge_b_pa).friction_n
+        k = int(np.argmax(np.abs(friction_n - fitted.friction_n)))
+        if abs(friction_n[k] - fitted.friction_n[k]) > KEPT_SHARE * abs(fitted.friction_n[k]):
+            warn(
+                f"the fit does not determine {', '.join(kept)}, and the drive keeps its own: at "
+                f"{1e3 * fitted.speed_m_s[k]:.4g} mm/s its friction is {friction_n[k]:.4g} N, that of the fit "
+                f"{fitted.friction_n[k]:.4g} N"
+            )
+
+    def identified(self, *, curve: bool = False) -> Identified:
+        """Return the determined parameters under their names in the drive file; with `curve` the exponent too.
+
+        The intervals combine in quadrature the statistical uncertainty (profile likelihood) and the systematic one. If
+        the data determine only the sum of two slopes, each gets half of it, without an interval.
+        """
+        names = [n for n in self.determined if n not in PRESSURE_NAMES]
+        if curve and "stribeck_exponent" not in names:
+            names.append("stribeck_exponent")
+        half = [n for n in PRESSURE_NAMES if n in self.values and f"{n[:-1]}ab" in self.free]
+        slopes = [n for n in PRESSURE_NAMES if n in self.determined or n in half]
+        return self.identified_as({n: f"friction.{n}" for n in names} | {n: slope_key(n) for n in slopes})
+
+    def _check_pressure(self, drive: Drive) -> None:
+        if self.model.chambers and self.model.pressure != "linear":
+            raise FitError(
+                f"a drive's friction is linear in the chamber pressures, but this fit is {self.model.pressure} in them",
+                rule="a curve is not replaced by a straight line without a request",
+                remedy="Fit with pressure='linear' over the working pressures of the drive.",
+            )
+        seals = drive.friction.pressure
+        if seals is None or self.model.chambers:
+            return
+        if any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
+            raise FitError(
+                "the drive's friction grows with pressure, but the fit holds only at the pressures of its recordings",
+                rule="friction from pressure must not count twice",
+                remedy="Fit with pressure_dependence=True, or first remove [friction.pressure] from the drive.",
+            )
+
+    def curve(
+        self,
+        gauge_a_pa: float | None = None,
+        gauge_b_pa: float | None = None,
+        speeds_m_s: tuple[float, float] | None = None,
+    ) -> SlidingCurve:
+        """Return the curve, by default at the middle of the measured pressures and over the measured speeds.
+
+        Raises
+        ------
+        FitError
+            The fit has no range of measured speeds.
+        """
+        said = {name: self.provenance.get(name) for name in ("speed_m_s", "gauge_a_pa", "gauge_b_pa")}
+        speed = speeds_over(speeds_m_s or said["speed_m_s"], "fit")
+        gauges = (middle_of(gauge_a_pa, said["gauge_a_pa"]), middle_of(gauge_b_pa, said["gauge_b_pa"]))
+        found = self.identified()
+        entries = []
+        for name, value in self.values.items():
+            key = slope_key(name) if name in PRESSURE_NAMES else f"friction.{name}"
+            ends = found.intervals.get(key, (np.nan, np.nan))
+            note = "" if name in self.determined else "fixed" if name not in self.free else "not determined by the data"
+            source = ", ".join(found.sources[key]) if key in found.intervals else ""
+            entries.append(CurveEntry(name, value, self.units[name], *ends, source, note))
+        exponent = self.values.get("stribeck_exponent", 2.0)
+        shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
+        lost = [TABLES[key].partition(":")[0] for key in self.dependences.tables if key in TABLES]
+        pressure = TABLES["pressure"].format(a=gauges[0] / 1e5, b=gauges[1] / 1e5)
+        return SlidingCurve(
+            f"friction fit, law {self.law}",
+            self.model.law,
+            shape if self.model.stribeck else "none",
+            speed,
+            self.predict(speed, *gauges).friction_n,
+            *gauges,
+            tuple(entries),
+            (*([pressure] if self.model.chambers else ()), *lost),
+            not self.model.stribeck or (not self.model.lorentzian and exponent == 1.0),
+            tuple(lost),
+        )
+
+    # -- file and display ----------------------------------------------------------------------------
+
+    def _groups(self) -> tuple[dict[str, float], ...]:
+        """Return the tables of values: parameters, and sums of two slopes of which only the sum is determined."""
+        return self.values, {n: self.values[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
+
+    def _last(self) -> dict[str, Any]:
+        """Return the measured friction modifiers."""
+        found = self.dependences.table()
+        return {"dependences": found} if found else {}
+
+    def _first(self) -> dict[str, Any]:
+        return {"law": self.law, "notes": list(self.notes), "model": self.model.table()}
+
+    @classmethod
+    def _entries(cls, content: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        """Return all tables; older files store a slope shared by both chambers under each of them."""
+        entries = super()._entries(content)
+        names = content["covariance"]["names"]
+        return entries | {n: entries[n.replace("_ab", "_a")] for n in names if n not in entries}
+
+    @classmethod
+    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
+        found = super()._from_content(content)
+        model = FrictionModel.of_table(content["model"])
+        if model.law not in LAWS or model.names != found["free"] or found["covariance"].size == 0:
+            raise ValueError(f"law, chambers and parameters do not match: {', '.join(found['free'])}")
+        if not all(np.isfinite(found["statistics"][name]) and found["statistics"][name] >= 0.0 for name in STATISTICS):
+            raise ValueError(f"statistics: {', '.join(STATISTICS)} are numbers of zero and above")
+        if "direction" not in found["provenance"]:
+            raise KeyError("direction")
+        # older files have intervals of parameters without a value
+        known = {n for n, entry in cls._entries(content).items() if "standard_error" in entry}
+        found["intervals"] = {n: ends for n, ends in found["intervals"].items() if n in known}
+        found["systematic"] = dict.fromkeys(found["free"], 0.0) | found["systematic"]
+        found["dependences"] = Dependences.of_table(content.get("dependences", {}))
+        return found | {"law": content["law"], "model": model}
+
+    def _shown(self) -> dict[str, float]:
+        hidden = {n for n in self.values if n not in self.free and self.units[n].startswith("N/Pa")}
+        return {name: value for name, value in self.free_values().items() if name not in hidden}
+
+    def _title(self) -> str:
+        s = self.statistics
+        return (
+            f"{self.law} friction from {s['values']:.0f} values "
+            f"(directions: {self.provenance['direction']}, rms {s['rms_n']:.3g} N, fit {s['fit_percent']:.1f} %, "
+            f"residuals {s['scale']:.2g} times their standard errors)"
+        )
+
+
+def slope_key(name: str) -> str:
+    """Return the name in a drive file for the slope of a force over a chamber's pressure."""
+    force, _, chamber = name.rpartition("_")
+    return f"friction.pressure.{force}.{chamber}"
+
+
+def _correlated(fit: FrictionFit) -> list[str]:
+    """Return sentences on correlated pairs of parameters, each with a remedy."""
+    matrix = fit.correlation
+    out = []
+    for i in range(len(fit.free)):
+        for j in range(i + 1, len(fit.free)):
+            if abs(matrix[i, j]) > TOGETHER:
+                pair = f"{fit.free[i]} and {fit.free[j]} change together (correlation {matrix[i, j]:+.2f})"
+                out.append(f"{pair}: {_remedy(fit, i, j)}")
+    return out
+
+
+def _remedy(fit: FrictionFit, i: int, j: int) -> str:
+    """Return the speed at which one more value lowers the correlation most; for pressures a general remedy."""
+    names = (fit.free[i], fit.free[j])
+    if any(unit_of(name).startswith("N/Pa") for name in names):
+        return "pressures further apart, and not varied together, would separate them"
+    if fit.observations is None:
+        return "more speeds would separate them"
+    speed = fit.observations.speed_m_s
+    low, high = float(speed.min()), float(speed.max())
+    tried = np.geomspace(low / BEYOND, high * BEYOND, CANDIDATES)
+    gauge_a, gauge_b = (float(np.median(g)) for g in (fit.observations.gauge_a_pa, fit.observations.gauge_b_pa))
+    at = at_conditions(tried, np.full(tried.size, gauge_a), np.full(tried.size, gauge_b))
+    q = fit.coordinates
+    to_natural = fit.model.natural_jacobian(q)
+    gradient = np.linalg.solve(to_natural.T, fit.model.value_and_jacobian(q, at)[1].T).T
+    noise = fit.statistics["variance"] * float(np.median(fit.observations.stderr_n)) ** 2
+    carried = gradient @ fit.covariance  # (c, p)
+    added = 1.0 / (noise + np.einsum("cp,cp->c", gradient, carried))
+    after = fit.covariance[None] - added[:, None, None] * carried[:, :, None] * carried[:, None, :]
+    together = np.abs(after[:, i, j]) / np.sqrt(after[:, i, i] * after[:, j, j])
+    best = float(tried[int(np.argmin(together))])
+    if best < low:
+        return f"speeds below {1e3 * low:.3g} mm/s would separate them"
+    if best > high:
+        return f"speeds above {1e3 * high:.3g} mm/s would separate them"
+    return f"more values near {1e3 * best:.2g} mm/s would separate them"

@@ -1,0 +1,1 @@
+"""Report of a campaign or of a comparison of two."""

@@ -1,0 +1,1 @@
+"""Drawing of a circuit with symbols of ISO 1219."""

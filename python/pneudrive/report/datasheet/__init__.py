@@ -1,0 +1,1 @@
+"""Data sheet of a drive."""
