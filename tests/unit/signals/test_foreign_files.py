@@ -252,6 +252,14 @@ def test_a_header_behind_a_comment_sign_with_another_delimiter(table, tmp_path):
     assert all("no other candidate" in g.reason or "next: " in g.reason for g in proposal.guesses)
 
 
+def test_spaces_before_units_do_not_split_the_names_of_a_header(table, tmp_path):
+    """Names and units have as many words as there are columns."""
+    rows = [" ".join(row) for row in fields(table, (3, 5, 4, 4, 4))]
+    (tmp_path / "a.csv").write_text("\n".join(["# t;x (mm);F (N);pA (barg);pB (barg)", *rows]))
+    found = {guess.role: guess.column for guess in proposed(tmp_path / "a.csv").guesses}
+    assert (found["position"], found["pressure_a"], found["pressure_b"]) == ("x (mm)", "pA (barg)", "pB (barg)")
+
+
 def test_candidates_of_equal_evidence_are_left_open_and_listed(table, tmp_path):
     two = np.column_stack([table, table[:, 2] * 0.5 + np.random.default_rng(1).normal(size=len(table))])
     rows = fields(two, (3, 5, 4, 4, 4, 4))

@@ -263,7 +263,8 @@ def _rows_above(above: list[str], form: TextForm, width: int) -> Iterator[tuple[
     for at in reversed(filled[-HEADER_ROWS:]):
         sign = next((sign for sign in COMMENTS if above[at].lstrip().startswith(sign)), form.comment)
         line = above[at].lstrip(f"{sign} ") if sign in above[at][:3] else above[at]
-        for delimiter in (form.delimiter, *DELIMITERS):
+        # White space last: names hold spaces before their units, by chance as many as there are columns.
+        for delimiter in sorted((form.delimiter, *DELIMITERS), key=lambda one: one is None):
             fields = split_row(line, delimiter)
             # Loggers put a column of comments after the last column of numbers.
             is_longer = len(fields) > width and delimiter is not None and delimiter == form.delimiter
