@@ -228,6 +228,17 @@ def test_empty_fields_of_slow_channels(table, tmp_path):
     assert len(recording) == 841  # to the last value of the slow channels
 
 
+def test_slow_channels_under_headers_that_come_again(table, tmp_path):
+    # An empty unit and a sample of every second line: the headers alone fill the columns of the slow channels.
+    head = [[*NAMES, "Status"], ["s", "mm", "N", "barg", "barg", ""]]
+    rows = [row if at % 10 == 1 else [*row[:3], "", ""] for at, row in enumerate(fields(table))]
+    parts = [line for at in (0, 400) for line in [*head, *([*row, "7"] for row in rows[at : at + 400])]]
+    (tmp_path / "a.csv").write_text(text_of(parts, []))
+    text = propose_layout(tmp_path / "a.csv").text
+    assert '"Pressure A"' in text
+    assert "no pressure column" not in text
+
+
 def test_channels_with_columns_of_times_of_their_own(table, tmp_path):
     late = 40
     rows = [

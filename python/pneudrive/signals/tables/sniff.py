@@ -162,7 +162,7 @@ def _read(sample: list[str], form: TextForm) -> _Reading:
     rows = [split_row(line, form.delimiter) for line in sample]
     widths = [len(row) for row in rows]
     usual = max(set(widths), key=widths.count)
-    right = [row for row in rows if len(row) == usual]
+    right = [row for row in rows if len(row) == usual and not is_words(row, form)]  # no header that comes again
     words: frozenset[int] = frozenset()
     if form.delimiter is not None:  # white space stands in texts, too
         words = frozenset(at for at in range(usual) if _is_of_words([row[at] for row in right], form))
