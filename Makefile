@@ -20,7 +20,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 RUST := Cargo.toml Cargo.lock $(wildcard .cargo/config.toml) \
         $(shell find crates \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*')
-PAGE := $(wildcard page/*.json page/*.ts page/index.html page/src/* page/src/plots/* page/public/*) tools/page.py
+PAGE := $(wildcard page/*.json page/*.ts page/index.html page/src/* page/src/*/* page/public/*) tools/page.py
 # More than two cores have: some tests wait for a process that they killed, or for a browser.
 PYTEST_WORKERS ?= 3
 

@@ -6,10 +6,11 @@ import { defineConfig } from "vite";
 /** SHA-256 of everything that the page is built from: page and server compare it, and an old tab asks for a reload. */
 function build(): string {
   const hash = createHash("sha256");
-  const folders = ["src", "src/plots", "."].map((one) => join(import.meta.dirname, one));
+  const here = (of: string) => readdirSync(join(import.meta.dirname, of), { withFileTypes: true });
+  const folders = ["src", ...here("src").filter((one) => one.isDirectory()).map((one) => `src/${one.name}`).sort(), "."];
   for (const folder of folders)
-    for (const entry of readdirSync(folder, { withFileTypes: true }).sort((a, b) => (a.name < b.name ? -1 : 1)))
-      if (entry.isFile() && /\.(tsx?|css|html|json)$/.test(entry.name)) hash.update(readFileSync(join(folder, entry.name)));
+    for (const entry of here(folder).sort((a, b) => (a.name < b.name ? -1 : 1)))
+      if (entry.isFile() && /\.(tsx?|css|html|json)$/.test(entry.name)) hash.update(readFileSync(join(import.meta.dirname, folder, entry.name)));
   return hash.digest("hex").slice(0, 16);
 }
 

@@ -2,7 +2,7 @@
 import { render as draw } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import "./explore.css";
-import { unpack, type Frame } from "./frame";
+import { unpack, type Frame } from "./server/frame";
 import { digits, followInk, isDark } from "./plots/looks";
 import { curveOf, Plot } from "./plots/plot";
 

@@ -1,16 +1,16 @@
 /** The views of the page, one line each: address, name, what shows it, the kinds that it opens and those that it takes along. */
 import type { ComponentType } from "preact";
-import { CampaignView } from "./campaign";
-import { ControlView } from "./control";
-import { DatasheetView } from "./datasheet";
-import { DriveView } from "./drive";
-import { FrictionView } from "./friction";
-import { HandoverView } from "./handover";
-import { RecordingView } from "./recording";
-import { SimulateView } from "./simulate";
-import { SizingView } from "./sizing";
-import { StudiesView } from "./studies";
-import { ValidationView } from "./validation";
+import { CampaignView } from "./measured/campaign";
+import { ControlView } from "./control/control";
+import { DatasheetView } from "./drive/datasheet";
+import { DriveView } from "./drive/drive";
+import { FrictionView } from "./measured/friction";
+import { HandoverView } from "./drive/handover";
+import { RecordingView } from "./measured/recording";
+import { SimulateView } from "./simulate/simulate";
+import { SizingView } from "./drive/sizing";
+import { StudiesView } from "./workspace/studies";
+import { ValidationView } from "./measured/validation";
 
 export interface View {
   name: string;

@@ -1,7 +1,7 @@
 import { describe, expect, it, vi } from "vitest";
 
 vi.stubGlobal("addEventListener", () => undefined);
-const { short } = await import("../src/beside");
+const { short } = await import("../src/simulate/beside");
 
 describe("the name of a run beside another", () => {
   it("is that of its file, with the folder where two have that name", () => {

@@ -2,7 +2,7 @@ import { beforeEach, describe, expect, it, vi } from "vitest";
 
 vi.stubGlobal("location", { hash: "", pathname: "/" });
 vi.stubGlobal("addEventListener", () => undefined);
-const { look, pace, paced, unread } = await import("../src/campaign");
+const { look, pace, paced, unread } = await import("../src/measured/campaign");
 
 describe("the pace of a campaign", () => {
   it("is a number, or nothing was typed: a decimal comma is refused", () => {

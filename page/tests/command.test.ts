@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { withFile, word } from "../src/command";
+import { withFile, word } from "../src/workspace/command";
 
 describe("a command from a file", () => {
   it("is the file of a drive", () => expect(withFile("0 s: 1", "", "steps.csv")).toBe("steps.csv"));

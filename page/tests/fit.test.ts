@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { outline } from "../src/fit";
+import { outline } from "../src/measured/fit";
 
 describe("the outline of a profile", () => {
   it("runs down the lower ends and up the upper ends, without open ones", () => {

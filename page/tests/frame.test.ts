@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { unpack } from "../src/frame";
+import { unpack } from "../src/server/frame";
 import { digits } from "../src/plots/looks";
 
 /** A frame as `pneudrive.web.messages.pack` makes it. */

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { levels } from "../src/friction";
+import { levels } from "../src/measured/friction";
 import { reached } from "../src/plots/scatter";
 
 describe("speeds of a map", () => {

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
-import { alike, marksOf, nextPlace, shiftOf, told, type Stroke } from "../src/measure";
-import { enough } from "../src/recording";
-import { newest } from "../src/server";
+import { alike, marksOf, nextPlace, shiftOf, told, type Stroke } from "../src/measured/measure";
+import { enough } from "../src/measured/recording";
+import { newest } from "../src/server/server";
 
 const stroke = (from: number, direction: number): Stroke => ({ from, to: from + 1, direction, speed: 0.1 * direction });
 

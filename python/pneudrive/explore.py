@@ -66,7 +66,7 @@ class Explorer:
         CommandError
             A slider is requested for something other than a number of the description.
         """
-        from pneudrive.web.description import fields_of
+        from pneudrive.web.drive.description import fields_of
 
         fields = fields_of(self._base)
         free = {one["key"]: one for one in fields["values"] if "number" in one}
@@ -81,9 +81,9 @@ class Explorer:
 
     def answer(self, asked: Mapping[str, Any]) -> bytes:
         """Simulate with the changes of a message, and return the frame that the widget draws."""
+        from pneudrive.web.drive.run_request import RunLimit
         from pneudrive.web.live import frame_of
         from pneudrive.web.messages import pack, problems_of
-        from pneudrive.web.run_request import RunLimit
 
         changes = dict(asked.get("changes") or {})
         head = {"number": asked.get("number"), "view": asked.get("view"), "changes": changes}

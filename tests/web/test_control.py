@@ -133,7 +133,7 @@ def test_what_is_no_run_is_answered_in_words(served: Served, changes: dict, monk
     (served.folder / "evil.py").write_text("raise SystemExit('it ran')\n")
     (served.folder / "own.toml").write_text('law = "evil.py:Law"\n')
     (served.folder / "led.toml").write_text('law = "pid"\ndrive = "../evil.toml"\n')
-    monkeypatch.setattr("pneudrive.web.control.MOST_SECONDS", 0.05)
+    monkeypatch.setattr("pneudrive.web.drive.control.MOST_SECONDS", 0.05)
     head, arrays = asked(served, **changes)
     assert head["problems"][0]["what"]
     assert not arrays

@@ -26,7 +26,7 @@ from pneudrive.signals.layout import labels_from_name
 from pneudrive.trajectory import whole
 from pneudrive.units import parse
 from pneudrive.web.app import JOBS
-from pneudrive.web.description import edited
+from pneudrive.web.drive.description import edited
 from pneudrive.web.messages import unpack
 from pneudrive.web.workspace import ChangedError, Workspace
 from web.conftest import DRIVE, Served

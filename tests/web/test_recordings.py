@@ -18,7 +18,7 @@ import pneudrive as pn
 from pneudrive.cli.main import run as run_command
 from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import find_strokes
-from pneudrive.web import recordings
+from pneudrive.web.measured import recordings
 from pneudrive.web.messages import unpack
 from web.conftest import Served
 
@@ -542,7 +542,7 @@ def test_times_that_fall_within_a_block_are_said_by_page_and_command(served: Ser
 
 
 def test_a_recording_too_long_for_strokes_says_so(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pneudrive.web.recordings.MOST_SAMPLES_OF_STROKES", 1199)
+    monkeypatch.setattr("pneudrive.web.measured.recordings.MOST_SAMPLES_OF_STROKES", 1199)
     in_si(served.folder / "run.parquet")
     read(served, "run.parquet")
     assert get(served, "/api/strokes", path="run.parquet") == {"strokes": [], "faults": {}}  # nobody says what moves

@@ -15,7 +15,7 @@ from pneudrive.errors import CommandError
 from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.task import SizingTask
-from pneudrive.web.sizing import FIRST
+from pneudrive.web.drive.sizing import FIRST
 from web.conftest import Served
 from web.test_friction import finished, post
 from web.test_recordings import get

@@ -10,8 +10,8 @@ import pytest
 
 from pneudrive.trajectory import save_columns
 from pneudrive.watch import UNWATCHED
-from pneudrive.web.recordings import OpenRecording, Recordings
-from pneudrive.web.tiles import BLOCK, Pyramid
+from pneudrive.web.measured.recordings import OpenRecording, Recordings
+from pneudrive.web.measured.tiles import BLOCK, Pyramid
 from pneudrive.web.workspace import Workspace
 
 RATE = 1000.0

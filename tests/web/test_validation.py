@@ -17,8 +17,8 @@ from oracle.drive_records import drive, record
 from pneudrive.cli.main import run as run_command
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.web.live import answer
+from pneudrive.web.measured.validation import _suspects
 from pneudrive.web.messages import unpack
-from pneudrive.web.validation import _suspects
 from pneudrive.web.workspace import Workspace
 from web.conftest import Served
 from web.test_friction import post

@@ -16,9 +16,9 @@ import pneudrive as pn
 from pneudrive.cli.main import run as run_command
 from pneudrive.errors import CommandError
 from pneudrive.web.app import make_app
+from pneudrive.web.drive.run_request import RunLimit
 from pneudrive.web.live import answer
 from pneudrive.web.messages import pack, unpack
-from pneudrive.web.run_request import RunLimit
 from pneudrive.web.workspace import Workspace
 from web.conftest import DRIVE, PORT, TOKEN, Served, TestClient
 

@@ -1,5 +1,5 @@
 /** Drawing of curves, bands, shades and marks on a plot. */
-import "../language"; // before uPlot, which reads it
+import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import { isDark, look } from "./looks";
 import type { Band, Event, Mark, PlotProps, Shade } from "./plot";

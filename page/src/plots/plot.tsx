@@ -2,11 +2,11 @@
 import { useLayoutEffect, useRef, useState } from "preact/hooks";
 import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import "../language"; // before uPlot, which reads it
+import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import "./plot.css";
-import type { Numbers } from "../frame";
+import type { Numbers } from "../server/frame";
 import { digits, instant, isDark, look } from "./looks";
 import { curve, fill, flag, grid, ink, mark, path, shade, upright, within } from "./paint";
 import { saveCsv, savePng, saveSvg, type Saved } from "./saving";

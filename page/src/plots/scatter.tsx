@@ -1,6 +1,6 @@
 /** Measured points with their bars, and the fitted curve of each group with its band. */
 import { useEffect, useRef } from "preact/hooks";
-import "../language"; // before uPlot, which reads it
+import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import { digits, isDark, look } from "./looks";
 import { axes, Legend, More } from "./plot";

@@ -14,7 +14,7 @@ import platform
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from posixpath import basename, dirname
+from posixpath import basename
 from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
@@ -24,11 +24,8 @@ from starlette.routing import Route, WebSocketRoute
 
 from pneudrive import __version__
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.files.content import read_text
-from pneudrive.units import in_unit
-from pneudrive.web import description
-from pneudrive.web.beside import ExtrasRequest
-from pneudrive.web.drop import add_example, rename, take
+from pneudrive.web.drive import description
+from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, Guard
 from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
 from pneudrive.web.live import live
@@ -36,13 +33,11 @@ from pneudrive.web.messages import fault_of, pack, plain, problems_of
 from pneudrive.web.pages import BuiltPage
 from pneudrive.web.reports import SANDBOX, OpenReports
 from pneudrive.web.requests import MOST_PIXELS, WRONG_REQUEST
-from pneudrive.web.run_request import RunRequest, described_at
 from pneudrive.web.workspace import (
     BUILT,
     MOST_FILES,
     TABLES,
     ChangedError,
-    NewNames,
     Workspace,
     built_page,
 )
@@ -53,27 +48,64 @@ if TYPE_CHECKING:
     from starlette.requests import Request as Asked
     from starlette.websockets import WebSocket
 
-    from pneudrive.web.campaigns import WatchedCampaign
-    from pneudrive.web.recordings import OpenRecording, Recordings
+    from pneudrive.web.measured.campaigns import WatchedCampaign
+    from pneudrive.web.measured.recordings import OpenRecording, Recordings
 
 PLATFORM = f"{platform.system()} {platform.machine()}"
 BUILD_FILE, FRAME = "build.json", "application/octet-stream"
 #: Jobs that a page may start, by the command that does them: the module that has them as `COMMAND_job`.
 JOBS = {
     "characterise": "jobs",
-    "fit": "friction",
-    "design": "friction",
-    "validate": "validation",
-    "identify": "validation",
-    "apply": "validation",
-    "size": "sizing",
-    "export": "handover",
-    "datasheet": "datasheet",
+    "fit": "measured.friction",
+    "design": "measured.fits",
+    "validate": "measured.validation",
+    "identify": "measured.validation",
+    "apply": "measured.validation",
+    "size": "drive.sizing",
+    "export": "drive.handover",
+    "datasheet": "drive.datasheet",
+}
+#: Requests that need nothing but the workspace: method and address, the function that answers, and the texts that it
+#: takes from the request. Without texts, it takes the table in the body of a POST.
+ANSWERS: dict[str, tuple[str, ...]] = {
+    "/api/lineage": ("GET", "lineage:shown_lineage", "path"),
+    "/api/stale": ("GET", "lineage:stale_results"),
+    "/api/rename": ("POST", "drop:rename", "path", "to"),
+    "/api/example": ("POST", "drop:add_example"),
+    "/api/check": ("POST", "drive.description:checked", "path", "text"),
+    "/api/edit": ("POST", "drive.description:edited_as_asked"),
+    "/api/drawing": ("POST", "drive.description:drawing", "path", "text"),
+    "/api/copy": ("POST", "drive.beside:copied"),
+    "/api/propose": ("GET", "measured.recordings:proposed", "path"),
+    "/api/validation": ("GET", "measured.validation:shown_validation", "path"),
+    "/api/compare": ("POST", "measured.validation:compared", "before", "after"),
+    "/api/task": ("POST", "drive.sizing:checked_or_first"),
+    "/api/sizing": ("GET", "drive.sizing:shown_sizing", "path"),
+    "/api/map": ("GET", "measured.friction:shown_map", "path", "fit"),
+    "/api/slice": ("GET", "measured.friction:map_slice", "path", "fit", "speed"),
+    "/api/map-difference": ("GET", "measured.friction:map_difference", "path", "fit", "other"),
+    "/api/fit": ("GET", "measured.fits:shown_fit", "path"),
+    "/api/behind": ("GET", "measured.fits:behind_fit", "path"),
+    "/api/next": ("GET", "measured.fits:next_points", "path", "points"),
+    "/api/plan": ("POST", "measured.campaigns:planned"),
+    "/api/control": ("GET", "drive.control:choices", "path"),
+    "/api/comparison": ("GET", "drive.control:shown_card", "path", "measure"),
+    "/api/tracks": ("GET", "drive.control:shown_tracks", "path", "reference", "pixels"),
+    "/api/fmu": ("GET", "drive.handover:shown_fmu", "path"),
 }
 #: Modules that are imported at their first use.
 BEHIND = tuple(
     f"pneudrive.web.{name}"
-    for name in ("recordings", "control", "friction", "validation", "campaigns", "sizing", "handover", "lineage")
+    for name in (
+        "measured.recordings",
+        "drive.control",
+        "measured.friction",
+        "measured.validation",
+        "measured.campaigns",
+        "drive.sizing",
+        "drive.handover",
+        "lineage",
+    )
 )
 
 
@@ -116,31 +148,12 @@ def make_app(
 
     routes: list[Any] = [
         Route("/api/studies", _answered(views.studies)),
-        Route("/api/lineage", _answered(views.lineage)),
-        Route("/api/stale", _answered(views.stale)),
         Route("/api/file", _answered(views.read)),
         Route("/api/file", _answered(views.write), methods=["PUT"]),
-        Route("/api/rename", _answered(views.rename), methods=["POST"]),
-        Route("/api/example", _answered(views.example), methods=["POST"]),
-        Route("/api/check", _answered(views.check), methods=["POST"]),
-        Route("/api/edit", _answered(views.edit), methods=["POST"]),
-        Route("/api/drawing", _answered(views.drawing), methods=["POST"]),
-        Route("/api/copy", _answered(views.copy), methods=["POST"]),
         Route("/api/recording", _answered(views.recording)),
         Route("/api/spectrum", _answered(views.spectrum)),
         Route("/api/strokes", _answered(views.strokes)),
         Route("/api/measure", _answered(views.measure), methods=["POST"]),
-        Route("/api/propose", _answered(views.propose)),
-        Route("/api/validation", _answered(views.validation)),
-        Route("/api/compare", _answered(views.differences), methods=["POST"]),
-        Route("/api/task", _answered(views.task), methods=["POST"]),
-        Route("/api/sizing", _answered(views.sizing)),
-        Route("/api/map", _answered(views.map)),
-        Route("/api/slice", _answered(views.slice)),
-        Route("/api/map-difference", _answered(views.map_difference)),
-        Route("/api/fit", _answered(views.fit)),
-        Route("/api/behind", _answered(views.behind)),
-        Route("/api/next", _answered(views.next)),
         Route("/api/work", _answered(views.work), methods=["POST"]),
         Route("/api/jobs", _answered(views.jobs)),
         Route("/api/jobs", _answered(views.start), methods=["POST"]),
@@ -148,22 +161,32 @@ def make_app(
         Route("/api/campaign", _answered(views.campaign)),
         Route("/api/campaign", _answered(views.ask), methods=["POST"]),
         Route("/api/cycle", _answered(views.cycle)),
-        Route("/api/plan", _answered(views.plan), methods=["POST"]),
-        Route("/api/control", _answered(views.control_choices)),
-        Route("/api/comparison", _answered(views.comparison)),
-        Route("/api/tracks", _answered(views.tracks)),
-        Route("/api/fmu", _answered(views.fmu)),
         Route(DROP, views.drop, methods=["PUT"]),
         Route("/api/report", _answered(views.report)),
         Route(f"{REPORTS}{{secret}}/{{name:path}}", views.open_report),
         Route("/api/comparisons", _answered(views.compare), methods=["POST"]),
         Route("/api/campaigns", _answered(views.begin), methods=["POST"]),
+        *(_tabled(workspace, path, *one) for path, one in ANSWERS.items()),
         WebSocketRoute("/api/live", socket),
         *(Route(path, files, methods=["GET"]) for path in files.answers),
     ]
     app = Starlette(routes=routes)
     app.state.jobs = views.running
     return Guard(app, port, token, frozenset(files.answers), reports)
+
+
+def _tabled(workspace: Workspace, path: str, method: str, name: str, *texts: str) -> Route:
+    """Return the route of a line of `ANSWERS`."""
+    module, _, function = name.partition(":")
+
+    def view(given: Mapping[str, str], body: bytes) -> Any:  # noqa: ANN401 - plain data, or a frame
+        table = _table(body, *texts) if method == "POST" else given
+        wanted = [table.get(one, "") for one in texts]
+        if method == "POST" and not texts:
+            wanted = [table]
+        return getattr(import_module(f"pneudrive.web.{module}"), function)(workspace, *wanted) or {}
+
+    return Route(path, _answered(view), methods=[method])
 
 
 def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Asked], Any]:
@@ -208,7 +231,7 @@ class _Views:
     @cached_property
     def recordings(self) -> Recordings:
         """Recordings that are open."""
-        from pneudrive.web.recordings import Recordings
+        from pneudrive.web.measured.recordings import Recordings
 
         return Recordings(self.workspace)
 
@@ -228,18 +251,6 @@ class _Views:
         about |= {"protocols": READY, "control": self.control, "left_out": left_out, "is_cut": len(files) == MOST_FILES}
         return {**about, "files": [vars(one) for one in files], "catalogue": drives}
 
-    def lineage(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the inputs of a file, and the files made from it."""
-        from pneudrive.web.lineage import shown_lineage
-
-        return shown_lineage(self.workspace, given.get("path", ""))
-
-    def stale(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the results whose inputs changed since."""
-        from pneudrive.web.lineage import stale_results
-
-        return stale_results(self.workspace)
-
     def read(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the text of a file, and on request its check as a description."""
         path = given.get("path", "")
@@ -258,54 +269,9 @@ class _Views:
             Layout.loads(asked["text"], "layout.toml")
         return {"sha256": self.workspace.write(path, asked["text"], known)}
 
-    def rename(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Give a file another name."""
-        asked = _table(body, "path", "to")
-        rename(self.workspace, asked["path"], asked["to"])
-        return {}
-
-    def example(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Copy example recordings into the folder."""
-        return {"path": add_example(self.workspace)}
-
-    def check(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Check a text."""
-        asked = _table(body, "path", "text")
-        return description.checked(self.workspace, asked["path"], asked["text"])
-
-    def edit(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Change one value of a text. With a unit, write the value in this unit."""
-        asked = _table(body, "text", "key")
-        value = asked.get("value")
-        if not isinstance(value, str | int | float):
-            raise CommandError("the value is neither a text nor a number")
-        if isinstance(unit := asked.get("unit"), str):
-            value = in_unit(str(value), unit)
-        return {"text": description.edited(asked["text"], asked["key"], value)}
-
-    def drawing(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Draw a text as a circuit."""
-        asked = _table(body, "path", "text")
-        return description.drawing(self.workspace, asked["path"], asked["text"])
-
-    def copy(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Return a run as a line of a shell and as Python."""
-        given = _table(body, "path")
-        asked = RunRequest.of(given)
-        asked.check_saved(self.workspace)
-        described = described_at(self.workspace, asked.path, asked.text)
-        beside = ExtrasRequest.of(given)
-        columns = given.get("columns", [])
-        columns = [name for name in columns if isinstance(name, str)] if isinstance(columns, list) else []
-        python = asked.as_python(described) + beside.as_python(self.workspace, asked, columns)
-        names = NewNames(self.workspace)
-        out = names.of(asked.stem())
-        command = f"{asked.as_command(out)}\n{beside.as_command(asked, columns, out, names)}".strip()
-        return {"command": command, "python": python}
-
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Open a recording, or report the progress of its reading, or its present errors: it may be half written."""
-        from pneudrive.web.recordings import layout_above, layout_in
+        from pneudrive.web.measured.recordings import layout_above, layout_in
 
         name = given.get("path", "")
         path = self.workspace.path(name, TABLES)
@@ -362,66 +328,9 @@ class _Views:
 
     def measure(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Measure a recording at two times."""
-        from pneudrive.web.measuring import MeasureRequest
+        from pneudrive.web.measured.measuring import MeasureRequest
 
         return MeasureRequest.of(_table(body, "path")).answer(self.recordings)
-
-    def propose(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Propose a layout."""
-        from pneudrive.web.recordings import proposed
-
-        return proposed(self.workspace.path(given.get("path", ""), TABLES))
-
-    def map(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return a friction map with the curves of its fit, and which recordings are in the workspace."""
-        from pneudrive.web.friction import FIT, shown_map
-        from pneudrive.web.lineage import recordings_of_map
-
-        path = given.get("path", "")
-        fits = [one.path for one in self.workspace.files() if one.kind == "fit" and dirname(one.path) == dirname(path)]
-        fit = given.get("fit", "")
-        if fit and fit not in fits:
-            raise CommandError(f"there is no fit {fit[:80]} beside the map")
-        found = shown_map(self.workspace.path(path, (".parquet", ".csv")), Path(fit).name or FIT)
-        return {**found, "fits": fits, "recordings": recordings_of_map(self.workspace, path)}
-
-    def slice(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return a friction map at one speed, over pressure."""
-        from pneudrive.web.friction import FIT, map_slice
-
-        try:
-            speed = float(given.get("speed", ""))
-        except ValueError:
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
-        return map_slice(self.workspace, given.get("path", ""), Path(given.get("fit", "")).name or FIT, speed)
-
-    def map_difference(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the difference between two maps."""
-        from pneudrive.web.friction import FIT, map_difference
-
-        path, other = given.get("path", ""), given.get("other", "")
-        return map_difference(self.workspace, path, Path(given.get("fit", "")).name or FIT, other)
-
-    def fit(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return a fit."""
-        from pneudrive.web.friction import shown_fit
-
-        return shown_fit(self.workspace.path(given.get("path", ""), (".toml",)))
-
-    def behind(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the details of a fit: residuals, ellipses, profiles."""
-        from pneudrive.web.friction import behind_fit
-
-        return behind_fit(self.workspace, given.get("path", ""))
-
-    def next(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the next points to measure for a fit."""
-        from pneudrive.web.friction import MOST_NEXT, next_points
-
-        points = given.get("points", "")
-        if points and not (points.isdecimal() and 1 <= int(points) <= MOST_NEXT):
-            raise CommandError(f"points = {points[:20]} is out of bounds", rule=f"1 to {MOST_NEXT}, or none")
-        return next_points(self.workspace, given.get("path", ""), int(points) if points else None)
 
     def _job(self, body: bytes) -> AskedJob:
         asked = _table(body)
@@ -430,38 +339,6 @@ class _Views:
         if module is None:
             raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
         return getattr(import_module(f"pneudrive.web.{module}"), f"{kind}_job")(asked, self.workspace)
-
-    def validation(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return a validation."""
-        from pneudrive.web.validation import shown_validation
-
-        return shown_validation(self.workspace, given.get("path", ""))
-
-    def differences(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Return the differences between two drives or fits."""
-        from pneudrive.web.validation import compared
-
-        asked = _table(body, "before", "after")
-        return compared(self.workspace, asked["before"], asked["after"])
-
-    def task(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Check the text of a task. Without a text, return a task to start from."""
-        from pneudrive.web.sizing import FIRST, checked_task
-
-        text = _table(body).get("text")
-        return checked_task(text) if isinstance(text, str) else {"text": read_text(FIRST, CommandError)}
-
-    def sizing(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the candidates of a task."""
-        from pneudrive.web.sizing import shown_sizing
-
-        return shown_sizing(self.workspace, given.get("path", ""))
-
-    def fmu(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the description of an FMU for another tool."""
-        from pneudrive.web.handover import shown_fmu
-
-        return shown_fmu(self.workspace, given.get("path", ""))
 
     def report(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the address of a folder's report."""
@@ -506,7 +383,7 @@ class _Views:
         return self.jobs(_given, body)
 
     def _watched(self, name: str) -> WatchedCampaign:
-        from pneudrive.web.campaigns import WatchedCampaign
+        from pneudrive.web.measured.campaigns import WatchedCampaign
 
         folder = self.workspace.folder(name)
         return self.campaigns.setdefault(folder, WatchedCampaign(folder))
@@ -519,42 +396,15 @@ class _Views:
         """Return the running cycle of a campaign as a frame."""
         return self._watched(given.get("path", "")).live()
 
-    def plan(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
-        """Return the plan of a protocol."""
-        from pneudrive.web.campaigns import planned
-
-        return planned(_table(body), self.workspace)
-
     def ask(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Send a request to a campaign."""
         asked = _table(body, "path")
         self._watched(asked["path"]).ask(asked.get("word"), control=self.control)
         return {}
 
-    def control_choices(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the options for a drive under control."""
-        from pneudrive.web import control
-
-        return control.choices(self.workspace, given.get("path", ""))
-
-    def comparison(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Return the score card of a benchmark."""
-        from pneudrive.web import control
-
-        return control.shown_card(self.workspace, given.get("path", ""), given.get("measure", "max_error_m"))
-
-    def tracks(self, given: Mapping[str, str], _body: bytes) -> bytes:
-        """Return the tracks of a benchmark's controllers along a reference as a frame."""
-        from pneudrive.web import control
-
-        pixels = given.get("pixels", "1000")
-        if not pixels.isdecimal() or not 1 <= int(pixels) <= MOST_PIXELS:
-            raise CommandError("the width is out of bounds", rule=f"1 to {MOST_PIXELS} pixels")
-        return control.shown_tracks(self.workspace, given.get("path", ""), given.get("reference", ""), int(pixels))
-
     def compare(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Run a benchmark of controllers, or continue one."""
-        from pneudrive.web import control
+        from pneudrive.web.drive import control
 
         return self.running.start(control.comparison_job(_table(body), self.workspace)).about()
 

@@ -90,7 +90,7 @@ def rename(workspace: Workspace, name: str, to: str) -> None:
         place.unlink(missing_ok=True)
 
 
-def add_example(workspace: Workspace) -> str:
+def add_example(workspace: Workspace, _given: object = None) -> dict[str, str]:
     """Copy the shipped recordings with their layout into a folder of their own; return the name of the first one."""
     folder = workspace.folder(EXAMPLE)
     files = [SHIPPED / "layout.toml", *sorted((SHIPPED / "friction").glob("*.xz"))]
@@ -106,7 +106,7 @@ def add_example(workspace: Workspace) -> str:
                 part.unlink(missing_ok=True)
     except OSError as error:
         raise CommandError(f"{EXAMPLE} cannot be written: {error.strerror}") from None
-    return f"{EXAMPLE}/{files[1].name}"
+    return {"path": f"{EXAMPLE}/{files[1].name}"}
 
 
 def _check_room(folder: Path, name: str, size: int) -> None:

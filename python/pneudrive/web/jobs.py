@@ -87,7 +87,7 @@ def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob
     if not is_list or not all(isinstance(one, str) for one in names):
         raise CommandError("no recording is named", remedy="Choose at least one.")
     from pneudrive.signals.trajectories import is_trajectory
-    from pneudrive.web.recordings import layout_in
+    from pneudrive.web.measured.recordings import layout_in
 
     for name in names:
         path = workspace.path(name, TABLES)

@@ -37,10 +37,10 @@ from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, rea
 from pneudrive.signals.layout import stem
 from pneudrive.signals.load import hashes_of
 from pneudrive.trajectory import SUFFIXES, columns_in
-from pneudrive.web.drives import drive_at, hash_at
+from pneudrive.web.drive.drives import drive_at, hash_at
+from pneudrive.web.drive.run_request import described_at, kept
 from pneudrive.web.jobs import RESULTS
-from pneudrive.web.recordings import by_stem, layout_in
-from pneudrive.web.run_request import described_at, kept
+from pneudrive.web.measured.recordings import by_stem, layout_in
 from pneudrive.web.workspace import is_in_catalogue
 
 if TYPE_CHECKING:

@@ -13,11 +13,11 @@ from starlette.websockets import WebSocketDisconnect
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.trajectory import meaning
 from pneudrive.units import readable
-from pneudrive.web.beside import ExtrasRequest
+from pneudrive.web.drive.beside import ExtrasRequest
+from pneudrive.web.drive.run_request import RunLimit, RunRequest
 from pneudrive.web.guard import PROTOCOL
+from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import fault_of, pack, problems_of
-from pneudrive.web.run_request import RunLimit, RunRequest
-from pneudrive.web.tiles import drawn_columns
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -109,11 +109,11 @@ def answer(
         if window and asked.get("what") == "window":
             return window(asked)
         if asked.get("what") == "control":
-            from pneudrive.web import control
+            from pneudrive.web.drive import control
 
             return control.answer(workspace, asked, limit)
         if asked.get("what") == "validation":
-            from pneudrive.web import validation
+            from pneudrive.web.measured import validation
 
             return validation.frame_of(workspace, asked, number)
         limit = limit or RunLimit()

@@ -116,8 +116,8 @@ def warm_up() -> None:
     """Simulate once, then import the modules of other views, so that the first click does not wait."""
     from pneudrive.web.app import BEHIND
     from pneudrive.web.cache import cache_folder, forget_unused
+    from pneudrive.web.drive.run_request import RunRequest
     from pneudrive.web.live import ANSWERED
-    from pneudrive.web.run_request import RunRequest
 
     asked = {"path": "catalogue:reference", "command": "1", "duration": "10 ms"}
     with suppress(PneudriveError):

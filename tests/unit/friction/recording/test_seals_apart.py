@@ -7,7 +7,7 @@ from oracle.recordings import AMBIENT
 from pneudrive.characterise import characterise_recordings, write_map
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
 from pneudrive.identify.static.seals import fit_characterisation, fit_file
-from pneudrive.web.friction import shown_map
+from pneudrive.web.measured.friction import drawn_map
 
 COULOMB_N = {"lip": 5.0, "cup": 9.0}
 RISE_N_BAR = {"lip": 1.0, "cup": 2.0}
@@ -68,15 +68,15 @@ def test_no_fit_is_over_both_seals_and_the_page_draws_each_by_its_own(found, tmp
     for seal, by_law in fits.items():
         by_law["stribeck"].to_toml(tmp_path / fit_file(seal))
     path = write_map(found.friction_map, tmp_path / "map.parquet")
-    groups = shown_map(path)["groups"]
+    groups = drawn_map(path)["groups"]
     assert [group["label"].partition(":")[0] for group in groups] == ["lip", "lip", "cup", "cup"]
     for group in groups:
         bar = group["gauges"][1] / 1e5
         speed = np.array(group["curve"]["speed"])
         truth = friction_n(group["assembly"], speed, bar)
         assert group["curve"]["friction"] == pytest.approx(truth, rel=0.06)
-    one = shown_map(path, "fit-cup.toml")["groups"]
+    one = drawn_map(path, "fit-cup.toml")["groups"]
     assert ["curve" in group for group in one] == [False, False, True, True]
-    mixed = shown_map(path, "own.toml")
+    mixed = drawn_map(path, "own.toml")
     assert not any("curve" in group for group in mixed["groups"])
     assert "several seals" in mixed["fit"]

@@ -1,0 +1,363 @@
+/** Score card of a benchmark: controllers and reference tracks, all runs, overlaid tracks, measured and true values. */
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { Frame } from "../server/frame";
+import { follow, JobList, jobs } from "../workspace/jobs";
+import { digits, look } from "../plots/looks";
+import { Copied, Problems, ReportOf } from "../workspace/parts";
+import { curveOf, Plot, zooming } from "../plots/plot";
+import { link } from "../routes";
+import { ask, attempting, frame, read, Refused, type Problem } from "../server/server";
+
+interface ToldGain {
+  key: string;
+  written: string;
+  meaning: string;
+  rule: string;
+}
+
+interface Card {
+  path: string;
+  measure: string; // that its cells and runs are of
+  drive: string;
+  setup: [string, string];
+  mismatch: string;
+  spread: string;
+  count: number;
+  total: number;
+  finished: boolean;
+  done: number;
+  laws: string[];
+  references: { name: string; text: string }[];
+  measures: { name: string; title: string; size: number; unit: string }[];
+  cells: { law: string; reference: string; text: string; range: string[]; value: number | null; best: boolean; lost: number }[];
+  each: { law: string; reference: string; seed: number; value: number | null }[];
+  tables: Record<string, { heads: string[]; rows: string[][] }>;
+  told: Record<string, { law: string; believes: string; period_s: number; gains: ToldGain[]; limits: string[] }>;
+  plant: [string, string][];
+  true: { name: string; least: string; largest: string }[];
+  failed: string[];
+  command: string;
+  python: string;
+}
+
+interface Tracks {
+  reference: string;
+  laws: string[];
+  seeds: number[];
+  error: { unit: string; size: number };
+}
+
+const LOOK_MS = 1000; // between two looks at a comparison that runs
+const card = signal<Card | null>(null);
+const tracks = signal<Frame<Tracks> | null>(null);
+const measure = signal("max_error_m");
+const along = signal("");
+const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
+const wrong = signal<Problem[]>([]);
+const notResumed = signal<Problem[]>([]); // it stays while the card is read again
+const grownAt = signal(0); // when runs were last seen to come in
+const STILL_MS = 10_000; // without a run of another process: it has ended, or is slow
+
+let asked = 0;
+
+/** Read a card. Only the newest answer counts. */
+async function openCard(path: string, one: string): Promise<void> {
+  const mine = ++asked;
+  try {
+    wrong.value = [];
+    const found = await read<Card>("/api/comparison", { path, measure: one });
+    if (mine !== asked) return;
+    if (card.peek()?.path === path && found.done > card.peek()!.done) grownAt.value = Date.now();
+    card.value = { ...found, path, measure: one };
+    if (!found.references.some((it) => it.name === along.value)) along.value = found.references[0]?.name ?? "";
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    if (mine !== asked) return;
+    wrong.value = error.problems;
+    card.value = null;
+  }
+}
+
+export function ScoreCard({ path }: { path: string }) {
+  const job = jobs.value.find((one) => one.out === path);
+  const found = card.value?.path === path ? card.value : null;
+  const isUnfinished = found?.finished === false; // whatever process does its runs, they come in
+  useEffect(() => {
+    notResumed.value = [];
+    void follow();
+  }, [path]);
+  useEffect(() => {
+    void openCard(path, measure.value);
+  }, [path, measure.value, job?.state]);
+  useEffect(() => {
+    if (job?.state !== "running" && !isUnfinished) return;
+    let gone = false;
+    const look = async () => {
+      for (;;) {
+        await new Promise((resolve) => setTimeout(resolve, LOOK_MS));
+        if (gone) return;
+        await openCard(path, measure.value); // the next look waits for the answer
+      }
+    };
+    void look();
+    return () => {
+      gone = true;
+    };
+  }, [path, job?.state, isUnfinished]);
+  /* During a benchmark, the tracks of a controller appear after its first run along the reference. Tracks already
+     drawn stay. */
+  const ready = new Set(found?.each.filter((one) => one.reference === along.value).map((one) => one.law)).size;
+  useEffect(() => {
+    tracks.value = zoom.value = null;
+  }, [path, along.value]);
+  useEffect(() => {
+    if (!ready || !along.value) return;
+    let gone = false;
+    void frame<Tracks>("/api/tracks", { path, reference: along.value, pixels: "1000" }).then(
+      (one) => {
+        if (!gone) tracks.value = one;
+      },
+      (error: unknown) => {
+        if (error instanceof Refused) wrong.value = error.problems;
+      },
+    );
+    return () => {
+      gone = true;
+    };
+  }, [path, along.value, ready, found?.finished]);
+  return (
+    <div class="score">
+      <h2>{path}</h2>
+      <p><a href={link("control")}>A run, a new benchmark, and all benchmarks</a></p>
+      <Problems of={[...wrong.value, ...notResumed.value]} />
+      {found && <About found={found} />}
+      <ReportOf folder={path} changed={found?.finished} />
+      {found && !found.finished && <p data-done={found.done}>{found.done} of {found.total} runs are done. The medians below are of those, and can change.</p>}
+      {found && !found.finished && <Unfinished path={path} isRunning={job?.state === "running"} />}
+      <JobList of={path} />
+      {found && found.done > 0 && <Matrix found={found} />}
+      {found && found.done > 0 && <Along found={found} />}
+      {found && <Told found={found} />}
+      {found && (
+        <details>
+          <summary>The same as a command and as Python</summary>
+          <Copied command={found.command || "This benchmark was not started by a command in this folder."} python={found.python} />
+        </details>
+      )}
+    </div>
+  );
+}
+
+function About({ found }: { found: Card }) {
+  const each = found.spread ? `${found.count} members of the spread ${found.spread}` : `${found.count} seeds of noise`;
+  return (
+    <>
+      <p class="banner">Synthetic: controllers and drive share the equations of the simulation. Only the controllers' parameters can be wrong.</p>
+      <p>
+        <b>{found.drive}</b>, setup {found.setup[0]}, {each} for each law and reference
+        {found.mismatch && `, the true drive deviates by ${found.mismatch}`}. {found.setup[1]}
+      </p>
+    </>
+  );
+}
+
+function Unfinished({ path, isRunning }: { path: string; isRunning: boolean }) {
+  const isElsewhere = card.value !== null && Date.now() - grownAt.value < STILL_MS; // asked again at each look
+  const resume = () =>
+    attempting(notResumed)(async () => {
+      await ask("/api/comparisons", { resume: path });
+      await follow();
+    });
+  return (
+    <p class="row" role="status">
+      Not finished: runs that are done are kept.{" "}
+      {!isRunning && isElsewhere && "A process that this server did not start continues them."}
+      {!isRunning && !isElsewhere && <button type="button" onClick={() => void resume()}>Resume</button>}
+    </p>
+  );
+}
+
+function Matrix({ found }: { found: Card }) {
+  const now = found.measures.find((one) => one.name === found.measure)!;
+  const middle = found.spread ? "median, then the limit for 95 % and for all of the members" : "median of the seeds, then least and largest";
+  return (
+    <section aria-label="Score card">
+      <p class="row">
+        <label>
+          Measure{" "}
+          <select value={measure.value} onChange={(event) => (measure.value = event.currentTarget.value)}>
+            {found.measures.map((one) => <option key={one.name} value={one.name}>{one.title}</option>)}
+          </select>
+        </label>
+        <span class="note">{middle}; simulated. ★ smallest of a column.</span>
+      </p>
+      <div class="scroll" tabIndex={0} role="region" aria-label={`${now.title} of controllers and references`}>
+        <table class="card">
+          <thead>
+            <tr>
+              <th scope="col">{now.title}</th>
+              {found.references.map((one) => (
+                <th scope="col" key={one.name} title={one.text}>
+                  <button type="button" class="link" aria-pressed={along.value === one.name} onClick={() => (along.value = one.name)}>{one.name}</button>
+                </th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {found.laws.map((law, index) => (
+              <tr key={law}>
+                <th scope="row"><Mark index={index} /> {law}</th>
+                {found.references.map((one) => <Cell key={one.name} of={found.cells.find((it) => it.law === law && it.reference === one.name)} />)}
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+      {found.failed.map((one) => <p class="note" key={one}>Failed: {one}</p>)}
+    </section>
+  );
+}
+
+function Cell({ of }: { of: Card["cells"][number] | undefined }) {
+  if (!of) return <td>–</td>;
+  const range = of.range.filter((one) => one).join(" … ");
+  return (
+    <td data-cell={`${of.law}/${of.reference}`} data-si={of.value} class={of.best ? "best" : ""}>
+      {of.text || "–"}{of.best && " ★"}
+      {range && of.text && <small>{range}</small>}
+      {of.lost > 0 && <small class="kind changed">lost: {of.lost}</small>}
+    </td>
+  );
+}
+
+/** Look of a controller: a piece of its line. */
+function Mark({ index }: { index: number }) {
+  const { color, dash } = look(index);
+  return (
+    <svg viewBox="0 0 34 8" width="34" height="8" aria-hidden="true">
+      <line x1="0" y1="4" x2="34" y2="4" stroke={color} stroke-width="2.2" stroke-dasharray={dash.join(" ")} />
+    </svg>
+  );
+}
+
+function Along({ found }: { found: Card }) {
+  const text = found.references.find((one) => one.name === along.value)?.text;
+  const table = found.tables[along.value];
+  const now = tracks.value;
+  return (
+    <section aria-label={`Along ${along.value}`}>
+      <h2>Along {along.value}{text !== along.value && `: ${text}`}</h2>
+      <Strip found={found} />
+      {now && (
+        <div class="plots">
+          <Plot
+            title="Tracks"
+            unit="mm"
+            size={1e-3}
+            bare
+            {...zooming(zoom)}
+            curves={[
+              ...now.head.laws.map((law) => ({ ...curve(now, law, "position_m", law), look: found.laws.indexOf(law) })),
+              ...(now.head.laws[0] ? [{ ...curve(now, now.head.laws[0], "reference_m", "reference"), look: found.laws.length }] : []),
+            ]}
+          />
+          <Plot title="Errors" unit={now.head.error.unit} size={now.head.error.size} {...zooming(zoom)} curves={now.head.laws.map((law) => ({ ...curve(now, law, "error_m", law), look: found.laws.indexOf(law) }))} />
+        </div>
+      )}
+      {now && <p class="note">First run of each controller. Error: reference minus true position.</p>}
+      {table && <Table heads={table.heads} rows={table.rows} label={`Medians along ${along.value}`} />}
+    </section>
+  );
+}
+
+const curve = (of: Frame<Tracks>, law: string, column: string, label: string) => curveOf(of.arrays, of.arrays.get(`${law}/time_s`)!, `${law}/${column}`, label);
+
+const WIDTH = 700;
+const ROW = 26;
+const LEFT = 120;
+
+/** Each run as a tick on its controller's line, over a logarithmic axis. */
+function Strip({ found }: { found: Card }) {
+  const now = found.measures.find((one) => one.name === found.measure)!;
+  const runs = found.each.filter((one) => one.reference === along.value);
+  const known = runs.filter((one) => one.value !== null && one.value > 0) as { law: string; seed: number; value: number }[];
+  if (!known.length) return <p class="note">{now.title}: no number above zero along this reference.</p>;
+  const logs = known.map((one) => Math.log10(one.value / now.size));
+  const [low, high] = [Math.floor(Math.min(...logs)), Math.ceil(Math.max(...logs) + 1e-9)];
+  const at = (value: number) => LEFT + ((Math.log10(value / now.size) - low) / (high - low)) * (WIDTH - LEFT - 20);
+  const height = ROW * found.laws.length + 36;
+  const decades = Array.from({ length: high - low + 1 }, (_, index) => 10 ** (low + index));
+  const said = `${now.title} of each run, ${now.unit}, one row for each controller: ${found.laws.map((law) => `${law} ${known.filter((one) => one.law === law).length} runs`).join(", ")}`;
+  return (
+    <figure class="plot strip">
+      <figcaption>{now.title} of each run, {now.unit}</figcaption>
+      <svg viewBox={`0 0 ${WIDTH} ${height}`} role="img" aria-label={said}>
+        {decades.map((one) => (
+          <g key={one}>
+            <line x1={at(one * now.size)} x2={at(one * now.size)} y1={4} y2={height - 30} class="grid" />
+            <text x={at(one * now.size)} y={height - 14} text-anchor="middle">{one >= 1 ? one : digits(one)}</text>
+          </g>
+        ))}
+        {found.laws.map((law, index) => {
+          const y = 4 + ROW * (index + 0.5);
+          return (
+            <g key={law} data-strip={law}>
+              <text x={LEFT - 10} y={y + 4} text-anchor="end">{law}</text>
+              {known.filter((one) => one.law === law).map((one) => (
+                <line key={one.seed} x1={at(one.value)} x2={at(one.value)} y1={y - 8} y2={y + 8} stroke={look(index).color} stroke-width="1.6">
+                  <title>{law}, {found.spread ? "member" : "seed"} {one.seed}: {digits(one.value / now.size)} {now.unit}</title>
+                </line>
+              ))}
+            </g>
+          );
+        })}
+      </svg>
+    </figure>
+  );
+}
+
+export function Gains({ gains, of = "" }: { gains: ToldGain[]; of?: string }) {
+  return <Table heads={["Gain", "Value", "Meaning", "Follows from"]} rows={gains.map((one) => [one.key, one.written, one.meaning, one.rule])} label={of ? `Gains of ${of}` : "Gains"} />;
+}
+
+export function Table({ heads, rows, label }: { heads: string[]; rows: string[][]; label: string }) {
+  return (
+    <div class="scroll" tabIndex={0} role="region" aria-label={label}>
+      <table>
+        <thead>
+          <tr>{heads.map((one, index) => <th scope="col" key={index}>{one || <span class="hidden">value</span>}</th>)}</tr>
+        </thead>
+        <tbody>
+          {rows.map((row, index) => (
+            <tr key={index}>{row.map((one, place) => (place ? <td key={place}>{one}</td> : <th scope="row" key={place}>{one}</th>))}</tr>
+          ))}
+        </tbody>
+      </table>
+    </div>
+  );
+}
+
+function Told({ found }: { found: Card }) {
+  return (
+    <section aria-label="Told and true">
+      <h2>What the laws were told</h2>
+      <Table heads={["Drive as assumed by the controllers, near mid-stroke", ""]} rows={found.plant} label="The drive to its laws" />
+      {Object.entries(found.told).map(([law, one]) => (
+        <details key={law}>
+          <summary>
+            {law}: {one.law} for {one.believes}, every {digits(1e3 * one.period_s)} ms
+          </summary>
+          <Gains gains={one.gains} of={law} />
+          <ul>{one.limits.map((it) => <li key={it}>{it}</li>)}</ul>
+        </details>
+      ))}
+      <h2>True drive</h2>
+      {found.true.length ? (
+        <Table heads={["Deviation of the true drive: factor, or SI", "least", "largest"]} rows={found.true.map((one) => [one.name, one.least, one.largest])} label="True drive" />
+      ) : (
+        <p>{found.finished ? `The drive ${found.drive}, ${found.mismatch ? `changed by ${found.mismatch}` : "as described"}; sensors and converters as in the instrumentation.` : "Not known before the runs are done."}</p>
+      )}
+    </section>
+  );
+}

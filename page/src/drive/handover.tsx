@@ -1,0 +1,167 @@
+/** View that exports a drive for other tools, and shows the description of an FMU of the folder. */
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { follow, JobList } from "../workspace/jobs";
+import { digits } from "../plots/looks";
+import { DriveChoice, InFolder, Problems, Unsaved, useCopied } from "../workspace/parts";
+import { link, route } from "../routes";
+import { ask, attempting, read, type Problem } from "../server/server";
+import { studies } from "../workspace/studies";
+
+interface Variable {
+  name: string;
+  unit: string;
+  meaning: string;
+  causality: "input" | "output" | "parameter";
+  start: string;
+}
+
+interface Fmu {
+  title: string;
+  tool: string;
+  version: string;
+  token: string;
+  kinds: string[];
+  variables: Variable[];
+  sha256: string;
+  size: number;
+  fmpy: string;
+  platforms: string[];
+}
+
+/** Forms of an export: arguments of the command, and title. */
+const FORMS: Record<string, [to: string, fmi: string, title: string]> = {
+  "2.0": ["fmu", "2.0", "FMU by FMI 2.0"],
+  "3.0": ["fmu", "3.0", "FMU by FMI 3.0"],
+  c: ["c", "2.0", "Library with header for C"],
+};
+const drive = signal("");
+const form = signal("2.0");
+const actuator = signal(false);
+const initial = signal("");
+const name = signal("drive");
+const found = signal<Fmu | null>(null);
+const wrong = signal<Problem[]>([]);
+const attempt = attempting(wrong);
+
+const request = () => {
+  const [to, fmi] = FORMS[form.value]!;
+  return { kind: "export", drive: drive.value, to, fmi, actuator: actuator.value, initial: initial.value, name: name.value };
+};
+
+export function HandoverView() {
+  const { view, path } = route.value;
+  const at = view === "handover" && path.toLowerCase().endsWith(".fmu") ? path : "";
+  useEffect(() => {
+    [found.value, wrong.value] = [null, []];
+    let gone = false;
+    const show = async () => {
+      const one = await read<Fmu>("/api/fmu", { path: at });
+      if (!gone) found.value = one;
+    };
+    if (path && !at) drive.value = path;
+    void (at ? attempt(show) : follow());
+    return () => void (gone = true);
+  }, [at, path]);
+  if (!at) return <Start />;
+  return (
+    <div class="handover">
+      <h2>{at}</h2>
+      <p><a href={link("handover")}>A new export, and all exports</a></p>
+      <Problems of={wrong.value} />
+      {found.value && <Seen now={found.value} />}
+    </div>
+  );
+}
+
+function Start() {
+  const files = studies.value?.files ?? [];
+  const [copy, copied] = useCopied(drive.value ? request() : null, attempt);
+  const drives = [...files.filter((one) => one.kind === "drive" || one.kind === "circuit"), ...(studies.value?.catalogue ?? [])].map((one) => one.path);
+  return (
+    <>
+      <h2>A drive for other tools</h2>
+      <p>The file runs on {studies.value?.platform ?? "the system of the server"} only, the system of this server. For another system, export the drive there.</p>
+      <p>The whole drive, compiled: the other tool needs neither Python nor a compiler nor a licence.</p>
+      <p class="row">
+        <DriveChoice label="Drive or circuit" drives={drives} chosen={drive} />
+        <label>
+          As{" "}
+          <select value={form.value} onChange={(event) => (form.value = event.currentTarget.value)}>
+            {Object.entries(FORMS).map(([key, [, , title]]) => <option key={key} value={key}>{title}</option>)}
+          </select>
+        </label>
+        <label>
+          Start state <input value={initial.value} placeholder="position = 50 mm" onInput={(event) => (initial.value = event.currentTarget.value)} />
+        </label>
+        <label>
+          Into results/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
+        </label>
+      </p>
+      <Unsaved path={drive.value} />
+      {form.value !== "c" && (
+        <p>
+          <label class="tick">
+            <input type="checkbox" checked={actuator.value} onChange={(event) => (actuator.value = event.currentTarget.checked)} /> The other tool moves the
+            piston: its position and velocity are inputs, the force is the output (for multibody tools)
+          </label>
+        </p>
+      )}
+      <p class="row">
+        <button type="button" disabled={!drive.value} onClick={() => void attempt(async () => (await ask("/api/jobs", request()), void follow()))}>Export</button>
+        {copy}
+      </p>
+      <Problems of={wrong.value} />
+      {copied}
+      <JobList kinds={["export"]} />
+      <InFolder files={files.filter((one) => one.kind === "fmu")} title="FMUs" view="handover" />
+    </>
+  );
+}
+
+const TITLES: Record<Variable["causality"], string> = { input: "Inputs", output: "Outputs", parameter: "Parameters, set before a run" };
+
+function Seen({ now }: { now: Fmu }) {
+  return (
+    <>
+      <p>
+        <b>{now.title}</b>: FMI {now.version}, {now.kinds.map((one) => (one === "CoSimulation" ? "co-simulation" : "model exchange")).join(" and ")}; written by {now.tool}.
+      </p>
+      <p class="note">
+        {digits(now.size / 1e6, 3)} MB, SHA-256 <code data-sha256={now.sha256}>{now.sha256}</code>, token <code>{now.token}</code>. Pressures are absolute.
+      </p>
+      <p class="note">
+        Compiled for {now.platforms.join(", ")} only. For another system, export the drive there.
+      </p>
+      <h2>Three lines run it in FMPy</h2>
+      <pre data-copy="fmpy" tabIndex={0} aria-label="Python with FMPy, in the folder of the workspace">{now.fmpy}</pre>
+      {(Object.keys(TITLES) as Variable["causality"][]).map((causality) => (
+        <section key={causality} aria-label={TITLES[causality]}>
+          <h2>{TITLES[causality]}</h2>
+          <div class="scroll" tabIndex={0} role="region" aria-label={`Table of ${causality}s`}>
+            <table>
+              <thead>
+                <tr>
+                  <th scope="col">Name</th>
+                  <th scope="col">Unit</th>
+                  {causality !== "output" && <th scope="col">Start</th>}
+                  <th scope="col">Meaning</th>
+                </tr>
+              </thead>
+              <tbody>
+                {now.variables.filter((one) => one.causality === causality).map((one) => (
+                  <tr key={one.name} data-variable={one.name} data-causality={causality}>
+                    <th scope="row">{one.name}</th>
+                    <td>{one.unit}</td>
+                    {causality !== "output" && <td>{one.start === "" ? "–" : digits(Number(one.start), 6)}</td>}
+                    <td>{one.meaning}</td>
+                  </tr>
+                ))}
+              </tbody>
+            </table>
+          </div>
+        </section>
+      ))}
+    </>
+  );
+}

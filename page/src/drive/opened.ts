@@ -1,0 +1,235 @@
+/** The open description: its text is the truth, and the server's answer about the text is kept with it. */
+import { effect, signal, untracked } from "@preact/signals";
+import { answering, ask, isAnswering, newest, read, Refused, typed, write, type Problem } from "../server/server";
+import type { Drawing } from "./circuit";
+import { link, route } from "../routes";
+
+export interface Field {
+  key: string;
+  text: string;
+  origin: string;
+  kind: "given" | "source" | "identified" | "assumed" | "default";
+  number?: number;
+  unit?: string;
+  units?: string[]; // of the same quantity
+  component: string; // of the drawing
+  copies?: string[]; // components that its table describes together
+  low?: number;
+  high?: number;
+}
+
+export interface Checked {
+  problems: Problem[];
+  name?: string;
+  kind?: "drive" | "circuit";
+  valves?: Record<string, number>; // of a circuit, with their lowest commands
+  values?: Field[];
+  notes?: string[];
+  sliders?: string[];
+}
+
+export interface Opened {
+  path: string;
+  text: string;
+  saved: string;
+  sha256: string;
+}
+
+export const opened = signal<Opened | null>(null);
+export const problems = signal<Problem[]>([]);
+/** Last valid answer, kept while the text is wrong. */
+export const valid = signal<Checked | null>(null);
+export const drawing = signal<Drawing | null>(null);
+export const said = signal("");
+/** Text on disk, if it differs from the text that the page started from and the page has unsaved changes. */
+export const onDisk = signal<Found | null>(null);
+
+interface Found {
+  text: string;
+  sha256: string | null;
+  checked: Checked;
+}
+
+/** Descriptions that were left with unsaved text. */
+const drafts = new Map<string, Opened>();
+const isSaved = (one: Opened | null): boolean => !one || one.text === one.saved;
+
+/** Return whether the page has unsaved text of a description. Runs that read the file do not see this text. */
+export const isUnsaved = (path: string): boolean => (opened.value?.path === path ? !isSaved(opened.value) : drafts.has(path));
+
+globalThis.addEventListener?.("beforeunload", (event) => {
+  if (!isSaved(opened.value) || drafts.size) event.preventDefault();
+});
+
+let asked = 0;
+
+/** Open a description, or check whether the open description still equals the file on disk. */
+export async function open(path: string): Promise<void> {
+  const before = opened.value;
+  const isOpen = before?.path === path;
+  if (before && !isOpen) {
+    if (isSaved(before)) drafts.delete(before.path);
+    else drafts.set(before.path, before);
+  }
+  const draft = isOpen ? before : drafts.get(path);
+  if (!isOpen) {
+    said.value = "";
+    onDisk.value = valid.value = drawing.value = null;
+  }
+  const mine = isOpen ? asked : ++asked;
+  try {
+    const found = await read<Found>("/api/file", { path, checked: "1" });
+    if (mine !== asked) return;
+    const own = draft && (isSaved(draft) ? null : draft);
+    if (isOpen && (found.sha256 ?? "") === before.sha256) {
+      if (said.value !== wasSaved(path)) said.value = ""; // it may have been away
+      return;
+    }
+    onDisk.value = own && own.sha256 !== (found.sha256 ?? "") ? found : null;
+    if (!own) return show(path, found, mine);
+    if (isOpen) return;
+    drafts.delete(path);
+    opened.value = own;
+    await check();
+  } catch (error) {
+    if (mine !== asked || !(error instanceof Refused)) return;
+    if (isOpen) said.value = `${path} cannot be read any more: ${error.message}.`;
+    else [opened.value, problems.value] = [null, error.problems];
+  }
+}
+
+/** Replace the page's text by the text on disk. */
+export function takeFromDisk(): void {
+  if (opened.value && onDisk.value) show(opened.value.path, onDisk.value, ++asked);
+}
+
+function show(path: string, found: Found, mine: number): void {
+  said.value = "";
+  onDisk.value = null;
+  opened.value = { path, text: found.text, saved: found.text, sha256: found.sha256 ?? "" };
+  take(found.checked, mine, opened.value);
+}
+
+/** Replace the text of the open file and check it. Only the newest answer counts. */
+export async function change(text: string): Promise<void> {
+  if (!opened.value || opened.value.text === text) return;
+  opened.value = { ...opened.value, text };
+  asked += 1;
+  await check();
+}
+
+/** Show the server's answer to a text, and then its drawing. Only the newest answer counts. */
+function take(found: Checked, mine: number, { path, text }: { path: string; text: string }): void {
+  if (mine !== asked) return;
+  problems.value = found.problems;
+  if (found.problems.length) return;
+  valid.value = found;
+  toDraw = { mine, path, text };
+  void draw();
+}
+
+function refused(error: unknown, mine: number): void {
+  if (!(error instanceof Refused)) throw error;
+  if (mine === asked) problems.value = error.problems;
+}
+
+/** Only one check is in flight. Problems therefore appear as soon as the server answers, even during fast typing. */
+const check = newest(async () => {
+  const [mine, now] = [asked, opened.value];
+  if (!now) return; // it was left meanwhile
+  const { path, text } = now;
+  try {
+    take(await ask<Checked>("/api/check", { path, text }), mine, { path, text });
+  } catch (error) {
+    refused(error, mine);
+  }
+});
+
+effect(() => {
+  if (isAnswering()) untracked(() => void check()); // what was typed while the server did not answer
+});
+
+let toDraw = { mine: 0, path: "", text: "" }; // the last text without a problem
+const draw = newest(async () => {
+  const { mine, path, text } = toDraw;
+  try {
+    const shapes = await ask<Drawing>("/api/drawing", { path, text });
+    if (mine === asked) drawing.value = shapes;
+  } catch (error) {
+    refused(error, mine);
+  }
+});
+
+let edits = Promise.resolve();
+
+/**
+ * Set one value in the text, with an optional unit. The server keeps comments and order. Edits are applied one
+ * after the other, each to the current text.
+ */
+export function set(key: string, value: string | number, unit?: string): Promise<void> {
+  const into = opened.value?.path;
+  return (edits = edits.then(() => edit(into, { key, value, unit })));
+}
+
+async function edit(into: string | undefined, what: { key: string; value: string | number; unit?: string }): Promise<void> {
+  for (let now = opened.value; now && now.path === into; now = opened.value) {
+    try {
+      const { text } = await ask<{ text: string }>("/api/edit", { text: now.text, ...what });
+      if (opened.value?.path === into && opened.value.text !== now.text) continue; // it was typed in meanwhile
+      if (opened.value?.path === into) await change(text);
+    } catch (error) {
+      if (!isAnswering()) {
+        await answering();
+        continue;
+      }
+      if (error instanceof Refused) problems.value = error.problems;
+    }
+    return;
+  }
+}
+
+/** Set a value that is not in a unit. */
+export function setNumber(key: string, text: string): Promise<void> {
+  try {
+    return set(key, typed(key, text));
+  } catch (error) {
+    refused(error, asked);
+    return Promise.resolve();
+  }
+}
+
+/** The description was left during the save. Text typed since then is still unsaved. */
+function leave({ path, text }: Opened, now: Pick<Opened, "saved" | "sha256">): void {
+  const left = drafts.get(path);
+  if (left?.text === text) drafts.delete(path);
+  else if (left) drafts.set(path, { ...left, ...now });
+}
+
+export const wasSaved = (path: string): string => `Saved ${path}.`;
+
+/** Save the text. A file that changed on disk since then is not overwritten. */
+export async function save(path: string): Promise<void> {
+  const now = opened.value;
+  if (!now) return;
+  try {
+    const { sha256 } = await write(path, now.text, path === now.path ? now.sha256 : "");
+    if (opened.value?.path !== now.path) return leave(now, { saved: now.text, sha256 });
+    opened.value = { ...opened.value!, path, saved: now.text, sha256 };
+    onDisk.value = null;
+    said.value = wasSaved(path);
+    void check(); // what was wrong with another name is not wrong with the text
+    if (path !== now.path) location.hash = link(route.peek().view, path);
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    said.value = "";
+    if (opened.value?.path !== now.path) said.value = `${path} was not saved: ${error.message}. Its text is kept.`;
+    else if (error.status !== 412) problems.value = error.problems;
+    else if (path !== now.path) {
+      said.value = `${path} is there already: nothing was written. Choose another name.`;
+      void check();
+    } else {
+      said.value = `${path} changed on disk: nothing was written.`;
+      await open(path); // shows what stands there
+    }
+  }
+}

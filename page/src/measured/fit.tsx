@@ -1,0 +1,233 @@
+/** View of a fit: its values, their origin, and the next measurements. */
+import { signal } from "@preact/signals";
+import { follow, JobList } from "../workspace/jobs";
+import { digits } from "../plots/looks";
+import { Copied, Problems } from "../workspace/parts";
+import { Scatter } from "../plots/scatter";
+import { link } from "../routes";
+import { ask, attempting, read, typed, type Problem } from "../server/server";
+import { Strip } from "../plots/strip";
+
+export interface Fit {
+  kind: string;
+  title: string;
+  values: { name: string; value: number | null; size: number; unit: string; interval: (number | null)[] | null; spread: number | null; determined: boolean }[];
+  statements: string[];
+  notes: string[];
+  recordings: string[];
+  synthetic: boolean;
+  converged: boolean;
+}
+
+interface Axis {
+  name: string;
+  unit: string;
+}
+
+interface BehindFit {
+  why: string;
+  ellipses: { x: Axis; y: Axis; correlation: number; points: [number, number][] }[];
+  residuals: [speed: number, residual: number][];
+  profiles: (Axis & Profile)[];
+  designs: boolean;
+  command?: string;
+  python?: string;
+}
+
+interface Next {
+  points: { speed_m_s: number; gauge_a_pa: number; gauge_b_pa: number; repeats: number }[];
+  seconds: number;
+  expected: (Axis & { now: number | null; then: number | null })[];
+  command: string;
+  python: string;
+}
+
+export interface Profile {
+  value: number;
+  low: (number | null)[];
+  high: (number | null)[];
+  probability: number[];
+}
+
+const behind = signal<(BehindFit & { of: string }) | null>(null);
+const next = signal<(Next & { of: string }) | null>(null);
+const points = signal("");
+const name = signal("next-points");
+const wrong = signal<Problem[]>([]);
+const attempt = attempting(wrong);
+const MM = 1000; // mm in a metre
+const BAR = 1e5; // Pa
+
+/** Clear the details when another fit is shown. */
+export function forget(): void {
+  behind.value = next.value = null;
+  wrong.value = [];
+}
+
+/**
+ * Return the outline of a profile: from the lower end of the widest interval to the value, and to the upper end.
+ * Open ends are left out.
+ */
+export function outline({ value, low, high, probability }: Profile): { x: number[]; y: number[] } {
+  const ends = [...low.map((x, k) => [x, probability[k]!] as const).reverse(), [value, 0] as const, ...high.map((x, k) => [x, probability[k]!] as const)];
+  const known = ends.filter((one): one is readonly [number, number] => one[0] !== null);
+  return { x: known.map((one) => one[0]), y: known.map((one) => 100 * one[1]) };
+}
+
+const titled = ({ name: of, unit }: Axis) => (unit && unit !== "1" ? `${of}, ${unit}` : of);
+
+/** Residuals, profiles, ellipses and next points of a fit, read when they are opened. */
+export function Behind({ path }: { path: string }) {
+  const found = behind.value?.of === path ? behind.value : null; // another fit may be shown meanwhile
+  const load = () => attempt(async () => void (behind.value = { ...(await read<BehindFit>("/api/behind", { path })), of: path }));
+  return (
+    <section aria-label="Behind the fit">
+      <Problems of={wrong.value} />
+      {!found && (
+        <p class="row">
+          <button type="button" onClick={() => void load()}>Residuals, profiles and next points of {path}</button>
+        </p>
+      )}
+      {found && (
+        <>
+          {found.why && <p class="note">{found.why}</p>}
+          {found.residuals.length > 0 && (
+            <Scatter
+              title="Residuals over speed"
+              x="speed, mm/s"
+              y="measured minus fitted friction, N"
+              log
+              groups={[{ label: "values of the map", points: found.residuals.map(([speed, rest]) => ({ x: MM * speed, y: rest, spread: null })) }]}
+            />
+          )}
+          {found.profiles.length > 0 && (
+            <>
+              <h2>Profiles: the interval of each value at every probability</h2>
+              <p class="note">By profile likelihood: all other values are fitted again at each point. If a side ends below 95 %, the data do not limit the value there.</p>
+              <div class="plots">
+                {found.profiles.map((one) => <Strip key={one.name} title={`Profile of ${one.name}`} x={titled(one)} y="probability of the interval, %" curves={[{ label: one.name, ...outline(one) }]} />)}
+              </div>
+            </>
+          )}
+          {found.ellipses.length > 0 && (
+            <>
+              <h2>Values that change together</h2>
+              <p class="note">Ellipses of first order; their shadows are 95 % intervals. Where a profile is lopsided, it is right and the ellipse is not.</p>
+              <div class="plots">
+                {found.ellipses.map(({ x, y, correlation, points: at }) => (
+                  <Strip key={`${x.name} ${y.name}`} title={`${y.name} over ${x.name}: correlation ${digits(correlation, 2)}`} x={titled(x)} y={titled(y)} curves={[{ label: `${y.name} over ${x.name}`, x: at.map((one) => one[0]), y: at.map((one) => one[1]) }]} />
+                ))}
+              </div>
+            </>
+          )}
+          {found.command && found.python && <Copied of="behind the fit" command={found.command} python={found.python} />}
+          {found.designs && <NextPoints path={path} />}
+        </>
+      )}
+    </section>
+  );
+}
+
+function NextPoints({ path }: { path: string }) {
+  const count = () => (points.value.trim() ? typed("Points", points.value) : null);
+  const propose = () =>
+    attempt(async () => {
+      const many = count();
+      next.value = { ...(await read<Next>("/api/next", { path, ...(many !== null && { points: String(many) }) })), of: path };
+    });
+  const write = () =>
+    attempt(async () => {
+      await follow((await ask<{ number: number }>("/api/jobs", { kind: "design", fit: path, points: count(), name: name.value })).number);
+    });
+  const found = next.value?.of === path ? next.value : null;
+  return (
+    <>
+      <h2>Next points to measure</h2>
+      <p class="row">
+        <label>
+          Points, repeats included <input inputMode="numeric" size={6} value={points.value} placeholder="auto" title="Without a number: twice the values" onInput={(event) => ((points.value = event.currentTarget.value), (next.value = null))} />
+        </label>
+        <button type="button" onClick={() => void propose()}>Propose on the simulated rig</button>
+      </p>
+      {found && (
+        <>
+          <table>
+            <thead>
+              <tr>{["Speed, mm/s", "Chamber a, bar gauge", "Chamber b, bar gauge", "Repeats"].map((one) => <th scope="col" key={one}>{one}</th>)}</tr>
+            </thead>
+            <tbody>
+              {found.points.map((one, index) => (
+                <tr key={index}>
+                  <td data-next={index} data-si={one.speed_m_s}>{digits(MM * one.speed_m_s, 3)}</td>
+                  <td>{digits(one.gauge_a_pa / BAR, 3)}</td>
+                  <td>{digits(one.gauge_b_pa / BAR, 3)}</td>
+                  <td>{one.repeats}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+          <p>About {digits(found.seconds / 60, 3)} min of strokes. Expected half-width of each 95 % interval, now and after a fit of old and new values together:</p>
+          <table>
+            <thead>
+              <tr>{["Value", "Now", "Then", "Unit"].map((one) => <th scope="col" key={one}>{one}</th>)}</tr>
+            </thead>
+            <tbody>
+              {found.expected.map((one) => (
+                <tr key={one.name}>
+                  <th scope="row">{one.name}</th>
+                  <td>{one.now === null ? "open" : digits(one.now, 3)}</td>
+                  <td>{one.then === null ? "open" : digits(one.then, 3)}</td>
+                  <td>{one.unit}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+          <p class="row">
+            <label>
+              Protocol <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />.toml
+            </label>
+            <button type="button" onClick={() => void write()}>Write the protocol</button>
+            <a href={link("campaign")}>Plan a campaign</a>
+          </p>
+          <Copied of="next points" command={found.command} python={found.python} />
+          <JobList of={`${name.value}.toml`} />
+        </>
+      )}
+    </>
+  );
+}
+
+export function FitTable({ found }: { found: Fit }) {
+  const shown = found.values.filter((one) => one.value !== null);
+  return (
+    <section aria-label="Fit">
+      <h2>Fit of a {found.kind}</h2>
+      {found.synthetic && <p class="banner">Synthetic: the data were simulated.</p>}
+      {!found.converged && <p class="banner">The search ended early: these values are the best so far, without intervals.</p>}
+      <div class="wide" tabIndex={0} role="region" aria-label="Values of the fit"><table>
+        <thead>
+          <tr>
+            {["Value", "Estimate", "U (k = 2)", "95 % interval", "Unit", ""].map((one, index) => (
+              <th scope="col" key={index}>{one || <span class="hidden">Determined</span>}</th>
+            ))}
+          </tr>
+        </thead>
+        <tbody>
+          {shown.map((one) => (
+            <tr key={one.name}>
+              <th scope="row">{one.name}</th>
+              <td data-value={one.name} data-si={one.value}>{digits(one.value! / one.size)}</td>
+              <td>{digits(one.spread && one.spread / one.size, 2)}</td>
+              <td>{one.interval ? one.interval.map((end) => digits(end && end / one.size)).join(" … ") : "–"}</td>
+              <td>{one.unit}</td>
+              <td>{one.determined ? "" : <span class="kind assumed">held or not determined</span>}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table></div>
+      {found.statements.length > 0 && <h2>Values that the data do not determine</h2>}
+      <ul>{found.statements.map((one) => <li key={one}>{one}</li>)}</ul>
+      <ul>{found.notes.map((one) => <li key={one}>{one}</li>)}</ul>
+    </section>
+  );
+}

@@ -1,0 +1,310 @@
+/** Measuring tools of a recording: two cursors, another recording aligned on a stroke, and the faults. */
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { digits, instant } from "../plots/looks";
+import { Copied, NumberField, Problems } from "../workspace/parts";
+import type { Mark } from "../plots/plot";
+import { ask, newest, read, Refused, type Problem } from "../server/server";
+import { studies } from "../workspace/studies";
+
+export interface Stroke {
+  from: number;
+  to: number;
+  direction: number;
+  speed: number;
+}
+
+export type Faults = Record<string, { count: number; places: [number, number][] }>;
+
+interface Beside {
+  path: string;
+  strokes: Stroke[];
+  numbers: [number, number]; // of the strokes that begin together, from 1
+  shift: number;
+}
+
+/** Recording that is drawn over this one. */
+export const beside = signal<Beside | null>(null);
+/** Times of the two cursors. Null: nothing is measured. */
+export const cursors = signal<[number, number] | null>(null);
+
+const reading = signal("");
+const wrong = signal<Problem[]>([]);
+
+/** Forget everything that belonged to the previous recording. */
+export function forgetBeside(): void {
+  beside.value = cursors.value = null;
+  reading.value = "";
+  wrong.value = [];
+}
+
+/** Find the strokes again, because the recording grew or was replaced. */
+export function realign(own: Stroke[]): void {
+  const now = beside.value;
+  if (!now?.strokes.length) return;
+  const isThere = own.length >= now.numbers[0];
+  beside.value = isThere ? { ...now, shift: shiftOf(own, now.strokes, now.numbers) } : null;
+}
+
+/** Return the part of a request that concerns the other recording. */
+export function besideAsked(): Record<string, string> {
+  const now = beside.value;
+  return now ? { beside: now.path, shift: String(now.shift) } : {};
+}
+
+/** Return the numbers of the first strokes of two recordings that move in the same direction. */
+export function alike(own: Stroke[], other: Stroke[]): [number, number] {
+  const there = other.findIndex((one) => one.direction === own[0]!.direction);
+  return [1, Math.max(there, 0) + 1];
+}
+
+/** Return the time shift of the other recording. */
+export const shiftOf = (own: Stroke[], other: Stroke[], [first, second]: [number, number]): number => own[first - 1]!.from - other[second - 1]!.from;
+
+const WORDS: Record<string, string> = {
+  non_finite: "not a number",
+  repeated_time: "repeated time",
+  spike: "spike",
+  saturated: "sensor at its limit",
+  stuck: "sensor stuck",
+  gap: "gap in time",
+  counter_wrap: "counter wrapped",
+  position_jump: "position jumps",
+};
+
+export const marksOf = (faults: Faults): Mark[] => Object.values(faults).flatMap((one) => one.places.map(([from, to]) => ({ from, to })));
+
+/** Return the next fault after the middle of the view. The first fault follows the last. */
+export function nextPlace(places: [number, number][], middle: number): [number, number] {
+  return places.find(([from, to]) => 0.5 * (from + to) > middle + 1e-9 * Math.abs(middle)) ?? places[0]!;
+}
+
+/** Table of the recording's faults by kind. A button moves from one place to the next. */
+export function FaultsLine({ faults, span, whole, onShow }: { faults: Faults; span: [number, number]; whole: [number, number]; onShow: (span: [number, number]) => void }) {
+  const kinds = Object.entries(faults);
+  if (!kinds.length) return null;
+  const show = (places: [number, number][]) => {
+    const [from, to] = nextPlace(places, 0.5 * (span[0] + span[1]));
+    const half = Math.max(to - from, 0.01 * (whole[1] - whole[0]));
+    const middle = 0.5 * (from + to);
+    onShow([middle - half, middle + half]);
+  };
+  return (
+    <p class="row" role="group" aria-label="Faults of the recording">
+      <span>Faults, marked at the foot of the plots:</span>
+      {kinds.map(([kind, one]) => (
+        <span key={kind} data-fault={kind} data-count={one.count}>
+          {WORDS[kind] ?? kind.replace(/_/g, " ")} {one.count}
+          {one.places.length > 0 && (
+            <>
+              {" "}
+              <button type="button" class="link" onClick={() => show(one.places)} aria-label={`Show the next place: ${WORDS[kind] ?? kind}`}>show the next</button>
+            </>
+          )}
+        </span>
+      ))}
+    </p>
+  );
+}
+
+const pause = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
+
+/** Form for another recording, and for the strokes of both that are aligned. */
+export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow: (span: [number, number]) => void }) {
+  const { path, strokes, onShow } = props;
+  const now = beside.value;
+  const files = (studies.value?.files ?? []).filter((one) => one.kind === "recording" && one.path !== path);
+  const choose = async (other: string) => {
+    wrong.value = [];
+    reading.value = other;
+    try {
+      while (other && reading.value === other) {
+        const there = await read<{ channels?: unknown; problems?: Problem[] }>("/api/recording", { path: other });
+        if (there.problems) throw new Refused(200, there.problems, {});
+        if (there.channels) break;
+        await pause(150);
+      }
+      const found = other ? (await read<{ strokes: Stroke[] }>("/api/strokes", { path: other })).strokes : [];
+      if (reading.value !== other) return;
+      reading.value = "";
+      const isAligned = strokes.length > 0 && found.length > 0;
+      const numbers: [number, number] = isAligned ? alike(strokes, found) : [1, 1];
+      beside.value = other ? { path: other, strokes: found, numbers, shift: isAligned ? shiftOf(strokes, found, numbers) : 0 } : null;
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      reading.value = "";
+      wrong.value = error.problems;
+    }
+  };
+  const align = (which: 0 | 1, number: number) => {
+    const numbers: [number, number] = which ? [now!.numbers[0], number] : [number, now!.numbers[1]];
+    beside.value = { ...now!, numbers, shift: shiftOf(strokes, now!.strokes, numbers) };
+    const { from, to } = strokes[numbers[0] - 1]!;
+    onShow([from - 0.1 * (to - from), to + 0.1 * (to - from)]);
+  };
+  const stroke = (which: 0 | 1, label: string, of: Stroke[]) => (
+    <label>
+      {label}{" "}
+      <NumberField low={1} high={of.length} whole value={now!.numbers[which]} put={(number) => align(which, number)} /> of {of.length}
+    </label>
+  );
+  return (
+    <section aria-label="Another recording">
+      <p class="row">
+        <label>
+          Draw over it{" "}
+          <select value={now?.path ?? ""} onChange={(event) => void choose(event.currentTarget.value)}>
+            <option value="">no other recording</option>
+            {files.map((one) => <option key={one.path}>{one.path}</option>)}
+          </select>
+        </label>
+        {reading.value && <span role="status">{reading.value} is read.</span>}
+        {now && strokes.length > 0 && now.strokes.length > 0 && (
+          <>
+            {stroke(0, "begin of stroke", strokes)}
+            {stroke(1, "with that of stroke", now.strokes)}
+          </>
+        )}
+        {now && (
+          <span role="status" data-shift={now.shift}>
+            {now.strokes.length && strokes.length ? `moved by ${digits(now.shift, 12)} s` : "not aligned: strokes need a layout that names the position"}
+          </span>
+        )}
+      </p>
+      <Problems of={wrong.value} />
+    </section>
+  );
+}
+
+interface Row {
+  recording: string;
+  label: string;
+  unit: string;
+  time_s: [number, number];
+  values: [number | null, number | null];
+  difference: number | null;
+  slope: number | null;
+}
+
+const measured = signal<{ rows: Row[]; command: string; python: string; of: string } | null>(null);
+const isCopied = signal(false);
+let asked = ""; // what is to be measured, as JSON
+const fetchMeasured = newest(async () => {
+  const of = asked;
+  try {
+    measured.value = { ...(await ask<{ rows: Row[]; command: string; python: string }>("/api/measure", JSON.parse(of))), of };
+    wrong.value = [];
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    if (of === asked) wrong.value = error.problems; // else another recording was opened meanwhile
+  }
+});
+
+/** Move the nearer cursor to the clicked time. */
+export function pick(time: number): void {
+  const now = cursors.value;
+  if (now) cursors.value = Math.abs(time - now[0]) < Math.abs(time - now[1]) ? [time, now[1]] : [now[0], time];
+}
+
+const STEPS = 1000;
+
+/** Field of a time, with a resolution of a millionth of the view. */
+export const told = (time: number, [from, to]: [number, number]): string => instant(time, (to - from) / 1e6);
+
+/** Two cursors, with the time, difference and slope between them for each shown channel. */
+export function Measuring({ path, version, columns, span, isTimed }: { path: string; version: string; columns: string[]; span: [number, number]; isTimed: boolean }) {
+  const now = cursors.value;
+  const other = beside.value;
+  const unit = isTimed ? "s" : "samples";
+  const wanted = JSON.stringify({ path, at: now, columns, beside: other?.strokes.length ? other.path : "", strokes: other?.numbers ?? [1, 1], shift: other?.shift ?? 0 });
+  useEffect(() => {
+    isCopied.value = false;
+    asked = wanted;
+    if (now) void fetchMeasured();
+  }, [wanted, version]);
+  const begin = (isOn: boolean) => {
+    measured.value = null;
+    const wide = span[1] - span[0];
+    cursors.value = isOn ? [span[0] + wide / 3, span[0] + (2 * wide) / 3] : null;
+  };
+  const put = (which: 0 | 1, time: number) => (cursors.value = which ? [now![0], time] : [time, now![1]]);
+  const cursor = (which: 0 | 1) => (
+    <span class="row">
+      <label>
+        Cursor {which + 1}{" "}
+        <input type="range" min={0} max={STEPS} value={Math.round((STEPS * (now![which] - span[0])) / (span[1] - span[0]))} aria-valuetext={`${told(now![which], span)} ${unit}`} onInput={(event) => put(which, span[0] + ((span[1] - span[0]) * event.currentTarget.valueAsNumber) / STEPS)} />
+      </label>
+      <NumberField label={`Cursor ${which + 1}, ${unit}`} value={told(now![which], span)} put={(time) => put(which, time)} /> {unit}
+    </span>
+  );
+  return (
+    <section aria-label="Measure">
+      <p class="row">
+        <label>
+          <input type="checkbox" checked={now !== null} onChange={(event) => begin(event.currentTarget.checked)} /> measure between two cursors
+        </label>
+        {now && cursor(0)}
+        {now && cursor(1)}
+        {now && <span class="note">A click in a plot puts the nearer one there.</span>}
+      </p>
+      {now && <MeasuredTable path={path} wanted={wanted} span={span} isTimed={isTimed} />}
+    </section>
+  );
+}
+
+/**
+ * Table of the measured values. It is separate from the cursors, so that an answer does not overwrite a field in
+ * use.
+ */
+function MeasuredTable({ path, wanted, span, isTimed }: { path: string; wanted: string; span: [number, number]; isTimed: boolean }) {
+  const found = measured.value;
+  const of = (value: number | null, of: string) => (value === null ? "–" : `${digits(value, 6)}${of && ` ${of}`}`);
+  const step = (unit: string) => unit.replace(/ (gauge|abs)$/, ""); // of a difference
+  if (!found) return null;
+  const unit = isTimed ? "s" : "samples";
+  return (
+    <>
+      <table class="measured" data-is-current={found.of === wanted}>
+        <thead>
+          <tr>
+            <th scope="col">Nearest samples</th>
+            <th scope="col">cursor 1</th>
+            <th scope="col">cursor 2</th>
+            <th scope="col">difference</th>
+            <th scope="col">slope</th>
+          </tr>
+        </thead>
+        <tbody>
+          {found.rows.map((one, index) => {
+            const isFirst = found.rows[index - 1]?.recording !== one.recording;
+            const name = one.recording === path ? "" : ` (${one.recording})`;
+            return (
+              <>
+                {isFirst && (
+                  <tr key={`time ${one.recording}`}>
+                    <th scope="row">time{name}</th>
+                    <td>{told(one.time_s[0], span)} {unit}</td>
+                    <td>{told(one.time_s[1], span)} {unit}</td>
+                    <td>{of(one.time_s[1] - one.time_s[0], unit)}</td>
+                    <td />
+                  </tr>
+                )}
+                <tr key={one.label + one.recording} data-measured={`${one.recording}/${one.label}`} data-difference={one.difference} data-slope={one.slope}>
+                  <th scope="row">{one.label}{name}</th>
+                  <td>{of(one.values[0], one.unit)}</td>
+                  <td>{of(one.values[1], one.unit)}</td>
+                  <td>{of(one.difference, step(one.unit))}</td>
+                  <td>{of(one.slope, `${step(one.unit) || "1"}${isTimed ? "/s" : " a sample"}`)}</td>
+                </tr>
+              </>
+            );
+          })}
+        </tbody>
+      </table>
+      <p>
+        <button type="button" onClick={() => (isCopied.value = true)}>Copy the measurement as command or Python</button>
+      </p>
+      {isCopied.value && <Copied command={found.command} python={found.python} />}
+    </>
+  );
+}

@@ -1,0 +1,495 @@
+/** View of recordings: any part at any length, shaded strokes, and a wizard for the layout. */
+import { batch, computed, effect, signal } from "@preact/signals";
+import { useEffect, useLayoutEffect } from "preact/hooks";
+import { Choose } from "../workspace/choose";
+import type { Frame, Numbers } from "../server/frame";
+import { follow, JobList } from "../workspace/jobs";
+import { digits } from "../plots/looks";
+import { folderOf, Problems, useCopied } from "../workspace/parts";
+import { pixelsOfPlots, Plot, type Curve, type Shade } from "../plots/plot";
+import { link, route } from "../routes";
+import { studies } from "../workspace/studies";
+import { ask, attempting, frame, Live, read, Refused, write, type Problem } from "../server/server";
+import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, realign, type Faults, type Stroke } from "./measure";
+
+interface Channel {
+  column: string;
+  label: string;
+  unit: string;
+}
+
+interface Opened {
+  problems?: Problem[];
+  share?: number;
+  key?: string;
+  channels?: Channel[];
+  span?: [number, number];
+  samples?: number;
+  time?: boolean;
+  layout?: string | null;
+  notes?: string[];
+}
+
+interface Moved {
+  strokes: Stroke[];
+  faults: Faults;
+  note?: string;
+}
+
+interface Head {
+  number: number;
+  problems?: Problem[];
+  path: string;
+  key: string | null; // none: the file was replaced
+  missing: number;
+  samples: number;
+  raw: boolean;
+  from: number;
+  to: number;
+}
+
+interface Proposal {
+  text: string;
+  problem: string;
+  kind: string;
+  strokes: number;
+  guesses: { role: string; column: string; unit: string; why: string }[];
+}
+
+const MOST_PLOTS = 4; // to begin with
+const READ_MS = 150; // between two looks at a file that is being read
+const LOOK_MS = 1000; // at one that is shown
+const MOST_LOAD = 0.2; // fraction of the time for reading a file that keeps changing
+
+const about = signal<Opened | null>(null);
+const shown = signal<string[]>([]);
+const span = signal<[number, number]>([0, 1]);
+const pixels = signal(1000);
+const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers> } | null>(null);
+const strokes = signal<Stroke[]>([]);
+const faults = signal<Faults>({});
+const without = signal(""); // why neither is shown
+const unmoved = signal<Problem[]>([]); // why they could not be read
+const wrong = signal<Problem[]>([]); // with the view that was asked for
+const unread = signal<Problem[]>([]); // with the file as it is now
+const again = signal<number | null>(null); // share that is read of the file as it is now, where another one is shown
+const turn = signal(0); // of asking for the same view
+const proposal = signal<Proposal | null>(null);
+const proposals = new Map<string, Proposal>(); // of each recording the last one, with what was typed into it
+const said = signal("");
+const refused = signal<Problem[]>([]); // of a layout or of what is to be characterised: said beside its button
+
+const shades = computed<Shade[]>(() =>
+  strokes.value.map((one) => ({ from: one.from, to: one.to, strong: one.direction > 0 })),
+);
+
+const marks = computed(() => marksOf(faults.value));
+
+let generation = 0;
+let wake = () => {};
+const pause = (ms: number) => new Promise<void>((resolve) => setTimeout((wake = resolve), ms));
+
+/** Open a recording, and check its file again while it is shown. The file may grow, be replaced, or be half written. */
+async function open(path: string): Promise<void> {
+  const mine = ++generation;
+  const isGone = () => mine !== generation;
+  about.value = views.value = again.value = null;
+  proposal.value = proposals.get(path) ?? null;
+  strokes.value = [];
+  faults.value = {};
+  without.value = "";
+  unread.value = wrong.value = refused.value = unmoved.value = [];
+  said.value = "";
+  forgetBeside();
+  for (let began = performance.now(), rest = 0; !isGone(); ) {
+    try {
+      const found = await read<Opened>("/api/recording", { path });
+      if (isGone()) return;
+      if (found.channels && found.key !== keyShown()) await put(found, path, isGone);
+      else stay(found);
+      rest = found.share === undefined ? Math.max(LOOK_MS, (performance.now() - began) / MOST_LOAD) : READ_MS;
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      if (!isGone()) unread.value = error.problems;
+      return;
+    }
+    await pause(rest);
+    if (rest !== READ_MS) began = performance.now();
+  }
+}
+
+const keyShown = () => about.value?.key;
+
+/** Keep the recording that is shown, and report the state of its file. */
+function stay(found: Opened): void {
+  unread.value = found.problems ?? [];
+  if (keyShown()) again.value = found.share ?? null;
+  else if (!found.problems) about.value = found;
+  if (found.channels && (wrong.value.length || isOwed)) turn.value += 1;
+}
+
+/** Show a recording with its strokes and faults. The first recording appears at once, later ones together with both. */
+async function put(found: Opened, path: string, isGone: () => boolean): Promise<void> {
+  const before = keyShown() ? about.value! : undefined;
+  if (!before) show(found);
+  let moved: Moved = { strokes: [], faults: {} };
+  let problems: Problem[] = [];
+  try {
+    if (found.layout !== null || found.time) moved = await read<Moved>("/api/strokes", { path });
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    problems = error.problems;
+  }
+  if (isGone()) return;
+  batch(() => {
+    if (before) show(found, before);
+    [strokes.value, faults.value, without.value, unmoved.value] = [moved.strokes, moved.faults, moved.note ?? "", problems];
+    if (before) realign(moved.strokes);
+  });
+}
+
+/** Show a new recording whole. A recording that has grown keeps its view. */
+function show(found: Opened, before?: Opened): void {
+  const [from, to] = span.value;
+  const names = (of?: Opened) => JSON.stringify([of?.time, of?.channels]);
+  const isAlike = names(before) === names(found);
+  const isZoomed = isAlike && (from > before!.span![0] || to < before!.span![1]) && from < found.span![1] && to > found.span![0];
+  batch(() => {
+    about.value = found;
+    unread.value = wrong.value = [];
+    again.value = null;
+    if (!isAlike) {
+      shown.value = found.channels!.slice(0, MOST_PLOTS).map((one) => one.column);
+      views.value = null;
+      forgetBeside();
+    }
+    look(isZoomed ? [from, to] : found.span!);
+  });
+}
+
+/** Show another part of the recording. */
+function look(next: [number, number]): void {
+  const [low, high] = about.value!.span!;
+  const width = Math.min(next[1] - next[0], high - low);
+  const from = Math.min(Math.max(next[0], low), high - width);
+  batch(() => {
+    pixels.value = pixelsOfPlots(pixels.value);
+    span.value = [from, from + width];
+  });
+}
+
+/** Request for the server. It uses the socket, because a separate HTTP request costs some ms more. */
+const asked = computed(() => {
+  if (!about.value?.channels) return null;
+  const [from, to] = span.value;
+  return { what: "window", path: route.value.path, key: about.value.key, turn: turn.value, from, to, pixels: pixels.value, columns: shown.value.join("\n"), ...besideAsked() };
+});
+
+let isOwed = false; // a view that was asked for
+
+function take({ head, arrays }: Frame<Head>): void {
+  isOwed = head.key === null;
+  if (head.problems) wrong.value = head.problems;
+  else if (isOwed) wake(); // another file has its name now
+  else if (head.path === asked.value?.path && head.key === asked.value.key) {
+    wrong.value = [];
+    const time = arrays.get("time")!;
+    arrays.delete("time");
+    views.value = { head, time, channels: arrays };
+    document.documentElement.dataset["points"] = String(time.length);
+    requestAnimationFrame(() => (pixels.value = pixelsOfPlots(pixels.value))); // the first view comes before its plots
+  }
+}
+
+/** Return the digits that tell the ends of a span apart. */
+export const enough = (from: number, to: number): number =>
+  Math.min(Math.max(Math.ceil(Math.log10(Math.max(Math.abs(from), Math.abs(to)) / (to - from || 1))) + 4, 7), 16);
+
+function zoom(factor: number): void {
+  const [from, to] = span.value;
+  const middle = 0.5 * (from + to);
+  look([middle - 0.5 * factor * (to - from), middle + 0.5 * factor * (to - from)]);
+}
+
+function pan(share: number): void {
+  const [from, to] = span.value;
+  look([from + share * (to - from), to + share * (to - from)]);
+}
+
+export function RecordingView() {
+  const { path } = route.value;
+  useEffect(() => {
+    const live = new Live<Head>(take);
+    const end = effect(() => {
+      if (asked.value) live.request(asked.value);
+    });
+    return () => {
+      end();
+      live.close();
+    };
+  }, []);
+  useEffect(() => {
+    if (path) void open(path);
+    return () => void (generation += 1);
+  }, [path]);
+  if (!path) return <Choose title="Recordings" hint="A recording is a table of channels over time: CSV, Parquet, MAT, TDMS or MF4. Add your own, or look at two shipped ones." view="recording" kinds={["recording"]} recordings />;
+  const found = about.value;
+  return (
+    <div class="recording">
+      <h2>{path}</h2>
+      <Problems of={[...unread.value, ...wrong.value, ...(isForeign(found) ? [] : unmoved.value)]} />
+      {isForeign(found) && <Foreign found={found!} />}
+      {!found?.channels && !unread.value.length && (
+        <p role="status">
+          The file is read for the first time. <progress aria-label="Read so far" value={found?.share ?? 0} max={1} />
+        </p>
+      )}
+      {found?.channels && (
+        <>
+          <Controls found={found} />
+          <FaultsLine faults={faults.value} span={span.value} whole={found.span!} onShow={look} />
+          <BesideRecording path={path} strokes={strokes.value} onShow={look} />
+          <Measuring path={path} version={found.key!} columns={shown.value} span={span.value} isTimed={found.time!} />
+          <Plots found={found} />
+          <Spectrum found={found} path={path} />
+        </>
+      )}
+      {(found?.channels || unread.value.length > 0) && !isForeign(found) && <Wizard path={path} />}
+      {found?.layout === "rig" && !isForeign(found) && <Characterise path={path} />}
+    </div>
+  );
+}
+
+const FOREIGN = "the layout does not fit this file: ";
+
+/** Whether the layout of the folder belongs to other files. */
+const isForeign = (found: Opened | null): boolean => Boolean(found?.notes?.some((one) => one.startsWith(FOREIGN)));
+
+/** Explain why the layout of the folder does not fit, and link to the layout. */
+function Foreign({ found }: { found: Opened }) {
+  const [why, ...hints] = found.notes!.find((one) => one.startsWith(FOREIGN))!.slice(FOREIGN.length).split("; ");
+  const layout = (studies.value?.files ?? []).find((one) => one.kind === "layout" && route.value.path.startsWith(folderOf(one.path)));
+  return (
+    <section class="problem" aria-label="Layout">
+      <p>The layout in this folder belongs to other files: {why}.</p>
+      <p>{hints.at(-1)}</p>
+      {layout && <p><a href={link("drive", layout.path)}>Edit {layout.path}</a></p>}
+    </section>
+  );
+}
+
+function Controls({ found }: { found: Opened }) {
+  const [from, to] = span.value;
+  const head = views.value?.head;
+  return (
+    <>
+      <p class="row" role="group" aria-label="View">
+        <button type="button" onClick={() => look(found.span!)}>Whole recording</button>
+        <button type="button" onClick={() => zoom(0.5)}>Closer</button>
+        <button type="button" onClick={() => zoom(2)}>Wider</button>
+        <button type="button" onClick={() => pan(-0.5)}>Earlier</button>
+        <button type="button" onClick={() => pan(0.5)}>Later</button>
+        <span role="status" data-from={from} data-to={to}>
+          {found.time ? `${digits(from, enough(from, to))} s to ${digits(to, enough(from, to))} s` : `sample ${Math.round(from)} to ${Math.round(to)}`}
+          {head && `, ${head.samples.toLocaleString("en")} of ${found.samples!.toLocaleString("en")} samples`}
+          {head && !head.raw && ", lowest and highest of each pixel"}
+          {head && head.missing > 0 && `, ${head.missing} values are not numbers, or beyond 3e38`}
+          {again.value !== null && `, the file was replaced: ${Math.round(100 * again.value)} % read`}
+          {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
+        </span>
+      </p>
+      {[...(isForeign(found) ? [] : found.notes!), ...(without.value ? [without.value] : [])].map((note) => <p class="note" key={note}>{note}</p>)}
+      <fieldset class="row">
+        <legend>Channels</legend>
+        {found.channels!.map((one) => (
+          <label key={one.column}>
+            <input
+              type="checkbox"
+              checked={shown.value.includes(one.column)}
+              onChange={(event) => {
+                const others = shown.value.filter((name) => name !== one.column);
+                shown.value = event.currentTarget.checked ? [...others, one.column] : others;
+              }}
+            />{" "}
+            {one.label}
+          </label>
+        ))}
+      </fieldset>
+    </>
+  );
+}
+
+const isSpectral = signal(false);
+const spectra = signal<{ of: string; arrays: Map<string, Numbers> } | null>(null);
+const notSpectral = signal<Problem[]>([]);
+
+/** Spectra of the shown channels within the view. They are not requested while the view moves. */
+function Spectrum({ found, path }: { found: Opened; path: string }) {
+  const [from, to] = span.value;
+  const columns = shown.value.join("\n");
+  useEffect(() => {
+    if (!isSpectral.value) return;
+    let gone = false;
+    const timer = setTimeout(async () => {
+      try {
+        const one = await frame("/api/spectrum", { path, from: String(from), to: String(to), columns });
+        if (!gone) [spectra.value, notSpectral.value] = [{ of: path, arrays: one.arrays }, []];
+      } catch (error) {
+        if (!(error instanceof Refused)) throw error;
+        if (!gone) [spectra.value, notSpectral.value] = [null, error.problems];
+      }
+    }, 200);
+    return () => {
+      gone = true;
+      clearTimeout(timer);
+    };
+  }, [path, found.key, from, to, columns, isSpectral.value]);
+  const drawn = spectra.value?.of === path && spectra.value.arrays;
+  return (
+    <section aria-label="Spectrum">
+      <p class="row">
+        <label>
+          <input type="checkbox" checked={isSpectral.value} onChange={(event) => (isSpectral.value = event.currentTarget.checked)} /> spectrum of the view
+        </label>
+        {isSpectral.value && <span class="note">Amplitude density, Welch, Hann windows of at most 16384 samples; its square, integrated over frequency, is the variance.</span>}
+      </p>
+      {isSpectral.value && <Problems of={notSpectral.value} />}
+      {isSpectral.value && drawn && (
+        <div class="plots">
+          {found.channels!.filter((one) => drawn.has(`hz/${one.column}`)).map((one) => (
+            <Plot key={one.column} title={`Spectrum of ${one.label}`} unit={`${one.unit || "1"}/√Hz`} xUnit="Hz" size={1} log curves={[{ label: one.label, x: drawn.get(`hz/${one.column}`)!, y: drawn.get(`density/${one.column}`)! }]} />
+          ))}
+        </div>
+      )}
+    </section>
+  );
+}
+
+function Plots({ found }: { found: Opened }) {
+  const now = views.value;
+  if (!now) return null;
+  const [from, to] = span.value;
+  const drawn = found.channels!.filter((one) => now.channels.has(one.column) && shown.value.includes(one.column));
+  return (
+    <div class="plots" data-plots aria-busy={now.head.from !== from || now.head.to !== to}>
+      {drawn.map((one, k) => {
+        const curves: Curve[] = [{ label: one.label, x: now.time, y: now.channels.get(one.column)! }];
+        const there = now.channels.get(`beside/${one.column}`);
+        if (there && beside.value) curves.push({ label: `${one.label} (${beside.value.path})`, x: now.channels.get("beside/time")!, y: there });
+        return (
+          <Plot
+            key={one.column}
+            title={one.label}
+            unit={one.unit}
+            xUnit={found.time ? "s" : "samples"}
+            size={1}
+            curves={curves}
+            bare={k < drawn.length - 1}
+            range={[now.head.from, now.head.to]}
+            onReset={from > found.span![0] || to < found.span![1] ? () => look(found.span!) : undefined}
+            shades={shades.value}
+            marks={marks.value}
+            cursors={cursors.value ?? undefined}
+            onPick={pick}
+            gaps
+            extreme={!now.head.raw}
+            onZoom={(from, to) => look([from, to])}
+          />
+        );
+      })}
+    </div>
+  );
+}
+
+/** Form that proposes a layout, lets the user correct it, and writes it next to the recording. */
+function Wizard({ path }: { path: string }) {
+  const place = path.includes("/") ? `${path.slice(0, path.lastIndexOf("/"))}/layout.toml` : "layout.toml";
+  const now = proposal.value;
+  if (about.value?.layout) return <p class="note">There is a layout of a {about.value.layout.replace("-", " ")} for it.</p>;
+  const attempt = attempting(refused);
+  const put = (one: Proposal) => {
+    proposals.set(path, one);
+    if (route.value.path === path) proposal.value = one;
+  };
+  const propose = () => attempt(async () => put(await read<Proposal>("/api/propose", { path })));
+  const accept = () =>
+    attempt(async () => {
+      try {
+        await write(place, now!.text, "");
+      } catch (error) {
+        if (!(error instanceof Refused) || error.status !== 412) throw error;
+        said.value = `${place} already exists; nothing was written.`;
+        return;
+      }
+      proposals.delete(path);
+      void open(path);
+      said.value = `Wrote ${place}.`;
+    });
+  return (
+    <section aria-label="Layout">
+      <p class="row">
+        <button type="button" onClick={() => void propose()}>Propose a layout</button>
+        <span role="status">{said.value || "A layout gives the meaning, unit and sign of each column. With a layout, strokes are found and friction can be characterised."}</span>
+      </p>
+      <Problems of={refused.value} />
+      {now && (
+        <>
+          <p>
+            {now.problem ? `Not read yet: ${now.problem}. Correct the lines marked guess.` : `A recording of a ${now.kind}: ${now.strokes} strokes.`}
+          </p>
+          <table>
+            <thead>
+              <tr>{["Channel", "Column", "Unit", "Why"].map((head) => <th scope="col" key={head}>{head}</th>)}</tr>
+            </thead>
+            <tbody>
+              {now.guesses.map((one) => (
+                <tr key={one.role}>
+                  <th scope="row">{one.role}</th>
+                  <td>{one.column}</td>
+                  <td>{one.unit}</td>
+                  <td>{one.why}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+          <label>
+            Text of the layout; lines marked guess are to be checked
+            <textarea class="text" rows={16} value={now.text} onInput={(event) => put({ ...now, text: event.currentTarget.value })} />
+          </label>
+          <p>
+            <button type="button" onClick={() => void accept()}>Accept: write {place}</button>
+          </p>
+        </>
+      )}
+    </section>
+  );
+}
+
+const folder = signal("");
+
+/** Friction of a recording, by the same command as in a terminal. */
+function Characterise({ path }: { path: string }) {
+  useLayoutEffect(() => {
+    folder.value = path.replace(/^.*\//, "").replace(/\..*$/, "");
+    void follow();
+  }, [path]);
+  const work = { recordings: [path], name: folder.value };
+  const attempt = attempting(refused);
+  const start = () => attempt(async () => (await ask("/api/jobs", work), void follow()));
+  const [copy, copied] = useCopied(work, attempt);
+  return (
+    <section aria-label="Friction">
+      <h2>Friction of this recording</h2>
+      <p class="row">
+        <label>
+          Results in results/ <input value={folder.value} onInput={(event) => (folder.value = event.currentTarget.value)} />
+        </label>
+        <button type="button" onClick={() => void start()}>Characterise</button>
+        {copy}
+      </p>
+      <Problems of={refused.value} />
+      {copied}
+      <JobList kinds={["characterise"]} />
+    </section>
+  );
+}

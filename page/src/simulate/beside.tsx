@@ -1,0 +1,292 @@
+/** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
+import { computed, signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { Circuit, type Drawing } from "../drive/circuit";
+import type { Frame, Numbers } from "../server/frame";
+import { digits, instant } from "../plots/looks";
+import { opened, type Field } from "../drive/opened";
+import { NumberField } from "../workspace/parts";
+import { curveOf, indexAt, type Curve } from "../plots/plot";
+import { Strip } from "../plots/strip";
+import { studies } from "../workspace/studies";
+
+export interface BesideHead {
+  others?: { path: string; ends: Record<string, number>; largest: Record<string, number> }[];
+  cylinders?: { name: string; stroke_m: number; position: string; pressures: [string, string] }[];
+  loops?: string[];
+  energy?: { accounts_j: Record<string, number>; open_share: number; lost_j: Record<string, number>; air_litres_anr: Record<string, number> };
+  band?: { members: number; failed: number; why: string; refused: boolean; share: [number, number]; ends: Record<string, [number, number]> };
+}
+
+const others = signal<string[]>([]);
+const loops = signal(false);
+const motion = signal(false);
+const energy = signal(false);
+const band = signal(false);
+const width = signal(10); // of the spreads, per cent
+
+/** Selected comparisons of the run. A spread is centred on each value that has a slider. */
+export function besides(fields: Map<string, Field>, sliders: string[], numbers: Record<string, number>): Record<string, unknown> {
+  const spreads: [string, [number, number, string]][] = [];
+  if (band.value)
+    for (const key of sliders) {
+      const field = fields.get(key);
+      const value = numbers[key] ?? field?.number ?? 0;
+      const half = (Math.abs(value) * width.value) / 100;
+      if (field?.number !== undefined && half > 0) spreads.push([key, [value - half, value + half, field.unit ?? ""]]);
+    }
+  return { others: others.value, loops: loops.value, motion: motion.value, energy: energy.value, spreads: Object.fromEntries(spreads) };
+}
+
+/** A newly opened file starts without the comparisons of the previous file. */
+export function forget(): void {
+  others.value = [];
+  band.value = energy.value = isPlaying.value = false;
+  timeAt.value = 0;
+}
+
+const choices = computed(() => {
+  const files = studies.value?.files.filter((one) => ["drive", "circuit", "recording"].includes(one.kind)) ?? [];
+  const all = [...files.filter((one) => one.kind !== "recording" || /\.(parquet|csv|nc)$/.test(one.path)), ...(studies.value?.catalogue ?? [])];
+  return all.map((one) => one.path).filter((path) => path !== opened.value?.path && !others.value.includes(path));
+});
+
+const MOST_OTHERS = 7;
+
+export function BesideChoices() {
+  return (
+    <fieldset class="beside">
+      <legend>Beside the run</legend>
+      <label class="choice">
+        Compare with{" "}
+        <select
+          value=""
+          disabled={others.value.length >= MOST_OTHERS}
+          onChange={(event) => {
+            if (event.currentTarget.value) others.value = [...others.value, event.currentTarget.value];
+            event.currentTarget.value = "";
+          }}
+        >
+          <option value="">another drive or run</option>
+          {choices.value.map((one) => <option key={one}>{one}</option>)}
+        </select>
+      </label>
+      {others.value.map((one) => (
+        <p class="row" key={one}>
+          {one} <button type="button" class="link" onClick={() => (others.value = others.value.filter((it) => it !== one))} aria-label={`Remove ${one}`}>remove</button>
+        </p>
+      ))}
+      <p class="row">
+        <label><input type="checkbox" checked={band.value} onChange={(event) => (band.value = event.currentTarget.checked)} /> band of 200 members</label>
+        <label>
+          within ± <NumberField label="Half width of the spreads, per cent" low={0.1} high={90} value={width.value} put={(per) => (width.value = per)} /> % of each slider
+        </label>
+      </p>
+      <p class="row">
+        <label><input type="checkbox" checked={loops.value} onChange={(event) => (loops.value = event.currentTarget.checked)} /> p-V loops</label>
+        <label><input type="checkbox" checked={motion.value} onChange={(event) => (motion.value = event.currentTarget.checked)} /> the piston as it moves</label>
+        <label><input type="checkbox" checked={energy.value} onChange={(event) => (energy.value = event.currentTarget.checked)} /> energy</label>
+      </p>
+    </fieldset>
+  );
+}
+
+/** Return the name of a file without its folder, unless another selected file has the same name. */
+export function short(path: string, all: string[]): string {
+  const name = (one: string): string => one.replace("catalogue:", "").replace(/^.*\//, "");
+  return all.filter((one) => name(one) === name(path)).length > 1 ? path : name(path);
+}
+
+const named = (path: string): string => short(path, [...others.value, opened.value?.path ?? ""]);
+
+/** Return the curves of one column from the other runs. */
+export function otherCurves(now: Frame<BesideHead>, column: string, label: string): Curve[] {
+  const out: Curve[] = [];
+  now.head.others?.forEach((one, index) => {
+    const name = `${index + 1}/${column}`;
+    if (now.arrays.has(name)) out.push(curveOf(now.arrays, now.arrays.get(`${index + 1}/time_s`)!, name, `${label} (${named(one.path)})`));
+  });
+  return out;
+}
+
+/** Return the band of the members for one column. */
+export function bandOf(now: Frame<BesideHead>, column: string): { x: Numbers; low: Numbers; high: Numbers } | undefined {
+  const [x, low, high] = [`time_s`, `${column}/low`, `${column}/high`].map((name) => now.arrays.get(`band/${name}`));
+  return x && low && high ? { x, low, high } : undefined;
+}
+
+interface Panel {
+  unit: string;
+  size: number;
+  curves: { column: string; label: string }[];
+}
+
+/** Table of the last values of the other runs, their differences, and the ends of the band. */
+export function Differences({ head, panels, ends }: { head: BesideHead; panels: Panel[]; ends: Record<string, number> }) {
+  const compared = head.others ?? [];
+  if (!compared.length && !head.band) return null;
+  return (
+    <section aria-label="Beside the run" class="differences">
+      {head.band && (
+        <p class="note">
+          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads{head.band.failed > 0 && `; ${head.band.failed} of them could not be simulated, for example ${head.band.why}${head.band.refused ? ". The command and Python reject such a member: narrow the spreads" : ""}`}.
+        </p>
+      )}
+      {compared.filter((one) => !Object.keys(one.ends).length).map((one) => (
+        <p class="note" key={one.path}>{one.path} has none of these quantities under the same names.</p>
+      ))}
+      <div class="scroll" tabIndex={0} role="region" aria-label="Differences">
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">At the end</th>
+              <th scope="col">this run</th>
+              {head.band && <th scope="col">5 to 95 % of the members</th>}
+              {compared.map((one) => <th scope="col" key={one.path}>{named(one.path)}</th>)}
+              {compared.map((one) => <th scope="col" key={one.path}>largest difference to {named(one.path)}</th>)}
+            </tr>
+          </thead>
+          <tbody>
+            {panels.flatMap((panel) =>
+              panel.curves.map(({ column, label }) => {
+                const of = (value: number | undefined) => (value === undefined ? "–" : `${digits(value / panel.size, 5)} ${panel.unit}`);
+                return (
+                  <tr key={column}>
+                    <th scope="row">{label}</th>
+                    <td>{of(ends[column])}</td>
+                    {head.band && <td data-band={column}>{head.band.ends[column]?.map(of).join(" … ")}</td>}
+                    {compared.map((one) => <td key={one.path} data-other={`${one.path}/${column}`} data-si={one.ends[column]}>{of(one.ends[column])}</td>)}
+                    {compared.map((one) => <td key={one.path} data-largest={`${one.path}/${column}`} data-si={one.largest[column]}>{of(one.largest[column])}</td>)}
+                  </tr>
+                );
+              }),
+            )}
+          </tbody>
+        </table>
+      </div>
+    </section>
+  );
+}
+
+const LITRE = 1e-3;
+const BAR = 1e5;
+
+/** Plot of pressure over volume for each chamber. */
+export function Loops({ now }: { now: Frame<BesideHead> }) {
+  const names = now.head.loops ?? [];
+  if (!names.length) return <p class="note" data-without="loops">No p-V loop: only double-acting cylinders have loops, and this circuit does not contain one.</p>;
+  const of = (name: string, axis: string, unit: number) => Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
+  const curves = names.map((name) => ({ label: name.replace(/\.([ab])$/, ", chamber $1"), x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) }));
+  return <Strip title="Pressure over volume of the chambers, bar absolute over l" x="volume, l" y="pressure, bar" curves={curves} />;
+}
+
+/** Energy, lost exergy and air of the run. */
+export function Energy({ found }: { found: NonNullable<BesideHead["energy"]> }) {
+  const lost = Object.entries(found.lost_j);
+  const groups: [string, [string, number][], string][] = [
+    ["Over the boundary, positive inward", Object.entries(found.accounts_j), "J"],
+    ["Exergy lost: ambient temperature times entropy produced", [...lost, ["all", lost.reduce((sum, one) => sum + one[1], 0)]], "J"],
+    ["Air given by", Object.entries(found.air_litres_anr), "l ANR"],
+  ];
+  return (
+    <section class="energy" aria-label="Energy">
+      <h2>Energy of the run</h2>
+      <table>
+        {groups.map(([title, rows, unit]) => (
+          <tbody key={title}>
+            <tr>
+              <th colspan={2} scope="rowgroup">{title}</th>
+            </tr>
+            {rows.map(([name, value]) => (
+              <tr key={name} data-energy={`${title.split(" ")[0]}/${name}`} data-si={value}>
+                <th scope="row">{name}</th>
+                <td>{digits(value)} {unit}</td>
+              </tr>
+            ))}
+          </tbody>
+        ))}
+      </table>
+      <p class="note">Not explained by the accounts: {digits(found.open_share, 2)} of the energy turned over.</p>
+    </section>
+  );
+}
+
+const CALM = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-reduced-motion: reduce)");
+const FASTEST_MS = 5000; // a longer run is shown in this time, a shorter one as long as it lasts, but at least:
+const SHORTEST_MS = 1500;
+
+/** Time at which the pistons are drawn: the slider's, or that of the pointer on a plot. */
+const timeAt = signal(0);
+const isPlaying = signal(false);
+
+/** Time line of the plots, shown with the pistons. */
+export const timeCursor = computed(() => (motion.value ? [timeAt.value] : undefined));
+
+export function pointAt(time: number): void {
+  if (motion.value && !isPlaying.value) timeAt.value = time;
+}
+
+/**
+ * The circuit with its pistons and pressures at a chosen or running time. With "reduced motion", only the slider
+ * moves them.
+ */
+export function MovingCircuit({ now, drawing }: { now: Frame<BesideHead>; drawing: Drawing }) {
+  const cylinders = now.head.cylinders ?? [];
+  const time = now.arrays.get("time_s")!;
+  const end = time[time.length - 1]!;
+  const at = Math.min(timeAt.value, end);
+  const isCalm = CALM?.matches ?? false;
+  useEffect(() => {
+    if (!isPlaying.value) return;
+    const lasts = Math.min(Math.max(1000 * end, SHORTEST_MS), FASTEST_MS);
+    const began = performance.now() - (timeAt.value >= end ? 0 : (timeAt.value / end) * lasts);
+    let request = requestAnimationFrame(function draw(clock: number) {
+      const share = Math.max(0, (clock - began) / lasts);
+      timeAt.value = Math.min(share, 1) * end;
+      if (share >= 1) isPlaying.value = false;
+      else request = requestAnimationFrame(draw);
+    });
+    return () => cancelAnimationFrame(request);
+  }, [isPlaying.value, end]);
+  if (!cylinders.length)
+    return (
+      <div>
+        <Circuit drawing={drawing} />
+        <p class="note" data-without="motion">No piston moves in the drawing: only double-acting cylinders are animated, and this circuit does not contain one.</p>
+      </div>
+    );
+  const row = indexAt(time, at);
+  const valueOf = (name: string) => (now.arrays.get(`${name}/at`) ?? now.arrays.get(name)!)[row]!;
+  const moved = Object.fromEntries(
+    cylinders.map((one) => {
+      const position = valueOf(one.position);
+      const values = one.pressures.map(valueOf) as [number, number];
+      const most = Math.max(...one.pressures.map((name) => largest(now.arrays.get(name)!)));
+      const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
+      const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
+      const tints = values.map((value) => (0.7 * value) / most) as [number, number];
+      return [one.name, { share: position / one.stroke_m, position, pressures, tints, said }];
+    }),
+  );
+  return (
+    <figure class="motion" data-row={row}>
+      <Circuit drawing={drawing} moved={moved} />
+      <p class="row">
+        {!isCalm && <button type="button" onClick={() => (isPlaying.value = !isPlaying.value)}>{isPlaying.value ? "Stop" : "Play"}</button>}
+        <label>
+          Time{" "}
+          <input type="range" min={0} max={1000} value={Math.round((1000 * at) / end)} aria-valuetext={`${instant(time[row], end / time.length)} s`} onInput={(event) => ((isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end))} />
+        </label>
+        <output>
+          {instant(time[row], end / time.length)} s{cylinders.map((one) => `, ${one.name} at ${digits(1000 * valueOf(one.position))} mm`)}; pressures absolute
+        </output>
+      </p>
+    </figure>
+  );
+}
+
+function largest(values: Numbers): number {
+  let found = values[0]!;
+  for (const one of values) if (one > found) found = one;
+  return found;
+}

@@ -1,0 +1,116 @@
+/** Lists of the files that a view opens, and the three ways to begin. */
+import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { day, Problems } from "./parts";
+import { link } from "../routes";
+import { ask, attempting, Refused, write, type Problem } from "../server/server";
+import { list, studies, take, taking } from "./studies";
+import { filesOf, PathName } from "./tree";
+
+const EXAMPLE = "catalogue:reference";
+const wrong = signal<Problem[]>([]);
+const attempt = attempting(wrong);
+
+/** Copy the shipped recordings into the folder, and open the first. */
+const openExample = () =>
+  attempt(async () => {
+    const { path } = await ask<{ path: string }>("/api/example", {});
+    await list();
+    location.hash = link("recording", path);
+  });
+
+/** Write the first task into a new file, and open it. */
+const openTask = () =>
+  attempt(async () => {
+    const { text } = await ask<{ text: string }>("/api/task", {});
+    for (let number = 1; ; number++) {
+      const path = `task${number > 1 ? `-${number}` : ""}.toml`;
+      try {
+        await write(path, text, "");
+      } catch (error) {
+        if (error instanceof Refused && error.status === 412) continue; // it is there already
+        throw error;
+      }
+      await list();
+      location.hash = link("sizing", path);
+      return;
+    }
+  });
+
+const OwnFiles = ({ children }: { children: ComponentChildren }) => (
+  <label class="button primary">
+    {children}
+    <input type="file" multiple class="hidden" onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
+  </label>
+);
+
+/** Three ways to begin, each at most two clicks from its first curve. */
+export function Starts({ isEmpty }: { isEmpty: boolean }) {
+  return (
+    <section class="starts" aria-label="Begin">
+      {isEmpty && <p class="lead">This folder is empty. Choose where to begin.</p>}
+      <Problems of={wrong.value} />
+      <div class="cards">
+        <article class="panel">
+          <h3>Simulate a drive</h3>
+          {isEmpty && <p>Move the sliders of a drive. The curves follow at once. Save it as a file to keep your changes.</p>}
+          <p class="row"><a class="button primary" href={link("simulate", EXAMPLE)}>Open an example drive</a></p>
+        </article>
+        <article class="panel">
+          <h3>Read recordings</h3>
+          {isEmpty && <p>Add your CSV, Parquet, MAT, TDMS or MF4 files. The page proposes which column is what. Then it finds strokes and friction.</p>}
+          <p class="row"><OwnFiles>Add recordings</OwnFiles> <button type="button" onClick={() => void openExample()}>Use example recordings</button></p>
+        </article>
+        <article class="panel">
+          <h3>Size a drive</h3>
+          {isEmpty && <p>State mass, stroke and time. The catalogue is simulated over given spreads. Candidates are ranked by air and margin.</p>}
+          <p class="row"><button type="button" class="primary" onClick={() => void openTask()}>Start with a task</button></p>
+        </article>
+      </div>
+    </section>
+  );
+}
+
+/** Files that a view opens; `example` comes first. */
+export function Choose({ title, hint, view, kinds, catalogue = false, recordings = false }: { title: string; hint: string; view: string; kinds: string[]; catalogue?: boolean; recordings?: boolean }) {
+  const files = filesOf(...kinds);
+  return (
+    <section class="choose" aria-label={title}>
+      <h2>{title}</h2>
+      <p class="lead">{hint}</p>
+      <Problems of={wrong.value} />
+      <p class="row">
+        {catalogue && <a class="button primary" href={link(view, EXAMPLE)}>Open an example drive</a>}
+        {recordings && <><OwnFiles>Add recordings</OwnFiles> <button type="button" onClick={() => void openExample()}>Use example recordings</button></>}
+        <span role="status" class="note">{taking.value}</span>
+      </p>
+      {files.length > 0 && (
+        <>
+          <h3>In the folder</h3>
+          <ul class="cards">
+            {files.map((one) => (
+              <li key={one.path}>
+                <a class="panel" href={link(view, one.path)}>
+                  <b><PathName path={one.path} /></b>
+                  <span class="note">{one.kind}, {day(one.changed)}</span>
+                </a>
+              </li>
+            ))}
+          </ul>
+        </>
+      )}
+      {catalogue && (
+        <>
+          <h3>In the catalogue</h3>
+          <ul class="cards">
+            {studies.value?.catalogue.map((one) => (
+              <li key={one.path}>
+                <a class="panel" href={link(view, one.path)}><b>{one.path.replace("catalogue:", "")}</b><span class="note">{one.title}</span></a>
+              </li>
+            ))}
+          </ul>
+        </>
+      )}
+    </section>
+  );
+}

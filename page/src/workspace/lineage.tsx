@@ -1,0 +1,133 @@
+/** Lineage of a file: its inputs by the hashes that the file carries, and the files made from it. */
+import { signal } from "@preact/signals";
+import { follow } from "./jobs";
+import { Problems, useCopied } from "./parts";
+import { link, route, VIEW_OF } from "../routes";
+import { ask, attempting, read, Refused, type Listed, type Problem } from "../server/server";
+import { list } from "./studies";
+
+interface Made {
+  kind: string;
+  name: string;
+  digest: string;
+  path: string;
+  state: "same" | "changed" | "differs" | "missing" | "named" | "unread";
+  inputs: Made[];
+}
+
+interface Lineage {
+  path: string;
+  inputs: Made[];
+  made: string[];
+  again: Record<string, unknown> | null;
+  stale: string[];
+}
+
+interface Stale {
+  stale: Record<string, string[]>;
+  unchecked: number;
+}
+
+/** Text of each state of an input. */
+const STATES: Record<Made["state"], string> = {
+  same: "unchanged",
+  changed: "changed since the file was made",
+  differs: "its values changed, or values were set for this run",
+  missing: "no longer in the folder, or changed under another name",
+  named: "known only by name: the result does not contain its hash",
+  unread: "not checked: too long, or no longer readable",
+};
+
+export const stale = signal<Stale>({ stale: {}, unchecked: 0 });
+const shown = signal<Lineage | null>(null);
+const wrong = signal<Problem[]>([]);
+const attempt = attempting(wrong);
+
+const QUIET_MS = 1000; // after the list: what is opened at once does not wait for the hashes
+let waiting = 0;
+
+/** Check, while the list is shown, which results are older than their inputs. */
+export function lookForStale(): void {
+  clearTimeout(waiting);
+  waiting = setTimeout(() => void (route.value.view === "studies" && checkAll()), QUIET_MS);
+}
+
+async function checkAll(): Promise<void> {
+  try {
+    stale.value = await read<Stale>("/api/stale");
+    if (shown.value) await trace(shown.value.path);
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+  }
+}
+
+export const trace = (path: string): Promise<void> =>
+  attempt(async () => {
+    const isOpen = shown.value?.path === path;
+    try {
+      shown.value = await read<Lineage>("/api/lineage", { path });
+    } catch (error) {
+      shown.value = null;
+      throw error;
+    }
+    if (!isOpen) document.getElementById("lineage")?.scrollIntoView({ block: "nearest" });
+  });
+
+const where = (files: Listed[], path: string) => {
+  const view = path.startsWith("catalogue:") ? "simulate" : VIEW_OF[files.find((one) => one.path === path)?.kind ?? ""];
+  return view ? <a href={link(view, path)}>{path}</a> : <span>{path}</span>;
+};
+
+function Inputs({ of, files }: { of: Made[]; files: Listed[] }) {
+  if (!of.length) return null;
+  return (
+    <ul class="lineage">
+      {of.map((one, index) => (
+        <li key={index} data-input={one.path || one.name} data-state={one.state}>
+          {one.kind}: {one.path ? where(files, one.path) : one.name}{" "}
+          <span class={one.state === "changed" ? "missed" : "note"}>
+            {STATES[one.state]}
+            {one.digest && `, SHA-256 ${one.digest}…`}
+          </span>
+          <Inputs of={one.inputs} files={files} />
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+/** Lineage of the requested file. */
+export function Chain({ files }: { files: Listed[] }) {
+  const now = shown.value;
+  const [copy, copied] = useCopied(now?.again ?? null, attempt, "making it again");
+  const again = async () => {
+    await follow((await ask<{ number: number }>("/api/jobs", now!.again)).number);
+    await list();
+  };
+  return (
+    <section id="lineage" aria-label="Where a result comes from">
+      <Problems of={wrong.value} />
+      {now && (
+        <>
+          <h2>Where {now.path} comes from</h2>
+          {now.stale.length > 0 && <p class="banner" role="status">Out of date: {now.stale.join(", ")} {now.stale.length > 1 ? "are" : "is"} no longer what it was made from.</p>}
+          {!now.inputs.length && <p>It does not contain a hash of any input.</p>}
+          <Inputs of={now.inputs} files={files} />
+          {now.made.length > 0 && <h3>Made from it</h3>}
+          <ul class="lineage">{now.made.map((one) => <li key={one} data-made={one}>{where(files, one)}</li>)}</ul>
+          <p class="row">
+            {now.again && (
+              <>
+                <button type="button" onClick={() => void attempt(again)}>Make it again under a new name</button>
+                {copy}
+              </>
+            )}
+            <button type="button" onClick={() => (shown.value = null)}>Close</button>
+          </p>
+          {now.again && copied}
+          
+        </>
+      )}
+    </section>
+  );
+}

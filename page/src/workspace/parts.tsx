@@ -1,0 +1,236 @@
+/** Small parts that several views use. */
+import type { Signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { useEffect, useState } from "preact/hooks";
+import { isUnsaved } from "../drive/opened";
+import { digits } from "../plots/looks";
+import { link } from "../routes";
+import { ask, type attempting, connection, read, Refused, type Listed, type Problem } from "../server/server";
+
+const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
+
+/** Return whether a problem is in the text of that name, not in a file that the text names. */
+export const isIn = ({ file }: Problem, name: string): boolean => !file || file === name;
+
+/** List of problems. For the text `own`, each line number is a button that leads to the line. */
+export function Problems({ of, onLine, own = "" }: { of: Problem[]; onLine?: (line: number) => void; own?: string }) {
+  return (
+    <div class="problems" role="status" aria-live="polite">
+      {of.map((one, index) => (
+        <div class="problem" key={index}>
+          <p>
+            {one.line !== null && onLine && (!own || isIn(one, own)) ? (
+              <button type="button" class="link" onClick={() => onLine(one.line!)}>
+                line {one.line}
+              </button>
+            ) : (
+              placeOf(one) && <b>{placeOf(one)}:</b>
+            )}{" "}
+            {one.what}.
+          </p>
+          {one.value !== null && <pre>{one.value}</pre>}
+          {one.rule && <p>Rule: {one.rule}</p>}
+          {one.remedy && <p>Hint: {one.remedy}</p>}
+        </div>
+      ))}
+    </div>
+  );
+}
+
+const WORDS: Record<string, string> = {
+  lost: "The server does not answer. The page tries again; nothing is lost. If the server was stopped, start it again and open the address that it prints.",
+  full: "The server already draws curves in as many tabs as it can. Close another tab, and this tab continues.",
+  locked: "This tab has no token of the server. Open the address that pneudrive web printed, and this tab continues.",
+};
+
+export function ConnectionLine() {
+  const words = WORDS[connection.value];
+  return (
+    <div role="status" aria-live="assertive" class={words ? "banner" : ""} data-connection={connection.value}>
+      {words}
+    </div>
+  );
+}
+
+/** Lines to copy. `of` names their subject if a view has several. Work without a command is shown in Python only. */
+export function Copied({ command, python, of = "" }: { command?: string; python: string; of?: string }) {
+  const [done, setDone] = useState("");
+  useEffect(() => setDone(""), [command, python]);
+  const copy = async (what: string, text: string) => {
+    try {
+      await navigator.clipboard.writeText(text);
+      setDone(`Copied the ${what}.`);
+    } catch {
+      setDone("Not copied: the browser does not allow it. Select the lines and copy them.");
+    }
+  };
+  return (
+    <section class="copied" aria-label={`The same as a command and as Python${of && `: ${of}`}`}>
+      <p>
+        In the folder of the workspace. {command && <button type="button" onClick={() => copy("command", command)}>Copy the command</button>}{" "}
+        <button type="button" onClick={() => copy("Python", python)}>Copy the Python</button>{" "}
+        <span role="status">{done}</span>
+      </p>
+      {command && <pre data-copy="command" tabIndex={0} aria-label="Command">{command}</pre>}
+      <pre data-copy="python" tabIndex={0} aria-label="Python">{python}</pre>
+    </section>
+  );
+}
+
+/** Return a button that shows a job as lines to copy, and these lines. They disappear when the job changes. */
+export function useCopied(job: object | null, attempt: ReturnType<typeof attempting>, of = "") {
+  const [held, hold] = useState({ asked: "", command: "", python: "" });
+  const asked = JSON.stringify(job);
+  const copy = () => attempt(async () => hold({ asked, ...(await ask<{ command: string; python: string }>("/api/work", job)) }));
+  const button = <button type="button" disabled={!job} onClick={() => void copy()}>Copy as command or Python</button>;
+  return [button, held.asked === asked && <Copied of={of} command={held.command} python={held.python} />] as const;
+}
+
+/** Button that saves a text. It is never disabled in HTML, because a disabled button loses the focus. */
+export function SaveButton({ isSaved, save }: { isSaved: boolean; save: () => Promise<void> }) {
+  return <button type="button" aria-disabled={isSaved} onClick={() => void (isSaved || save())}>Save</button>;
+}
+
+interface NumberProps {
+  label?: string;
+  value: number | string;
+  put: (value: number) => void;
+  low?: number;
+  high?: number;
+  whole?: boolean;
+}
+
+/**
+ * Field of a number. A text that is not a number within its limits is answered with a message and changes nothing.
+ * A field of type "number" would drop a comma silently.
+ */
+export function NumberField({ label, value, put, low = -Infinity, high = Infinity, whole = false }: NumberProps) {
+  const [wrong, setWrong] = useState("");
+  useEffect(() => setWrong(""), [value]);
+  const change = (text: string) => {
+    const given = text.trim() === "" ? Number.NaN : Number(text);
+    const isRight = Number.isFinite(given) && given >= low && given <= high && (!whole || Number.isInteger(given));
+    if (isRight) put(given);
+    const ends = [low > -Infinity ? ` from ${low}` : "", high < Infinity ? ` up to ${high}` : ""].join("");
+    setWrong(isRight ? "" : `"${text}" is rejected: enter a ${whole ? "whole number" : "number with a point before decimals"}${ends}`);
+  };
+  return (
+    <>
+      <input class="number" inputMode="decimal" aria-label={label} value={value} onChange={(event) => change(event.currentTarget.value)} />
+      {wrong && <span class="missed" role="alert">{wrong}</span>}
+    </>
+  );
+}
+
+const STEPS = 400;
+
+interface SliderProps {
+  id: string;
+  label: string;
+  title?: string;
+  value: number;
+  shown?: number | string; // in the field; absent: the value
+  ends: [number, number];
+  unit?: string;
+  name: string; // of the field, without its unit
+  kind: string;
+  state: string; // the word of the kind
+  put: (value: number) => void;
+  children?: ComponentChildren;
+}
+
+/** A value with its slider, its field and its unit. */
+export function SliderRow({ id, label, title, value, shown = value, ends: [low, high], unit = "", name, kind, state, put, children }: SliderProps) {
+  return (
+    <div class="slider">
+      <label for={id}>{label}</label>
+      <input
+        id={id}
+        type="range"
+        min={0}
+        max={STEPS}
+        step={1}
+        value={Math.round((STEPS * (value - low)) / (high - low))}
+        aria-valuetext={`${digits(value)} ${unit}`}
+        onInput={(event) => put(Number((low + ((high - low) * event.currentTarget.valueAsNumber) / STEPS).toPrecision(5)))}
+      />
+      <NumberField label={`${name}, ${unit || "number"}`} value={shown} put={put} />
+      <span class="unit">{unit}</span>
+      <span class={`kind ${kind}`} title={title}>{state}</span>
+      {children}
+    </div>
+  );
+}
+
+export const KINDS: Record<string, string> = {
+  given: "given",
+  source: "source",
+  identified: "identified",
+  assumed: "assumed",
+  default: "default",
+};
+
+/** Menu of all drives, by path. */
+export function DriveChoice({ label, drives, chosen }: { label: string; drives: string[]; chosen: Signal<string> }) {
+  return (
+    <label>
+      {label}{" "}
+      <select value={chosen.value} onChange={(event) => (chosen.value = event.currentTarget.value)}>
+        <option value="">choose</option>
+        {drives.map((one) => <option key={one}>{one}</option>)}
+      </select>
+    </label>
+  );
+}
+
+/** A moment of the file system for people. */
+export const day = (seconds: number): string => new Date(1000 * seconds).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
+
+/** A word where a view reads the file of a description whose text in the page is another one. */
+export function Unsaved({ path }: { path: string }) {
+  return isUnsaved(path) ? <p class="note">Changes of {path} that are not saved do not count here.</p> : null;
+}
+
+/** Files of the folder that a view shows, below a title. */
+export function InFolder({ files, title, view }: { files: Listed[]; title: string; view: string }) {
+  if (!files.length) return null;
+  return (
+    <>
+      <h2>{title} in the folder</h2>
+      <ul class="files listed">
+        {files.map((one) => (
+          <li key={one.path}>
+            <a href={link(view, one.path)}>{one.path}</a>
+            <span class="note">{day(one.changed)}</span>
+          </li>
+        ))}
+      </ul>
+    </>
+  );
+}
+
+export const folderOf = (path: string): string => path.slice(0, Math.max(path.lastIndexOf("/"), 0));
+
+/** Links that open or save the report of a folder. Nothing is shown without a folder. */
+export function ReportOf({ folder, changed }: { folder: string; changed?: unknown }) {
+  const [address, setAddress] = useState("");
+  useEffect(() => {
+    setAddress("");
+    if (!folder) return;
+    let gone = false;
+    read<{ address: string }>("/api/report", { path: folder }).then(
+      (found) => void (gone || setAddress(found.address)),
+      (error: unknown) => {
+        if (!(error instanceof Refused)) throw error;
+      },
+    );
+    return () => void (gone = true);
+  }, [folder, changed]);
+  if (!address) return null;
+  return (
+    <p class="row">
+      <a href={address} target="_blank" rel="noopener">Open the report</a>
+      <a href={address} download={`${folder.slice(folder.lastIndexOf("/") + 1)}-report.html`}>Save the report</a>
+    </p>
+  );
+}

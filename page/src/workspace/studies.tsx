@@ -1,0 +1,199 @@
+/** Start page: ways to begin, files by kind, origin of results. */
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { Starts } from "./choose";
+import { Differences, type Compared } from "../measured/differences";
+import { Chain, lookForStale, stale, trace } from "./lineage";
+import { isUnsaved } from "../drive/opened";
+import { Copied, day, Problems } from "./parts";
+import { ask, connection, drop, read, Refused, type Listed, type Problem, type Studies } from "../server/server";
+import { inCatalogue, link, VIEW_OF } from "../routes";
+import { GROUPS, PathName } from "./tree";
+
+declare const __BUILD__: string;
+
+export const studies = signal<Studies | null>(null);
+export const isOld = signal(false);
+
+let listing: Promise<void> | null = null;
+
+/** Read the folder. */
+export function list(): Promise<void> {
+  const mine = readFolder().finally(() => (listing = listing === mine ? null : listing));
+  return (listing = mine);
+}
+
+async function readFolder(): Promise<void> {
+  try {
+    studies.value = await read<Studies>("/api/studies");
+    isOld.value = studies.value.build !== __BUILD__;
+    lookForStale();
+    compare();
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    if (error.status) refused.value = error.problems; // a server that is gone has a line of its own
+  }
+}
+
+export const taking = signal("");
+export const refused = signal<Problem[]>([]);
+
+let copying = Promise.resolve();
+
+/** Copy files into the folder one after the other, including files that arrive meanwhile. */
+export function take(files: File[]): Promise<void> {
+  if (!taking.value) refused.value = [];
+  return (copying = copying.then(() => copyIn(files)));
+}
+
+/** Copy files into the folder. A single recording is opened. */
+async function copyIn(files: File[]): Promise<void> {
+  if (!files.length) return;
+  for (const [index, file] of files.entries()) {
+    taking.value = `Copying ${file.name}, ${size(file.size)} (${index + 1} of ${files.length}).`;
+    try {
+      await drop(file);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      refused.value = [...refused.value, ...error.problems];
+    }
+  }
+  taking.value = "";
+  await list();
+  const own = studies.value?.files.find((one) => one.path === files[0]!.name);
+  if (files.length === 1 && own?.kind === "recording" && !refused.value.length) location.hash = link("recording", own.path);
+  else location.hash = link("studies");
+}
+
+/** Accept files that are dropped anywhere on the page. */
+export function takeDrops(): void {
+  const isFiles = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
+  addEventListener("dragover", (event) => isFiles(event) && event.preventDefault());
+  addEventListener("drop", (event) => {
+    if (!isFiles(event)) return;
+    event.preventDefault();
+    void take([...event.dataTransfer!.files]);
+  });
+}
+
+const MOST = 200; // rows of a group on the page; the search of the tree finds the others
+
+const size = (bytes: number): string => (bytes < 1e4 ? `${bytes} B` : bytes < 1e7 ? `${Math.round(bytes / 1e3)} kB` : `${Math.round(bytes / 1e6)} MB`);
+
+export function StudiesView() {
+  useEffect(() => void (listing ?? list()), [connection.value === "open"]); // what the page reads as it begins is read once
+  const found = studies.value;
+  if (!found) return refused.value.length ? <Problems of={refused.value} /> : <p>Reading the folder.</p>;
+  return (
+    <>
+      <h2>{found.folder}</h2>
+      <Problems of={refused.value} />
+      <Starts isEmpty={!found.files.length} />
+      <Compare />
+      <Chain files={found.files} />
+      {stale.value.unchecked > 0 && <p class="note">{stale.value.unchecked} older results were not checked against their inputs.</p>}
+      {GROUPS.map(({ title, view, kinds }) => (
+        <Files key={title} title={title} view={view} files={found.files.filter((one) => kinds.includes(one.kind))} />
+      ))}
+    </>
+  );
+}
+
+/** Kinds that can be compared in pairs, and kinds that carry or supply hashes of inputs. */
+const ALIKE = ["drive", "fit"];
+const TRACED = ["drive", "circuit", "recording", "friction map", "fit", "validation", "comparison", "campaign", "rig"];
+const FOLDERS = ["campaign", "comparison", "sizing"]; // objects that are a folder
+const pair = signal<string[]>([]);
+const compared = signal<Compared | null>(null);
+const apart = signal<Problem[]>([]);
+
+/** Select a file for the comparison. The newest two count. */
+const tick = (path: string): void => {
+  pair.value = pair.value.includes(path) ? pair.value.filter((one) => one !== path) : [...pair.value, path].slice(-2);
+  compared.value = null;
+  compare();
+};
+
+/** Compare the two selected files in their current state. */
+function compare(): void {
+  const [before, after] = pair.value;
+  apart.value = [];
+  if (!before || !after) return;
+  const isSame = () => pair.value[0] === before && pair.value[1] === after; // others may be ticked meanwhile
+  void ask<Compared>("/api/compare", { before, after }).then(
+    (found) => void (isSame() && (compared.value = found)),
+    (error: unknown) => {
+      if (!(error instanceof Refused)) throw error;
+      if (isSame()) [compared.value, apart.value] = [null, error.problems];
+    },
+  );
+}
+
+function Compare() {
+  if (!pair.value.length) return null;
+  return (
+    <section class="panel" aria-label="Compare two">
+      <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another drive or fit: tick it` : pair.value.join(" and ")}</h2>
+      <Problems of={apart.value} />
+      {compared.value && <Differences {...compared.value} />}
+      {compared.value && <Copied {...compared.value} />}
+    </section>
+  );
+}
+
+const renaming = signal({ path: "", to: "" });
+
+/** Give a file another name; one that is there is never written over. */
+async function rename(): Promise<void> {
+  const { path, to } = renaming.value;
+  refused.value = [];
+  try {
+    await ask("/api/rename", { path, to });
+    renaming.value = { path: "", to: "" };
+    await list();
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    refused.value = error.problems;
+  }
+}
+
+function Rename({ path }: { path: string }) {
+  const now = renaming.value;
+  if (now.path !== path) return <button type="button" class="link" aria-label={`Rename ${path}`} disabled={isUnsaved(path)} onClick={() => (renaming.value = { path, to: path })}>rename</button>;
+  return (
+    <form class="row" onSubmit={(event) => (event.preventDefault(), void rename())}>
+      <input aria-label={`New name of ${path}`} value={now.to} onInput={(event) => (renaming.value = { path, to: event.currentTarget.value })} />
+      <button type="submit">Rename</button>
+    </form>
+  );
+}
+
+function Files({ title, view, files }: { title: string; view: string; files: Listed[] }) {
+  if (!files.length) return null;
+  return (
+    <section class="group">
+      <h3>{view ? <a href={link(view)}>{title}</a> : title}</h3>
+      <ul class="files listed">
+        {files.slice(0, MOST).map((one) => (
+          <li key={one.path}>
+            {VIEW_OF[one.kind] ? <a href={link(VIEW_OF[one.kind]!, one.path)}><PathName path={one.path} /></a> : <span><PathName path={one.path} /></span>}
+            <span class="note">
+              {one.kind}, {day(one.changed)}
+              {stale.value.stale[one.path] && <b class="missed" data-stale={one.path}> out of date: made from another {stale.value.stale[one.path]!.join(", ")}</b>}
+            </span>
+            <span class="row">
+              {ALIKE.includes(one.kind) && (
+                <label>
+                  <input type="checkbox" aria-label={`Compare ${one.path}`} checked={pair.value.includes(one.path)} onChange={() => tick(one.path)} /> compare
+                </label>
+              )}
+              {TRACED.includes(one.kind) && <button type="button" class="link" aria-label={`Made from: ${one.path}`} onClick={() => void trace(one.path)}>made from</button>}
+              {!FOLDERS.includes(one.kind) && !inCatalogue(one.path) && <Rename path={one.path} />}
+            </span>
+          </li>
+        ))}
+      </ul>
+      {files.length > MOST && <p class="note">{files.length - MOST} more: search for them in the tree.</p>}
+    </section>
+  );
+}

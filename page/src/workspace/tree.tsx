@@ -1,0 +1,97 @@
+/** The folder as a tree: files by kind, the catalogue, and what one can begin with. */
+import { signal } from "@preact/signals";
+import { inCatalogue, link, route, VIEW_OF } from "../routes";
+import type { Listed } from "../server/server";
+import { list, studies, take, taking } from "./studies";
+
+interface Kinds {
+  title: string;
+  view: string; // that lists them
+  kinds: string[];
+}
+
+export const GROUPS: Kinds[] = [
+  { title: "Drives", view: "drive", kinds: ["drive", "circuit"] },
+  { title: "Recordings", view: "recording", kinds: ["recording"] },
+  { title: "Friction", view: "friction", kinds: ["friction map", "fit"] },
+  { title: "Validations", view: "validation", kinds: ["validation"] },
+  { title: "Sizings", view: "sizing", kinds: ["task", "sizing"] },
+  { title: "Campaigns", view: "campaign", kinds: ["campaign", "protocol"] },
+  { title: "Controllers", view: "control", kinds: ["comparison", "controller", "setup"] },
+  { title: "Exports", view: "handover", kinds: ["fmu"] },
+  { title: "Other files", view: "", kinds: ["layout", "rig", "formula", "other", "unreadable"] },
+];
+const MOST = 200; // rows of a group; the search finds the others
+
+const search = signal("");
+const closed = signal<string[]>(["Catalogue"]);
+export const isShown = signal(typeof matchMedia === "undefined" || matchMedia("(min-width: 60rem)").matches);
+
+/** Files of some kinds in the folder. */
+export const filesOf = (...kinds: string[]): Listed[] => (studies.value?.files ?? []).filter((one) => kinds.includes(one.kind));
+
+/** Return the kind of an object. Empty while the folder is not read, or for a missing file. */
+export const kindOf = (path: string): string => (inCatalogue(path) ? "drive" : (studies.value?.files.find((one) => one.path === path)?.kind ?? ""));
+
+/** The name of a file in its folder. */
+export const nameOf = (path: string): string => path.slice(path.lastIndexOf("/") + 1);
+
+/** A path with its folders pale. */
+export function PathName({ path }: { path: string }) {
+  const name = nameOf(path);
+  return <>{path.length > name.length && <span class="dir">{path.slice(0, -name.length)}</span>}{name}</>;
+}
+
+function Row({ path, view, title = "" }: { path: string; view: string | undefined; title?: string }) {
+  const isHere = route.value.path === path;
+  return <li>{view ? <a href={link(view, path)} aria-current={isHere ? "page" : undefined} title={title || path}><PathName path={path} /></a> : <span title={path}><PathName path={path} /></span>}</li>;
+}
+
+function Group({ title, view, rows }: { title: string; view: string; rows: { path: string; view: string | undefined; title?: string }[] }) {
+  const isOpen = Boolean(search.value) || !closed.value.includes(title);
+  const toggle = () => (closed.value = isOpen ? [...closed.value, title] : closed.value.filter((one) => one !== title));
+  return (
+    <li class="group">
+      <div class="head">
+        {rows.length ? <button type="button" class="fold" aria-expanded={isOpen} aria-label={`Files: ${title}`} onClick={toggle}>{isOpen ? "▾" : "▸"}</button> : <span class="fold" />}
+        {view ? <a href={link(view)} aria-current={route.value.view === view && !route.value.path ? "page" : undefined}>{title}</a> : <span>{title}</span>}
+        <span class="count">{rows.length || ""}</span>
+      </div>
+      {isOpen && rows.length > 0 && (
+        <ul class={title === "Catalogue" ? "" : "files"}>
+          {rows.slice(0, MOST).map((one) => <Row key={one.path} {...one} />)}
+          {rows.length > MOST && <li class="note">{rows.length - MOST} more: search for them.</li>}
+        </ul>
+      )}
+    </li>
+  );
+}
+
+export function Tree() {
+  const found = studies.value;
+  if (!isShown.value) return null;
+  const word = search.value.toLowerCase();
+  const isIn = (...texts: string[]) => texts.some((one) => one.toLowerCase().includes(word));
+  return (
+    <nav class="tree" aria-label="Folder">
+      <p class="top">
+        <a class="home" href={link("studies")} aria-current={route.value.view === "studies" ? "page" : undefined}>Overview</a>
+        <button type="button" class="icon" title="Read the folder again" onClick={() => void list()}><span aria-hidden="true">↻</span><span class="hidden">Read the folder again</span></button>
+      </p>
+      <input type="search" aria-label="Search files" placeholder="Search" value={search.value} onInput={(event) => (search.value = event.currentTarget.value)} />
+      <ul>
+        {GROUPS.map(({ title, view, kinds }) => {
+          const rows = filesOf(...kinds).filter((one) => isIn(one.path)).map(({ path, kind }) => ({ path, view: VIEW_OF[kind] }));
+          return (rows.length > 0 || (view && !word)) && <Group key={title} title={title} view={view} rows={rows} />;
+        })}
+        {found && <Group title="Catalogue" view="" rows={found.catalogue.filter((one) => isIn(one.path, one.title)).map((one) => ({ ...one, view: "simulate" }))} />}
+      </ul>
+      <label class="drop">
+        Own data: choose, or drop it anywhere
+        <input type="file" multiple onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
+      </label>
+      <p class="note" role="status">{taking.value}</p>
+      {found && <p class="note">{found.files.length} files{found.left_out > 0 && `; ${found.left_out} names are no UTF-8 and left out`}{found.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}</p>}
+    </nav>
+  );
+}

@@ -1,0 +1,1 @@
+"""Requests of the page on drives: descriptions, runs, tasks, controllers, exports."""

@@ -1,0 +1,239 @@
+"""View of a description: its problems by line, its values as fields, its drawing."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import InlineTable
+
+from pneudrive.describe import toml
+from pneudrive.describe.all_values import leaves, values_of
+from pneudrive.describe.components import COMMAND
+from pneudrive.describe.short import expanded
+from pneudrive.describe.written import FILE_PREFIX
+from pneudrive.errors import CommandError, PneudriveError, Problems
+from pneudrive.start import start
+from pneudrive.units import in_unit, like
+from pneudrive.web.drive.run_request import described_at
+from pneudrive.web.messages import problems_of
+from pneudrive.web.requests import WRONG_REQUEST
+from pneudrive.web.workspace import is_in_catalogue
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from pneudrive.describe.all_values import DescribedValue
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.web.workspace import Workspace
+
+_QUANTITY = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
+#: Values of chambers a and b that are given both or not at all.
+_PAIR = re.compile(r"dwell\.pressure\.[ab]$")
+#: Range of a slider about a value, as multiples of it; a value of 0 gets the range of its unit.
+LOW, HIGH = 0.2, 3.0
+_FROM_ZERO = {"deg": (-90.0, 90.0), "N": (-200.0, 200.0), "kg": (0.0, 20.0)}
+#: Sliders that a new page begins with, those that the description has.
+FIRST_SLIDERS = ("friction.coulomb", "supply.pressure", "load.mass", "cylinder.moving_mass", "moving_mass")
+MOST_SLIDERS = 4
+#: Tables in the order in which people look for values; others follow, and what seldom changes comes last.
+FIRST = ("cylinder", "load", "friction", "valve", "supply")
+ORDER = {name: place for place, name in enumerate(FIRST)} | {"ambient": 98, "gas": 99}
+
+
+def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
+    """Check a text and return its problems, or its name, values, assumptions and commands."""
+    try:
+        described = described_at(workspace, path, text)
+    except PneudriveError as error:
+        return {"problems": problems_of(error)}
+    found = fields_of(described)
+    copies = _copies(text)
+    for one in found["values"]:
+        _, _, rest = one["key"].partition("components.")
+        if names := copies.get(rest.partition(".")[0]):
+            one["copies"] = names
+    return {"problems": [], **found}
+
+
+def _copies(text: str) -> dict[str, list[str]]:
+    """Return, for each component whose table describes several, the names of them all."""
+    try:
+        tables = toml.parse(text, "").get("components", {}).values()
+    except PneudriveError:  # another format
+        return {}
+    lists = [one["copies"] for one in tables if isinstance(one, dict) and len(one.get("copies", ())) > 1]
+    return {name: names for names in lists for name in names}
+
+
+def fields_of(described: Drive | Circuit) -> dict[str, Any]:
+    """Return the name, values, assumptions and commands of a description, and the initial sliders."""
+    owner = _owners(described)
+    every = values_of(described)
+    absent = _absent(described, every)
+    every = sorted(every, key=lambda one: ORDER.get(one.key.partition(".")[0], len(FIRST)))
+    values = [field_of(one) | {"component": owner(one.key)} for one in every if one.key not in absent]
+    slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
+    return {
+        "name": described.name,
+        "kind": described.file_kind,
+        "valves": _lowest_commands(described),
+        "values": values,
+        "notes": described.notes,
+        "sliders": list(dict.fromkeys(slides))[:MOST_SLIDERS],
+        "hash": described.description_hash,
+    }
+
+
+def _absent(described: Drive | Circuit, every: Sequence[DescribedValue]) -> set[str]:
+    """Return the keys of defaults that are not valid alone, such as those of an absent cushion."""
+    logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
+    out = {f"{key.removesuffix('growth')}exponent" for key in logs}
+    given = {key for key, _ in leaves(described.to_dict())}
+    out |= {one.key for one in every if _PAIR.search(one.key) and one.key not in given}
+    for name, one in getattr(described, "components", {}).items():
+        known = one.numbers(described.ambient.pressure_pa)
+        keys = (each["key"] for each in one.entry["parameters"] if each["within"])
+        out |= {f"components.{name}.{key}" for key in keys if key not in known}
+    return out
+
+
+def _lowest_commands(described: Drive | Circuit) -> dict[str, int]:
+    """Return the lowest command of each component that has one: -1, or 0 for an on-off valve."""
+    named = [name for name in described.commandable if name]
+    try:
+        bounds = {one.name: one.bounds for one in start(described).variables if one.kind == "input"} if named else {}
+    except PneudriveError:  # Simulate says why it cannot run
+        bounds = {}
+    return {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in named}
+
+
+def _owners(described: Drive | Circuit) -> Callable[[str], str]:
+    """Return a function from a key to its component in the drawing. Empty: no component."""
+    # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
+    ordered = described.component_places
+
+    def owner(key: str) -> str:
+        return next((at.split(".")[1] for at, own in ordered if key == own or key.startswith(f"{own}.")), "")
+
+    return owner
+
+
+def _ends(key: str, end: str) -> bool:
+    return key == end or (("." not in end or key.startswith("components.")) and key.endswith(f".{end}"))
+
+
+def field_of(one: DescribedValue) -> dict[str, Any]:
+    """Return a value as a field of a form. A value with a number is also a slider."""
+    out = {"key": one.key, "text": str(one.value), "origin": one.origin, "kind": one.kind}
+    found = _QUANTITY.fullmatch(one.value) if isinstance(one.value, str) else None
+    if found:
+        number, unit = float(found[1]), found[2]
+    elif isinstance(one.value, int | float) and not isinstance(one.value, bool):
+        number, unit = float(one.value), ""
+    else:
+        return out
+    low, high = sorted((LOW * number, HIGH * number)) if number else _FROM_ZERO.get(unit, (0.0, 1.0))
+    if not unit and 0.0 < number < 1.0:
+        high = min(high, 1.0)
+    return {**out, "number": number, "unit": unit, "units": like(unit) if unit else [], "low": low, "high": high}
+
+
+def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
+    """Return the drawing of a description as shapes, with its paper and its pistons. Lengths are in modules, y up.
+
+    Raises
+    ------
+    PneudriveError
+        The description is not valid.
+    """
+    from pneudrive.report.circuit.shapes import circuit_shapes, pistons  # it draws: the server starts without it
+
+    found = circuit_shapes(described_at(workspace, path, text))
+    return {
+        "paper": found.paper,
+        "shapes": [shape._asdict() for shape in found.shapes],
+        "pistons": {name: one._asdict() for name, one in pistons(found.shapes).items()},
+    }
+
+
+def edited_as_asked(_: Workspace, asked: Mapping[str, Any]) -> dict[str, str]:
+    """Return a text with one value changed. With a unit, write the value in this unit."""
+    text, key, value, unit = (asked.get(name) for name in ("text", "key", "value", "unit"))
+    if not isinstance(text, str) or not isinstance(key, str) or not isinstance(value, str | int | float):
+        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+    return {"text": edited(text, key, in_unit(str(value), unit) if isinstance(unit, str) else value)}
+
+
+def edited(text: str, key: str, value: str | float) -> str:
+    """Return a TOML text with one value changed. Comments and order stay.
+
+    Raises
+    ------
+    CommandError
+        The text is not TOML, or the key leads through a value that is not a table.
+    """
+    try:
+        document = tomlkit.parse(text)
+    except TOMLKitError:
+        raise CommandError("the text is not TOML", remedy="Correct the lines that are marked first.") from None
+    at: Any = document
+    *tables, last = _written_as(document, key)
+    while tables or last not in at:
+        name = tables[0] if tables else last
+        # dead_volume_a, in a file with dead_volume = { a = ..., b = ... }
+        outer = next((one for one, own in at.items() if hasattr(own, "keys") and name.startswith(f"{one}_")), None)
+        if name not in at and outer is not None:
+            name, inner = outer, name.removeprefix(f"{outer}_")
+            tables, last = ([inner, *tables[1:]], last) if tables else ([], inner)
+        elif tables:
+            tables.pop(0)
+            if name not in at:
+                at[name] = tomlkit.inline_table() if isinstance(at, InlineTable) else tomlkit.table()
+        else:
+            break
+        at = at[name]
+        if (file := str(at)).startswith(FILE_PREFIX):
+            file = file.removeprefix(FILE_PREFIX).strip()
+            raise CommandError(f"{key} stands in {file}", remedy="Change it in that file.")
+        if not hasattr(at, "keys") or hasattr(at.get("value"), "keys"):
+            raise CommandError(f"{key}: {name} is not a table of values in this file", remedy="Change it in the text.")
+    if last == "kind":
+        at.pop("model", None)  # of a tube of a drive: the same in other words
+    old = at.get(last)
+    if isinstance(old, list):
+        raise CommandError(f"{key} is a table of points", remedy="Change it in the text.")
+    if hasattr(old, "keys") and "value" in old:  # a value with its origin: what it said holds no longer
+        old["value"] = value
+    else:
+        at[last] = value
+    return tomlkit.dumps(document)
+
+
+def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
+    """Return the parts of the key in a text: in a table of copies, or in a table of a drive."""
+    names = key.split(".")
+    if names[0] != "components" or len(names) < 3:
+        return names
+    tables = document.unwrap()
+    own = tables.get("components", {})
+    if not isinstance(own, dict):
+        raise CommandError("components is not a table in this file", remedy="Change it in the text.")
+    if names[1] in own:
+        return names
+    lists = {name: table.get("copies") for name, table in own.items() if isinstance(table, dict)}
+    many = [name for name, copies in lists.items() if isinstance(copies, list) and names[1] in copies]
+    return [names[0], many[0], *names[2:]] if many else str(expanded(tables, Problems()).located(key)).split(".")
+
+
+def text_at(workspace: Workspace, path: str) -> tuple[str, str | None]:
+    """Return the text of a file and its hash.
+
+    For a drive of the catalogue, return a text that starts from it, and None.
+    """
+    if is_in_catalogue(path):
+        return f'drive = "{path}"\n', None
+    return workspace.read(path)

@@ -1,0 +1,208 @@
+"""Tasks and their candidates for the page, from the text of a task and from the folder of its search."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.constants import ANR_LITRES_PER_KG
+from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.files.content import read_json, read_text
+from pneudrive.files.lock import is_held
+from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choice
+from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, set_to
+from pneudrive.sizing.search import DRAWS_BEST_OF, is_of_command
+from pneudrive.sizing.sized_drive import SizedDrive
+from pneudrive.sizing.task import SizingTask, follows_from, values_of
+from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
+from pneudrive.web.messages import plain, problems_of
+from pneudrive.web.workspace import DESCRIPTIONS, safe
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.web.workspace import Workspace
+
+#: A task to begin with.
+FIRST = Path(__file__).with_name("first_task.toml")
+MOST_LEAST, MOST_DRAWS = 100, 4096
+MOST_TASKS = 500  # that are kept as they were read
+
+
+def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that sizes a drive for a task into a new folder, or continues in a folder.
+
+    Raises
+    ------
+    CommandError
+        The task or the folder is not in the workspace, or a number is out of bounds.
+    """
+    task, folder, least, draws = (given.get(key) for key in ("task", "resume", "least", "draws"))
+    if not workspace.path(task, DESCRIPTIONS).is_file():  # type: ignore[arg-type]
+        raise CommandError(f"there is no task {task}", remedy="Save it first.")
+    for name, value, most in (("least", least, MOST_LEAST), ("draws", draws, MOST_DRAWS)):
+        if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= most:
+            raise CommandError(f"{name} = {value} is out of bounds", rule=f"a whole number, 1 to {most}")
+    if folder is None:
+        out, is_new = f"{RESULTS}/{folder_name(given.get('name'))}", True
+        if out.lower().endswith(DESCRIPTIONS):
+            raise CommandError(f"{out} is the name of a task, not of a folder", remedy="Leave out the ending.")
+    elif is_held(workspace.folder(folder) / LOCK):
+        raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")
+    elif workspace.folder(folder).is_dir():
+        out, is_new = folder, False
+    else:
+        raise CommandError(f"there is no folder {folder}")
+    counts = ("--least", str(least), "--draws", str(draws))
+    options = f"least={least}, draws={draws}, draws_best={DRAWS_BEST_OF * draws}"  # type: ignore[operator]
+    python = f"import pneudrive as pn\n\nfound = pn.size({task!r}, {options})\n"
+    return AskedJob(("size", safe(str(task)), *counts, "--out", out), out, is_new=is_new, python=python)
+
+
+def checked_or_first(_: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Check the text of a task. Without a text, return a task to start from."""
+    text = given.get("text")
+    return checked_task(text) if isinstance(text, str) else {"text": read_text(FIRST, CommandError)}
+
+
+def checked_task(text: str) -> dict[str, Any]:
+    """Check the text of a task and return its problems, or its full content."""
+    try:
+        task = SizingTask.load(text if "\n" in text else f"{text}\n")
+    except PneudriveError as error:
+        return {"problems": problems_of(error)}
+    values = [
+        {"key": one.key, "text": one.text, "given": one.is_given, "meaning": one.meaning} for one in values_of(task)
+    ]
+    follows = [{"what": what, "value": value, "unit": unit} for what, value, unit in follows_from(task)]
+    return {"problems": [], "name": task.name, "values": values, "follows": follows}
+
+
+def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
+    """Return a search from its folder: its task, the simulated candidates, and the ranking once it exists.
+
+    If the folder does not exist yet because the search has just started, the answer is ``{"waits": True}``.
+
+    Raises
+    ------
+    CommandError
+        The folder does not contain a sizing.
+    """
+    folder = workspace.folder(name)
+    if not folder.exists():
+        return {"waits": True}
+    about = _json(folder / ABOUT, name, "task", "draws")
+    simulated, short = _choices(folder / LINES)
+    summary = _json(folder / SUMMARY, name) if (folder / SUMMARY).is_file() else {}
+    asked = summary.get("asked")
+    early = folder / PROVISIONAL
+    provisional = read_text(early, CommandError).strip() if early.is_file() and not summary else ""
+    ranked = ["+".join(one["parts"].values()) for one in summary.get("ranked", [])]
+    places = {one: place for place, one in enumerate(ranked)}
+    task = SizingTask.model_validate(about["task"])
+    shares = 1.0 - task.margin
+    return plain(
+        {
+            "name": task.name,
+            "task": _file_of(workspace, task),
+            "draws": about["draws"][0],
+            "limits": {"out": task.outward_s * shares, "back": task.back_s * shares},
+            "candidates": [_candidate(one, places.get(one.name), name) for one in simulated],
+            "short": short,
+            "done": bool(summary) and not summary.get("interrupted", False),
+            "searched": is_held(folder / LOCK),
+            "feasible": summary.get("feasible"),
+            "complete": summary.get("complete", True),
+            "miss": summary.get("miss"),
+            "said": summary.get("said", []),
+            "provisional": provisional,
+            "assumed": summary.get("assumed", []),
+            "asked": asked if asked and is_of_command(asked) else None,
+        }
+    )
+
+
+def _json(path: Path, name: str, *keys: str) -> dict[str, Any]:
+    if not path.is_file():
+        raise CommandError(f"{name} holds no sizing", remedy="Size a task first.")
+    found = read_json(path, CommandError)
+    if not isinstance(found, dict) or not all(found.get(key) for key in keys):
+        raise CommandError(f"{path.name} in {name} is damaged", remedy="Size the task again.")
+    return found
+
+
+def _choices(path: Path) -> tuple[list[SizedDrive], int]:
+    """Return the simulated drives, each with its largest number of samples, and how many choices miss the task."""
+    simulated: dict[str, SizedDrive] = {}
+    short: set[str] = set()
+    for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
+        one = read_choice(line)
+        if isinstance(one, SizedDrive):
+            before = simulated.get(one.name)
+            simulated[one.name] = one if before is None or one.draws >= before.draws else before
+        elif one is not None and one[1].nominal < 0.0:
+            short.add(one[0])
+    return list(simulated.values()), len(short)
+
+
+def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "parts": dict(one.parts),
+        "setting": set_to(one),
+        "draws": one.draws,
+        "met": one.met,
+        "at_least": one.probability_bound,
+        "time_out": one.time_out,
+        "time_back": one.time_back,
+        "end_speed": one.end_speed,
+        "energy": one.energy,
+        "peak_pressure": one.peak_pressure,
+        "air": one.air_litres_anr,
+        "margin": one.margin,
+        "binding": one.binding,
+        "load_ratio": one.load_ratio,
+        "intervals": {
+            **{name: one.intervals.get(name) for name in ("time_out", "time_back", "end_speed", "energy")},
+            "air": _scaled(one.intervals.get("air"), ANR_LITRES_PER_KG),
+            "load_ratio": _scaled(_wider(one), 100.0),
+        },
+        "limits": [_limit(name, *found, one) for name, found in one.worst.items()],
+        "meets": one.is_feasible,
+        "place": place,
+        "file": f"{folder}/{place + 1:02d}.toml" if place is not None and place < WRITTEN else "",
+        "measure": one.measure,
+        "explains": one.explains,
+    }
+
+
+def _wider(one: SizedDrive) -> tuple[float, float] | None:
+    """Return the interval of the load ratio, for the stroke with the larger ratio."""
+    known = [one.intervals[name] for name in ("load_ratio_out", "load_ratio_back") if name in one.intervals]
+    return max(known, key=lambda ends: ends[1], default=None)
+
+
+def _scaled(ends: tuple[float, float] | None, factor: float) -> list[float] | None:
+    return None if ends is None else [factor * end for end in ends]
+
+
+def _limit(name: str, value: float, limit: float, unit: str, one: SizedDrive) -> dict[str, Any]:
+    factor, read = READ.get(unit, (1.0, unit))
+    found = {"name": name, "value": factor * value, "limit": factor * limit, "unit": read}
+    return {**found, "margin": one.margins[name], "interval": _scaled(one.intervals.get(name), factor)}
+
+
+def _file_of(workspace: Workspace, task: SizingTask) -> str:
+    """Return the file of a task, or "" if the workspace no longer has it."""
+    tasks = (one for one in workspace.files() if one.kind == "task")
+    return next((one.path for one in tasks if _task_at(workspace.path(one.path), one.changed) == task), "")
+
+
+@lru_cache(maxsize=MOST_TASKS)
+def _task_at(path: Path, _changed: float) -> SizingTask | None:
+    """Return the task of a file, or None if it is not valid."""
+    try:
+        return SizingTask.load(path)
+    except PneudriveError:
+        return None

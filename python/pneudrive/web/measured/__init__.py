@@ -1,0 +1,1 @@
+"""Requests of the page on measurements: recordings, campaigns, friction maps, validations."""

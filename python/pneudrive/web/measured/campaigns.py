@@ -1,0 +1,180 @@
+"""Campaigns as the page watches them: from their folders only, for any local or remote process that runs them."""
+
+from __future__ import annotations
+
+import getpass
+import math
+import shlex
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.campaign.planning.adaptive import finished_of
+from pneudrive.campaign.running.live_files import read_live
+from pneudrive.campaign.status import status_of
+from pneudrive.campaign.storage.control import WORDS, ask
+from pneudrive.campaign.storage.folder import CYCLES, LOG
+from pneudrive.campaign.storage.lock import holder
+from pneudrive.errors import CommandError
+from pneudrive.web.jobs import READY, RIG, protocol_named
+from pneudrive.web.messages import pack
+from pneudrive.web.workspace import DESCRIPTIONS, safe
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from pneudrive.campaign.planning.adaptive import Finished
+    from pneudrive.campaign.status import Status
+    from pneudrive.web.workspace import Workspace
+
+PAUSE_S = 0.3  # between two looks into a folder whose cycles changed, or as long as a look takes
+LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal
+MOST_POINTS = 10_000
+CONTROL = "Start the server with --control to send requests to a campaign."
+
+
+def planned(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the plan of a protocol on the simulated rig in words, with the command and the Python lines for it.
+
+    Raises
+    ------
+    CommandError, ProtocolError
+        As for `campaign_job`, or a cycle of the plan breaks a limit of the rig.
+    """
+    from pneudrive.campaign.planning.plan import lay_out
+    from pneudrive.campaign.planning.plan_words import show
+    from pneudrive.campaign.planning.preflight import check_levels
+    from pneudrive.campaign.planning.protocol import read_protocol
+    from pneudrive.rig.loading import load_rig, opened
+
+    name = protocol_named(given, workspace)
+    asked = read_protocol(name if name in READY else workspace.path(name, DESCRIPTIONS))
+    with opened(load_rig(RIG, asked.seed)) as bench:
+        check_levels(asked, bench)
+        plan = lay_out(asked, bench.identity(), bench.limits())
+    python = (
+        "from pneudrive.campaign.planning.plan import lay_out\n"
+        "from pneudrive.campaign.planning.plan_words import show\n"
+        "from pneudrive.campaign.planning.protocol import read_protocol\nfrom pneudrive.rig import load_rig\n\n"
+        f"rig, asked = load_rig({RIG!r}), read_protocol({name!r})\n"
+        "plan = lay_out(asked, rig.identity(), rig.limits())\nprint(show(plan))\n"
+    )
+    command = shlex.join(["pneudrive", "campaign", "plan", safe(name), "--rig", RIG])
+    about = {"text": show(plan), "time_s": plan.time_s, "cycles": len(plan.planned)}
+    return {**about, "command": command, "python": python}
+
+
+class WatchedCampaign:
+    """One campaign folder. Its data are kept until they are out of date."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._lock = threading.Lock()
+        self._points: dict[tuple[Path, int], Finished] = {}  # by their file and when it was written
+        self._status: Status | None = None
+        self._seen, self._next = 0, 0.0
+
+    def about(self) -> dict[str, Any]:
+        """Return the state of the campaign.
+
+        Raises
+        ------
+        CampaignError
+            The folder is not a campaign.
+        """
+        with self._lock:
+            began = time.monotonic()
+            changed = self._changed()
+            if self._status is None or (changed != self._seen and began >= self._next):
+                self._look()
+                self._seen, took = changed, time.monotonic() - began
+                self._next = time.monotonic() + max(PAUSE_S, took)
+            status = self._status
+            assert status is not None
+            points = list(self._points.values())
+        running = holder(self.folder)
+        return {
+            "name": status.campaign.about.get("name") or self.folder.name,
+            "rig": status.campaign.identity.name,
+            "synthetic": status.campaign.synthetic,
+            "done": len(status.files) - status.extra,
+            "extra": status.extra,
+            "planned": status.planned,
+            "remaining_s": status.remaining_s,
+            "state": None if running is None else running.state,
+            "text": "" if running is None else str(running),
+            "cycle": "" if running is None else running.cycle,
+            "flags": status.flags,
+            "problems": [str(one) for one in status.problems],
+            "log": self._log(),
+            "groups": _groups(points, status.campaign.identity.ambient_pressure_pa),
+        }
+
+    def live(self) -> bytes:
+        """Return the running cycle as a frame. Without one, the head does not contain a cycle."""
+        found = read_live(self.folder) if holder(self.folder) is not None else None
+        if found is None:
+            return pack({"cycle": ""}, {})
+        head = {"cycle": found.cycle, "left": found.left, "samples": found.samples}
+        return pack(head, {**found.points})
+
+    def _changed(self) -> int:
+        """Return when a cycle was last stored. A cycle is renamed into its folder once it is complete."""
+        try:
+            return (self.folder / CYCLES).stat().st_mtime_ns
+        except OSError:
+            return 0
+
+    def _look(self) -> None:
+        status = status_of(self.folder)
+        damaged = {one.where for one in status.problems}
+        files = {(file.path, file.path.stat().st_mtime_ns): file for file in status.files}
+        known = {key: one for key, one in self._points.items() if key in files}  # the folder may be another one by now
+        sound = {
+            key: file for key, file in files.items() if key not in known and f"{CYCLES}/{file.path.name}" not in damaged
+        }
+        found = finished_of(list(sound.values()), status.campaign.identity, measured=True)
+        self._points = known | dict(zip(sound, found, strict=True))
+        self._status = status
+
+    def _log(self) -> list[str]:
+        try:
+            with (self.folder / LOG).open("rb") as file:
+                size = file.seek(0, 2)
+                file.seek(max(size - LAST_BYTES, 0))
+                return file.read().decode("utf-8", "replace").splitlines()[-LAST_LINES:]
+        except OSError:
+            return []
+
+    def ask(self, word: object, *, control: bool) -> None:
+        """Send one of the four requests of a campaign to the process that runs it.
+
+        Raises
+        ------
+        CommandError
+            The server only watches, or the request is unknown.
+        CampaignError
+            No process runs the campaign.
+        """
+        if not control:
+            raise CommandError("this server only watches", remedy=CONTROL)
+        if word not in WORDS:
+            raise CommandError(f"{word!r} is not a request", rule=", ".join(WORDS))
+        ask(self.folder, str(word), f"{getpass.getuser()}, from the page")
+
+
+def _groups(points: list[Finished], ambient_pa: float) -> list[dict[str, Any]]:
+    """Return the preliminary estimates of friction over speed, grouped by pair of chamber pressures."""
+    groups: dict[tuple[float, float], list[dict[str, Any]]] = {}
+    for one in points[:MOST_POINTS]:
+        cycle, friction = one.cycle, one.point.friction_n
+        if cycle.kind == "sweep" and cycle.speed_m_s and math.isfinite(friction):
+            point = {"key": cycle.key, "speed": cycle.speed_m_s, "friction": friction, "flags": sorted(one.flags)}
+            groups.setdefault((cycle.pressure_a_pa, cycle.pressure_b_pa), []).append(point)
+    return [{"label": _label(pair, ambient_pa), "points": own} for pair, own in sorted(groups.items())]
+
+
+def _label(pair: tuple[float, float], ambient_pa: float) -> str:
+    a, b = ((one - ambient_pa) / 1e5 for one in pair)
+    return f"a {a:.3g}, b {b:.3g} bar gauge"

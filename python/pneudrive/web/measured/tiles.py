@@ -1,0 +1,303 @@
+"""Lowest and highest value of every pixel column, so that no sample of a recording is lost on the screen.
+
+One pass over a recording builds blocks of 256 samples. A block has the lowest and the highest value of each channel,
+the times of its first and last sample, and the number of missing values. A view with at least one block for each pixel
+needs only the blocks. A closer view reads the samples.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive.signals.channels import first_fall
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from pneudrive.watch import Watch
+    from pneudrive.web.measured.samples import KeptSamples
+
+    Array = NDArray[Any]
+    #: Times of samples between two rows, s, and values of columns, by name.
+    Reader = Callable[[Sequence[str], tuple[int, int]], tuple[Array, dict[str, Array]]]
+
+BLOCK = 256  # samples
+READ = BLOCK << 11  # samples of one pass: half a million, 4 MB a channel
+#: A pause is drawn as a gap: so many times the width of a pixel without a sample.
+PAUSE = 2.0
+_FILES = ("time", "low", "high", "missing")
+
+
+class TileWindow(NamedTuple):
+    """A view: times, and for each channel values to be joined by a line. NaN is a gap.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (n,)
+    channels : dict
+        Values by name, shape (n,).
+    missing : int
+        Missing values in the view.
+    samples : int
+        Samples of the recording in the view.
+    raw : bool
+        Whether the values are the samples themselves.
+    """
+
+    time_s: Array
+    channels: dict[str, Array]
+    missing: int
+    samples: int
+    raw: bool
+
+
+def low_high(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return the lowest and the highest value between successive edges, or NaN if all are NaN.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    edges : ndarray, shape (m + 1,)
+        Strictly increasing indices from 0 to n.
+    """
+    starts = edges[:-1]
+    return np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
+
+
+def per_pixel(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
+    """Return columns over ``time_s``. Long columns become the lowest and the highest value of each pixel."""
+    time = columns["time_s"]
+    if len(time) <= 2 * pixels + 1:
+        return dict(columns)
+    edges = np.linspace(0, len(time), pixels + 1).astype(int)
+    middle = (edges[:-1] + edges[1:]) // 2
+    out = {"time_s": np.column_stack([time[edges[:-1]], time[middle]]).ravel()}
+    for name, values in columns.items():
+        if name != "time_s":
+            out[name] = np.column_stack(low_high(np.asarray(values), edges)).ravel()
+    return out
+
+
+@dataclass(frozen=True)
+class Pyramid:
+    """Blocks of a recording.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Channels.
+    count : int
+        Samples.
+    time : ndarray, shape (blocks, 2)
+        First and last time of each block, s.
+    low, high : ndarray, shape (channels, blocks)
+        32-bit, rounded outward. NaN for a block without numbers.
+    missing : ndarray, shape (channels, blocks)
+        Number of missing values.
+    fall : int or None
+        First sample whose time is missing or less than the previous one: the clock was set back.
+    """
+
+    names: tuple[str, ...]
+    count: int
+    time: Array
+    low: Array
+    high: Array
+    missing: Array
+    fall: int | None = None
+
+    @classmethod
+    def build(cls, names: Sequence[str], count: int, read: Reader, watch: Watch) -> Pyramid:
+        """Make the blocks in one pass over the samples.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Channels.
+        count : int
+            Samples.
+        read : callable
+            Times and values of channels between two rows.
+        watch : Watch
+            Progress, in samples.
+        """
+        blocks = -(-count // BLOCK)
+        time = np.empty((blocks, 2))
+        low, high = (np.empty((len(names), blocks), "f4") for _ in range(2))
+        missing = np.zeros((len(names), blocks), "u2")
+        fall: int | None = None
+        for begin in range(0, count, READ):
+            watch.tell(begin, count, "samples")
+            rows = (begin, min(begin + READ, count))
+            starts = np.arange(0, rows[1] - begin, BLOCK)
+            at = slice(begin // BLOCK, begin // BLOCK + len(starts))
+            seconds, values = read(names, rows)
+            if (
+                fall is None
+                and (found := first_fall(seconds, time[at.start - 1, 1] if begin else seconds[0])) is not None
+            ):
+                fall = begin + found
+            time[at, 0] = seconds[starts]
+            time[at, 1] = seconds[np.minimum(starts + BLOCK, len(seconds)) - 1]
+            for channel, name in enumerate(names):
+                own = np.asarray(values[name], np.float64)
+                is_none = ~np.isfinite(own)
+                if is_none.any():
+                    missing[channel, at] = np.add.reduceat(is_none, starts)
+                    own = np.where(is_none, np.nan, own)
+                low[channel, at] = _outward(np.fmin.reduceat(own, starts), -np.inf)
+                high[channel, at] = _outward(np.fmax.reduceat(own, starts), np.inf)
+        watch.tell(count, count, "samples")
+        return cls(tuple(names), count, time, low, high, missing, fall)
+
+    def save(self, folder: Path) -> None:
+        """Write the blocks into a folder. The last file makes it valid."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in _FILES:
+            np.save(folder / f"{name}.npy", getattr(self, name))
+        about = folder / "pyramid.json.part"
+        about.write_text(json.dumps({"names": self.names, "count": self.count, "fall": self.fall}), encoding="utf-8")
+        about.replace(folder / "pyramid.json")
+
+    @classmethod
+    def open(cls, folder: Path) -> Pyramid | None:
+        """Open the files of `save` without reading them. None if they are missing or incomplete."""
+        try:
+            about = json.loads((folder / "pyramid.json").read_text(encoding="utf-8"))
+            arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FILES}
+            return cls(tuple(about["names"]), int(about["count"]), **arrays, fall=about["fall"])
+        except (OSError, EOFError, ValueError, KeyError):
+            return None
+
+    def window(
+        self,
+        span: tuple[float, float],
+        pixels: int,
+        channels: Sequence[str],
+        samples: KeptSamples,
+    ) -> TileWindow:
+        """Return a view of at most two values for each pixel and channel, or the samples if they are fewer.
+
+        Parameters
+        ----------
+        span : (float, float)
+            First and last time, s.
+        pixels : int
+        channels : sequence of str
+            Some of `names`.
+        samples : KeptSamples
+            Samples of the recording.
+        """
+        starts = self.time[:, 0]
+        first = max(int(np.searchsorted(starts, span[0], "right")) - 1, 0)
+        last = max(int(np.searchsorted(starts, span[1], "right")), first + 1)
+        rows = (first * BLOCK, min(last * BLOCK, self.count))
+        if last - first >= pixels:
+            view = self._of_blocks(span, pixels, channels, first, last)
+            if last - first < 2 * pixels:  # the next view may be a closer one, of samples
+                quarter = (rows[1] - rows[0]) // 4
+                samples.ahead(channels, (rows[0] + quarter, rows[1] - quarter), self.count)
+            return view
+        _, _, seconds, values = samples.get(channels, rows)
+        samples.ahead(channels, rows, self.count)
+        # One sample beyond each end, so that the line leaves the view.
+        begin = max(int(np.searchsorted(seconds, span[0], "left")) - 1, 0)
+        end = min(int(np.searchsorted(seconds, span[1], "right")) + 1, len(seconds))
+        seconds = seconds[begin:end]
+        values = {name: own[begin:end] for name, own in values.items()}
+        inside = slice(
+            *(int(np.searchsorted(seconds, at, side)) for at, side in zip(span, ("left", "right"), strict=True))
+        )
+        missing = sum(int(np.isnan(own[inside]).sum()) for own in values.values())
+        count = inside.stop - inside.start
+        if len(seconds) <= 2 * pixels:
+            return TileWindow(seconds, values, missing, count, raw=True)
+        edges = _edges(seconds, span, pixels)
+        width = (span[1] - span[0]) / pixels
+        columns = _Pixels(seconds[edges[:-1]], seconds[edges[1:] - 1], width, missing, count)
+        return columns.filled({name: low_high(own, edges) for name, own in values.items()})
+
+    def _of_blocks(
+        self, span: tuple[float, float], pixels: int, channels: Sequence[str], first: int, last: int
+    ) -> TileWindow:
+        time = self.time[first:last]
+        edges = _edges(time[:, 0], span, pixels)
+        places = [self.names.index(name) for name in channels]
+        missing = int(sum(self.missing[place, first:last].sum(dtype=np.int64) for place in places))
+        samples = min(last * BLOCK, self.count) - first * BLOCK
+        found = {}
+        for name, place in zip(channels, places, strict=True):
+            low, _ = low_high(self.low[place, first:last], edges)
+            _, high = low_high(self.high[place, first:last], edges)
+            found[name] = (low, high)
+        width = (span[1] - span[0]) / pixels
+        return _Pixels(time[edges[:-1], 0], time[edges[1:] - 1, 1], width, missing, samples).filled(found)
+
+
+class _Pixels(NamedTuple):
+    """Columns of pixels: first and last time of each, and the width of a pixel, s."""
+
+    begins: Array
+    ends: Array
+    width: float
+    missing: int
+    samples: int
+
+    def filled(self, found: dict[str, tuple[Array, Array]]) -> TileWindow:
+        """Return the view: lowest and highest value of each column side by side, with NaN at pauses of the clock.
+
+        A column with samples on both sides of a pause is drawn on both sides.
+        """
+        nothing = np.float32(np.nan)
+        across = np.flatnonzero(self.ends - self.begins > PAUSE * self.width)
+        before = np.flatnonzero(self.begins[1:] - self.ends[:-1] > PAUSE * self.width) + 1
+        # Places in the line where values are inserted: a gap, and for a pause inside a column the column again.
+        at = np.concatenate([2 * before, np.repeat(2 * across + 2, 3)])
+        middles = self.begins + 0.5 * np.minimum(self.ends - self.begins, self.width)
+        again = np.column_stack([middles[across], self.ends[across], self.ends[across]]).ravel()
+        time = np.column_stack([self.begins, middles]).ravel()
+        time = np.insert(time, at, np.concatenate([self.ends[before - 1], again]))
+        channels = {}
+        for name, pair in found.items():
+            line, own = np.column_stack(pair).ravel(), [one[across] for one in pair]
+            gaps = np.full(len(across), nothing)
+            put = np.concatenate([np.full(len(before), nothing), np.column_stack([gaps, *own]).ravel()])
+            channels[name] = np.insert(line, at, put)
+        return TileWindow(time, channels, self.missing, self.samples, raw=False)
+
+
+def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
+    """Return columns as `per_pixel` does. If it thins them, also return ``NAME/at``: the values at the sent times.
+
+    Lowest and highest values of pixels are for drawing. A number that the user reads is the value of the run at that
+    time.
+    """
+    drawn = per_pixel(columns, pixels)
+    time, sent = np.asarray(columns["time_s"]), drawn["time_s"]
+    if len(sent) == len(time):
+        return drawn
+    rows = np.searchsorted(time, sent)
+    at = {f"{name}/at": np.asarray(values)[rows] for name, values in columns.items() if name != "time_s"}
+    return {**drawn, **at}
+
+
+def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
+    """Return where the columns of pixels begin among increasing times. Columns without a sample are left out."""
+    wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1], "left")
+    edges = np.concatenate([[0], wanted, [len(seconds)]])
+    return edges[np.diff(edges, prepend=-1) > 0]
+
+
+def _outward(values: Array, towards: float) -> Array:
+    """Round to 32 bits, never inward."""
+    with np.errstate(over="ignore"):
+        short = values.astype("f4")
+    inward = short > values if towards < 0 else short < values
+    return np.where(inward, np.nextafter(short, np.float32(towards)), short)

@@ -1,0 +1,380 @@
+"""A drive against recordings for the page: the result of `pneudrive validate`, and runs of a changed drive."""
+
+from __future__ import annotations
+
+import difflib
+import shlex
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field, StrictInt, StrictStr
+
+from pneudrive import units
+from pneudrive.describe import toml
+from pneudrive.describe.all_values import DescribedValue, values_of
+from pneudrive.describe.catalogue import entries
+from pneudrive.describe.drive import Drive
+from pneudrive.errors import CommandError
+from pneudrive.free.parameters import Parameter, numbers_of, with_shape
+from pneudrive.identify.files import read_fit
+from pneudrive.identify.static.differences import differences
+from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
+from pneudrive.trajectory import SUFFIXES, columns_in, read_columns
+from pneudrive.units import readable
+from pneudrive.validate.metrics import metrics
+from pneudrive.validate.signals import Signals
+from pneudrive.validate.simulation import run_model
+from pneudrive.validate.validation import CHANNELS
+from pneudrive.web.drive.description import field_of
+from pneudrive.web.drive.drives import MOST_DRIVES, drive_at, hash_at, is_fit
+from pneudrive.web.drive.run_request import Changes, described_at, with_changes
+from pneudrive.web.jobs import MOST_RECORDINGS, RESULTS, AskedJob, folder_name
+from pneudrive.web.lineage import MOST_TRACED, Input, Lineage
+from pneudrive.web.measured.recordings import by_stem, layout_in
+from pneudrive.web.measured.tiles import drawn_columns
+from pneudrive.web.messages import pack, plain
+from pneudrive.web.requests import MOST_PIXELS, WRONG_REQUEST, PageRequest
+from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue, safe
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.identify.files import AnyFit
+    from pneudrive.web.workspace import Workspace
+
+RESULT = "validation.toml"
+MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
+
+
+def validate_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that validates a drive, or the fit of one, against recordings.
+
+    Raises
+    ------
+    CommandError
+        The drive or a recording is not in the workspace, a recording has no layout, or the folder name is not valid.
+    """
+    drive, names = _drive_named(given, workspace), _recordings_named(given, workspace)
+    out = f"{RESULTS}/{folder_name(given.get('name'))}"
+    python = f"import pneudrive as pn\n\n{_loaded(drive, workspace)}found = pn.validate(drive, {names!r})\n"
+    words = ("validate", safe(drive), *map(safe, names), "--out", out)
+    return AskedJob(words, out, python=python)
+
+
+def identify_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that identifies values of a drive from recordings, into a fit next to their validation.
+
+    Raises
+    ------
+    CommandError
+        As for `validate_job`, or no value is named.
+    """
+    drive, names = _drive_named(given, workspace), _recordings_named(given, workspace)
+    free = given.get("free")
+    keys = [one.strip() for one in free.split(",") if one.strip()] if isinstance(free, str) else []
+    if not keys:
+        raise CommandError("no value is named that may change", remedy="Write valve.conductance, for instance.")
+    out = _new_file(given, workspace)
+    python = f"import pneudrive as pn\n\n{_loaded(drive, workspace)}fit = pn.identify(drive, {names!r}, {keys!r})\n"
+    words = ("identify", safe(drive), *map(safe, names), "--free", ", ".join(keys), "--out", out)
+    return AskedJob(words, out, python=python)
+
+
+def apply_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    """Return the job that writes the values of a fit into a new drive file.
+
+    Raises
+    ------
+    CommandError
+        The fit or the drive is not in the workspace, or the name is not that of a TOML file in it.
+    """
+    fit = given.get("fit", "")
+    if not workspace.path(fit, DESCRIPTIONS).is_file():
+        raise CommandError(f"there is no fit {fit}")
+    drive, out = _drive_named(given, workspace), _new_file(given, workspace)
+    python = (
+        "import pneudrive as pn\nfrom pneudrive.identify.files import read_fit\n\n"
+        f"{_loaded(drive, workspace)}after = read_fit({fit!r}).apply(drive)\n"
+    )
+    words = ("apply", safe(fit), safe(drive), "--out", out)
+    return AskedJob(words, out, python=python)
+
+
+def _drive_named(given: Mapping[str, Any], workspace: Workspace) -> str:
+    drive: Any = given.get("drive", "")
+    if is_in_catalogue(drive) if isinstance(drive, str) else False:
+        if drive.partition(":")[2] in entries():
+            return drive
+        raise CommandError(f"the catalogue has no drive {drive[:80]}")
+    if not workspace.path(drive, DESCRIPTIONS).is_file():
+        raise CommandError(f"there is no drive {drive}", remedy="Choose one of the folder or of the catalogue.")
+    return drive
+
+
+def _recordings_named(given: Mapping[str, Any], workspace: Workspace) -> list[str]:
+    """Return the names of recordings that have a layout or the columns of a drive's recording."""
+    names: Any = given.get("recordings")
+    if not isinstance(names, list) or not 0 < len(names) <= MOST_RECORDINGS:
+        raise CommandError("no recording is named", remedy="Choose at least one.")
+    for name in names:
+        path = workspace.path(name, TABLES)
+        if not path.is_file():
+            raise CommandError(f"there is no recording {name}")
+        own = path.suffix in SUFFIXES and len(columns_in(path, NEEDED)) == len(NEEDED)
+        if not own and layout_in(workspace, path) is None:
+            raise CommandError(f"{name} has no layout in the workspace", remedy="Propose one under Recordings.")
+    return names
+
+
+def _new_file(given: Mapping[str, Any], workspace: Workspace) -> str:
+    out: Any = given.get("out", "")
+    workspace.path(out, DESCRIPTIONS)
+    return out
+
+
+def _loaded(drive: str, workspace: Workspace) -> str:
+    """Return the Python line that reads a drive, or the fit of one."""
+    if not is_in_catalogue(drive) and is_fit(workspace.path(drive)):
+        return f"from pneudrive.identify.files import read_fit\n\ndrive = read_fit({drive!r})\n"
+    return f"drive = pn.Drive.load({drive!r})\n"
+
+
+def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
+    """Return a validation from its file, with the drive and the recordings in the workspace.
+
+    Raises
+    ------
+    CommandError
+        The file is not one of `pneudrive validate`.
+    """
+    content = _read(workspace, name)
+    provenance = content["provenance"]
+    recordings = {name: paths[0] for name, paths in by_stem(workspace.files()).items() if len(paths) == 1}
+    lineage = Lineage(workspace, MOST_TRACED)
+    path, drive = _of_hash(workspace, provenance["description_hash"])
+    for record in content["record"]:
+        named = Input("recording", record["source"] or record["name"], record["sha256"])
+        record["file"] = lineage.file_of(named)
+        record["span"] = [0.0, record["duration_s"]]
+    return plain(
+        {
+            **{key: content[key] for key in ("window_s", "synthetic", "notes", "verdict", "record", "condition")},
+            "diagnosis": content["diagnosis"],
+            "name": provenance["drive"],
+            "version": provenance["version"],
+            "drive": path,
+            "editable": drive is not None and (is_in_catalogue(path) or not is_fit(workspace.path(path))),
+            "suspects": _suspects(drive, content["diagnosis"]),
+            "values": _values(workspace, drive, recordings, provenance.get("identified", {})),
+            "channels": [{"column": column, "label": label, **_unit(column)} for column, label in CHANNELS.items()],
+        }
+    )
+
+
+def _read(workspace: Workspace, name: str) -> dict[str, Any]:
+    path = workspace.path(name, DESCRIPTIONS)
+    content, _ = toml.read(path, CommandError, "pneudrive validate writes a validation.toml.")
+    if not all(key in content for key in ("verdict", "record", "diagnosis", "provenance")):
+        raise CommandError(f"{name} is not a validation", remedy="Validate a drive against a recording first.")
+    if not all("run" in one for one in content["record"]):
+        raise CommandError(f"{name} was written without its runs", remedy="Validate again.")
+    return content
+
+
+def _unit(column: str) -> dict[str, Any]:
+    size, unit = readable("m" if column.endswith("_m") else "Pa")
+    return {"size": size, "unit": unit}
+
+
+def _of_hash(workspace: Workspace, wanted: str) -> tuple[str, Drive | None]:
+    """Return the file whose drive has this hash, and the drive, or "" if it no longer exists.
+
+    Drives come before fits, and newer files first.
+    """
+    files = [one for one in workspace.files() if one.kind in ("drive", "fit")]
+    for one in sorted(files, key=lambda file: (file.kind, -file.changed))[:MOST_DRIVES]:
+        drive = drive_at(workspace, one.path, one.changed)
+        if drive is not None and drive.description_hash == wanted:
+            return one.path, drive
+    for one in entries().values():
+        if one.is_drive and (drive := Drive.load(f"catalogue:{one.name}")).description_hash == wanted:
+            return f"catalogue:{one.name}", drive
+    return "", None
+
+
+def _written(one: Parameter) -> str | float:
+    return one.value if one.unit in ("", "1") else units.write(one.value, one.unit, readable(one.unit)[1])
+
+
+def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return as fields the values that the causes name but the file does not contain. They follow from other values."""
+    if drive is None:
+        return []
+    given = {one.key for one in values_of(drive)}
+    keys = [key for cause in diagnosis.get("culprit", []) for key in cause["free"] if key not in given]
+    said = "follows from other values of the file"
+    known = numbers_of(with_shape(drive, keys))
+    return [
+        field_of(DescribedValue(one.name, _written(one), said, "given"))
+        for one in (known[key] for key in dict.fromkeys(keys) if key in known)
+    ]
+
+
+def _values(
+    workspace: Workspace, drive: Drive | None, recordings: Mapping[str, str], identified: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """Return the values of the drive with their sources, or without the drive the identified values."""
+    known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
+    fits = _fits(workspace) if known else {}
+    own = [] if drive is None else values_of(drive)
+    out: list[dict[str, Any]] = [
+        {"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin} for one in own
+    ]
+    out = out or [{"key": key, "text": "", "kind": "identified", "origin": ""} for key in known]
+    for one in out:
+        origin = known.get(one["key"])
+        if origin is None:
+            continue
+        names = [name.strip() for name in origin["source"].split(",")]
+        one["origin"] = ""
+        one["interval"] = " … ".join(str(end) for end in origin["interval"])
+        one["source"] = [{"name": name, "file": recordings.get(name, "")} for name in names]
+        one["fit"] = fits.get(origin.get("fit", ""), "")
+    return out
+
+
+def _fits(workspace: Workspace) -> dict[str, str]:
+    """Return the files of fits by the hash that values carry."""
+    found = [one for one in workspace.files() if one.kind == "fit"][:MOST_DRIVES]
+    return {hash_at(workspace.path(one.path), one.changed): one.path for one in found}
+
+
+class FrameRequest(PageRequest):
+    """A view of one record of a validation.
+
+    Attributes
+    ----------
+    path : str
+        The validation.
+    record : int
+        Index of the record in the validation.
+    span : (float, float)
+        First and last time, s.
+    pixels : int
+        Width of the drawing.
+    drive : str
+        Drive to change, by its name in the workspace or the catalogue.
+    changes : dict
+        Changed values. Empty without changes.
+    """
+
+    path: StrictStr
+    record: Annotated[StrictInt, Field(ge=0)]
+    span: tuple[float, float]
+    pixels: Annotated[StrictInt, Field(ge=1, le=MOST_PIXELS)]
+    drive: StrictStr = ""
+    changes: Changes = Field(default_factory=dict)
+
+
+def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> bytes:
+    """Return a view of one record as a frame: measurement, both runs, residuals, and the run of a changed drive.
+
+    Raises
+    ------
+    CommandError
+        The request is not valid, the validation is missing, or the recording is too long to be run again for a page.
+    DescriptionError
+        A changed value is not valid.
+    """
+    request = FrameRequest.of(asked)
+    name, span, changes = request.path, request.span, request.changes
+    records = _read(workspace, name)["record"]
+    if request.record >= len(records):
+        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+    path = workspace.path(f"{name.rpartition('/')[0]}/{records[request.record]['run']}".lstrip("/"), TABLES)
+    if not path.is_file():
+        raise CommandError(f"{path.name} is missing beside {name}", remedy="Validate again.")
+    table, signals = _run(path, path.stat().st_mtime_ns)
+    head: dict[str, Any] = {"number": number}
+    columns = {"time_s": table["time_s"], "command": table["command"]}
+    changed: Mapping[str, Any] = {}
+    if changes:
+        head["fit"], changed = _changed(described_at(workspace, request.drive), changes, signals)
+    for channel in CHANNELS:
+        measured = table[channel]
+        columns[f"{channel}.measured"] = measured
+        for run in ("free", "restarted"):
+            columns[f"{channel}.{run}"] = table[f"{run}.{channel}"]
+            columns[f"{channel}.{run}.residual"] = measured - table[f"{run}.{channel}"]
+        if changed:
+            columns[f"{channel}.changed"] = changed[channel]
+            columns[f"{channel}.changed.residual"] = measured - changed[channel]
+    time = columns["time_s"]
+    begin, end = np.searchsorted(time, [span[0], span[1]])
+    rows = slice(max(int(begin) - 1, 0), max(int(end) + 1, int(begin) + 2))
+    return pack(head, drawn_columns({key: values[rows] for key, values in columns.items()}, request.pixels))
+
+
+@lru_cache(maxsize=4)
+def _run(path: Path, _changed_ns: int) -> tuple[dict[str, Any], Signals]:
+    """Read the file of a run as a recording."""
+    runs = [f"{run}.{channel}" for run in ("free", "restarted") for channel in CHANNELS]
+    names = columns_in(path, (*NEEDED, *OPTIONAL, *runs))
+    if not {*NEEDED, *runs} <= set(names):
+        raise CommandError(f"{path.name} is not a run of a validation", remedy="Validate again.")
+    table = read_columns(path, names)
+    return table, Signals.of(drive_recording({key: table[key] for key in names if key not in runs}, path.stem))
+
+
+def _changed(drive: Any, changes: dict[str, Any], signals: Signals) -> tuple[dict[str, float], Mapping[str, Any]]:  # noqa: ANN401
+    """Return the free run of a drive with changed values, and its agreement with each channel, %."""
+    if not isinstance(drive, Drive):
+        raise CommandError("a circuit is not validated")
+    if signals.time_s.size > MOST_LIVE:
+        raise CommandError(
+            f"{signals.time_s.size} samples are too many to run again while a slider moves",
+            rule=f"at most {MOST_LIVE}",
+            remedy="Put the value into the drive's text and validate again.",
+        )
+    run = run_model(with_changes(drive, changes), signals)  # type: ignore[arg-type]
+    return {c: metrics(getattr(signals, c), run[c]).fit_percent for c in CHANNELS}, run.columns
+
+
+def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
+    """Return the differences between two drives, or two fits of one kind: values with their intervals.
+
+    For drives, also return the lines of their full texts that differ.
+
+    Raises
+    ------
+    CommandError, DescriptionError, FitError
+        A name leads out of the workspace, a file is neither a valid drive nor a fit, or the files are of two kinds.
+    """
+    names = (before, after)
+    sources = [_source(workspace, name) for name in names]
+    texts = [one.to_toml().splitlines() for one in sources if isinstance(one, Drive)]
+    lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
+    python = (
+        "from pneudrive.identify.static.differences import differences\n"
+        "from pneudrive.identify.files import read_source\n\n"
+        f"for one in differences(read_source({before!r}), read_source({after!r})):\n    print(one)\n"
+    )
+    return {
+        "values": [one._asdict() for one in differences(*sources)],
+        "lines": lines,
+        "command": shlex.join(["pneudrive", "compare", *map(safe, names)]),
+        "python": python,
+    }
+
+
+def _source(workspace: Workspace, name: str) -> Drive | AnyFit:
+    if not is_in_catalogue(name):
+        path = workspace.path(name, DESCRIPTIONS)
+        if any(one.path == name and one.kind == "fit" for one in workspace.files()):
+            return read_fit(path)
+    found = described_at(workspace, name)
+    if not isinstance(found, Drive):
+        raise CommandError("a circuit has no identified values to compare")
+    return found
