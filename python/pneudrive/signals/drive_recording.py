@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import RecordingError
+from pneudrive.errors import RecordingError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
 from pneudrive.show import Shown
@@ -424,7 +424,9 @@ def _first_line(path: Path) -> str | None:
 
 def _columns_of(path: Path, said: SampledLayout) -> dict[str, Array]:
     """Read a file through a layout: columns in SI, on one time base."""
-    raw, _, _ = read_raw(path, said)
+    raw, flags, _ = read_raw(path, said)
+    for flag, count in flags.items():
+        warn(f"{path.name} has the flag {flag} ({count}): see the flags in the guide, Your own recordings")
     values = aligned(said, {channel: convert(said, channel, column) for channel, column in raw.items()})
     return {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}
 

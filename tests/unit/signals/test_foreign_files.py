@@ -8,7 +8,8 @@ import pytest
 
 from oracle.foreign_files import judge, make
 from pneudrive.characterise import Layout, characterise_recordings
-from pneudrive.errors import RecordingError
+from pneudrive.errors import PneudriveWarning, RecordingError
+from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.signals.proposal.propose import propose_layout
 
 FRICTION_N, SPEED_M_S, RATE = 12.0, 0.015, 50.0
@@ -237,6 +238,24 @@ def test_slow_channels_under_headers_that_come_again(table, tmp_path):
     text = propose_layout(tmp_path / "a.csv").text
     assert '"Pressure A"' in text
     assert "no pressure column" not in text
+
+
+def test_a_channel_of_another_length_is_asked_for(table, tmp_path):
+    savemat = pytest.importorskip("scipy.io").savemat
+    columns = dict(zip(["Time_s", "Position_mm", "Force_N", "PressureA_bar", "PressureB_bar"], table.T, strict=True))
+    columns["PressureB_bar"] = columns["PressureB_bar"][::10]
+    savemat(tmp_path / "a.mat", columns)
+    problem = propose_layout(tmp_path / "a.mat").problem
+    assert f"channel 'PressureB_bar' has {len(table[::10])} values and the others have {len(table)}" in problem
+
+
+def test_recordings_of_volumes_state_a_guessed_unit(tmp_path):
+    rows = [[f"{0.01 * at:.2f}", f"{6 * np.exp(-at / 200) + 1:.4f}"] for at in range(600)]
+    (tmp_path / "a.csv").write_text(text_of([["Time [s]", "Pressure"]], rows))
+    proposal = propose_layout(tmp_path / "a.csv")
+    assert "guessed = true" in proposal.text
+    with pytest.warns(PneudriveWarning, match=r"a.csv has the flag unit_guessed \(1\)"):
+        read_volume_recordings([tmp_path / "a.csv"], Layout.loads(proposal.text))
 
 
 def test_channels_with_columns_of_times_of_their_own(table, tmp_path):

@@ -19,7 +19,7 @@ from pneudrive.signals.proposal.evidence import (
     unevenness,
 )
 from pneudrive.signals.proposal.times import Times, find_times, unit_by_size
-from pneudrive.signals.tables.names import FAMILY, family_of, side_of
+from pneudrive.signals.tables.names import FAMILY, SECONDARY, family_of, role_of, side_of, words_of
 from pneudrive.signals.tables.timing import COUNTERS, filled, on_clock, unwrapped
 from pneudrive.units import converter
 
@@ -114,7 +114,20 @@ def guess_columns(reading: FileForm, columns: list[Array]) -> Roles:
     _force(roles)
     _pressures(roles)
     _time(roles)
+    _other_lengths(roles)
     return roles
+
+
+def _other_lengths(roles: Roles) -> None:
+    """Ask for channels whose names state an open role, but whose lengths differ from the others."""
+    known = [guess.role for guess in roles.guesses]
+    for name, length in roles.signals.reading.other_lengths.items():
+        role = role_of(name)
+        is_open = sum("pressure" in text for text in known) < len(CLOSED) if role == "pressure" else role not in known
+        if role is not None and is_open and length > 1 and not SECONDARY.search(words_of(name)):  # 1: a constant
+            usual = roles.signals.columns[0].size
+            why = f"channel {name!r} has {length} values and the others have {usual}: resample it to their times"
+            roles.questions.append(Question(role, why))
 
 
 def _on_time(signals: TableSignals, times: Times, at: int) -> Array:

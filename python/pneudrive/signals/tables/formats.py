@@ -95,14 +95,16 @@ def names_of(wanted: list[int | str], names: list[str], path: Path) -> list[str]
     return [names[column_number(column, names, len(names), path)] for column in full]
 
 
-def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]], dict[int, str], list[str]]:
+def read_all(
+    form: str, path: Path
+) -> tuple[list[str], list[NDArray[np.float64]], dict[int, str], list[str], dict[str, int]]:
     """Read every column of numbers, or dates and times, with the most common length.
 
     Returns
     -------
-    list of str, list of ndarray, dict, list of str
-        Names, columns, columns of dates (by place) with their format, and the units that the file
-        states (TDMS: ``unit_string``), else empty.
+    list of str, list of ndarray, dict, list of str, dict
+        Names, columns, columns of dates (by place) with their format, the units that the file states (TDMS:
+        ``unit_string``), else empty, and the channels of other lengths.
     """
     opened = open_table(path, form)
     found: dict[str, tuple[NDArray[np.float64], str | None]] = {}
@@ -120,7 +122,8 @@ def read_all(form: str, path: Path) -> tuple[list[str], list[NDArray[np.float64]
     kept = {name: pair for name, pair in found.items() if pair[0].size == usual}
     dates = {place: written for place, (_, written) in enumerate(kept.values()) if written is not None}
     units = [opened.metadata.get(UNIT_OF + name, "") for name in kept]
-    return list(kept), [column for column, _ in kept.values()], dates, units
+    others = {name: pair[0].size for name, pair in found.items() if name not in kept}
+    return list(kept), [column for column, _ in kept.values()], dates, units, others
 
 
 def as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None = None) -> NDArray[np.float64]:

@@ -32,5 +32,5 @@ def read_raw_table(path: Path) -> tuple[FileForm, list[NDArray[np.float64]]]:
         columns = {at: next(found) for at in wanted}
         none = np.full_like(columns[wanted[0]], np.nan)
         return reading, [columns.get(at, none) for at in range(reading.columns)]
-    names, columns, dates, units = read_all(form, path)
-    return FileForm(form, TextForm(), names, units, len(names), dates), columns
+    names, columns, dates, units, others = read_all(form, path)
+    return FileForm(form, TextForm(), names, units, len(names), dates, other_lengths=others), columns

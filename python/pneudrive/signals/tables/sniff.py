@@ -52,7 +52,8 @@ class FileForm:
     """Form of a file: ``form`` for text, names of the columns if any, their number.
 
     ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts.
-    ``preamble`` holds statements of the lines above the table.
+    ``preamble`` holds statements of the lines above the table. ``other_lengths`` holds the lengths of channels that do
+    not fit into the table, by name.
     """
 
     format: str
@@ -63,6 +64,7 @@ class FileForm:
     dates: dict[int, str] = field(default_factory=dict)
     words: frozenset[int] = frozenset()
     preamble: Preamble = field(default_factory=Preamble)
+    other_lengths: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
