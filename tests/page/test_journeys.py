@@ -502,7 +502,6 @@ def test_text_of_files_stays_text(server: Server, open_tab: Open) -> None:
     page.click("text=evil.toml")
     page.wait_for_selector("svg.circuit")
     assert page.inner_text("h2 >> nth=0") == hostile
-    assert hostile in page.locator("svg.circuit text").all_inner_texts() or hostile in page.text_content("svg.circuit")
     assert page.locator("img").count() == 0
     assert page.title() == "evil.toml · Simulate · pneudrive"
     tab.check()

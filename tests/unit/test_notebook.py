@@ -44,7 +44,7 @@ def test_a_drawing_has_every_shape_where_it_is_with_y_down(drive):
     from pneudrive.report.circuit.shapes import circuit_shapes
     from pneudrive.report.circuit.svg import circuit_svg
 
-    paper, shapes = circuit_shapes(drive)
+    paper, shapes, *_ = circuit_shapes(drive)
     drawing = ET.fromstring(circuit_svg(drive))
     assert len(drawing) == len(shapes)
     left, top, width, height = map(float, drawing.attrib["viewBox"].split())

@@ -10,12 +10,33 @@ export interface Shape {
   text: string;
   align: string;
   angles: [number, number];
+  net: number; // of a line between components, in the nets of its drawing; -1 for others
 }
 
 export interface Drawing {
-  paper: [number, number, number, number];
   shapes: Shape[];
   pistons: Record<string, PistonShapes>;
+  nets: [component: string, port: string][][];
+  ports: Record<string, Record<string, [number, number]>>;
+}
+
+/** State of a line at a moment: pressure relative to the largest, and the text for the pointer. */
+export interface Line {
+  share?: number;
+  said: string;
+}
+
+/** State of a drawing at a moment: cylinders, the way of each valve in modules, and lines by their number. */
+export interface Motion {
+  pistons: Record<string, Moved>;
+  shifts: Record<string, number>;
+  lines: Line[];
+}
+
+/** Ports that can be clicked, and the selected one. */
+export interface PortChoice {
+  port: string;
+  onPort: (port: string) => void;
 }
 
 /**
@@ -58,6 +79,7 @@ export function pistonAt({ barrel, piston }: PistonShapes, share: number): numbe
 }
 
 const PT = 1 / 7.2; // modules of 0.1 inch
+const LETTER = 0.56; // width of a letter, relative to the size of the text
 const ANCHOR: Record<string, "start" | "middle" | "end"> = { left: "start", center: "middle", right: "end" };
 
 function drawn(shape: Shape): JSX.Element {
@@ -119,16 +141,40 @@ function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: s
 
 type Box = [left: number, top: number, width: number, height: number];
 
-const whole = ({ paper: [left, bottom, right, top] }: Drawing): Box => [left, -top, right - left, top - bottom];
+/** Title and notes stand beside the drawing in the page. */
+const isWords = (one: Shape): boolean => one.word === "text" && !one.component;
+const EDGE = 1.5; // modules around everything
+
+export const BOX = 4; // modules by which a valve moves to its next box
+
+/** Return the view of the whole drawing, with room for the valves that move. */
+export function whole({ shapes }: Drawing, moves: Record<string, number> = {}): Box {
+  let [left, top, right, bottom] = [Infinity, Infinity, -Infinity, -Infinity];
+  for (const one of shapes) {
+    if (isWords(one)) continue;
+    const wide = one.word === "text" ? one.text.length * one.size * PT * LETTER : 0;
+    const [before, after] = one.align.startsWith("left") ? [0, wide] : one.align.startsWith("right") ? [wide, 0] : [wide / 2, wide / 2];
+    const room = one.component in moves ? BOX : 0;
+    const r = ["arc", "dot"].includes(one.word) ? one.size : 0.5;
+    for (const [x, y] of one.points) {
+      [left, right] = [Math.min(left, x - before - r - room), Math.max(right, x + after + r + room)];
+      [top, bottom] = [Math.min(top, -y - r), Math.max(bottom, -y + r)];
+    }
+  }
+  return right > left ? [left - EDGE, top - EDGE, right - left + 2 * EDGE, bottom - top + 2 * EDGE] : [0, 0, 1, 1];
+}
+
+/** Return the notes of a drawing. */
+export const notesOf = ({ shapes }: Drawing): string => shapes.filter((one) => isWords(one) && one.align === "left top").slice(1).map((one) => one.text).join(" ");
 const CLOSER = 1.25; // by a step of zoom
 const WIDEST = 3; // times the drawing
 const PAN = 0.15; // of the view, by a key
 
 /** The circuit with zoom and pan: buttons, keys, dragging, and the wheel with Ctrl. */
-export function ZoomedCircuit(props: { drawing: Drawing; chosen: string; onChoose: (component: string) => void }) {
+export function ZoomedCircuit(props: CircuitProps) {
   const [box, setBox] = useState<Box | null>(null);
   const from = useRef<{ x: number; y: number; box: Box } | null>(null);
-  const now = box ?? whole(props.drawing);
+  const now = box ?? whole(props.drawing, props.motion?.shifts);
   const zoom = (by: number, [px, py] = [0.5, 0.5]) => {
     const width = Math.min(now[2] / by, WIDEST * whole(props.drawing)[2]);
     const share = width / now[2];
@@ -168,18 +214,44 @@ export function ZoomedCircuit(props: { drawing: Drawing; chosen: string; onChoos
   );
 }
 
-export function Circuit(props: { drawing: Drawing; box?: Box; chosen?: string; onChoose?: (component: string) => void; moved?: Record<string, Moved> }) {
-  const names = [...new Set(props.drawing.shapes.map((one) => one.component))];
+interface CircuitProps {
+  drawing: Drawing;
+  box?: Box;
+  chosen?: string;
+  onChoose?: (component: string) => void;
+  motion?: Motion;
+  ports?: PortChoice | undefined;
+  onLine?: (net: number) => void;
+}
+
+export function Circuit(props: CircuitProps) {
+  const { drawing, motion } = props;
+  const names = [...new Set(drawing.shapes.map((one) => one.component))].filter(Boolean);
+  const [, , wide, high] = whole(drawing, motion?.shifts);
   return (
-    <svg class="circuit" viewBox={(props.box ?? whole(props.drawing)).join(" ")} role="group" aria-label="Circuit, symbols after ISO 1219">
+    <svg class="circuit" viewBox={(props.box ?? whole(drawing, motion?.shifts)).join(" ")} style={{ aspectRatio: `${wide} / ${high}` }} role="group" aria-label="Circuit, symbols after ISO 1219">
+      {drawing.nets.map((pins, net) => {
+        const { share, said } = motion?.lines[net] ?? { said: pins.map((pin) => pin.join(".")).join(" – ") };
+        const own = drawing.shapes.filter((one) => one.net === net);
+        return (
+          <g key={`net ${net}`} class="net" data-net={said} data-share={share} style={share === undefined ? undefined : { color: `color-mix(in oklab, var(--accent) ${Math.round(100 * share)}%, var(--edge))` }} onPointerEnter={() => props.onLine?.(net)} onPointerLeave={() => props.onLine?.(-1)}>
+            <title>{said}</title>
+            {own.filter((one) => one.word !== "dot").map((one) => <polyline class="reach" points={one.points.map(([x, y]) => `${x},${-y}`).join(" ")} />)}
+            {own.map(drawn)}
+          </g>
+        );
+      })}
+      {drawing.shapes.filter((one) => !one.component && one.net < 0 && !isWords(one)).map(drawn)}
       {names.map((name) => {
-        const [at, moved] = [props.drawing.pistons[name], props.moved?.[name]];
-        const own = props.drawing.shapes.flatMap((one, number) => (one.component !== name ? [] : [at && moved ? movedShape(one, number, at, moved.share) : one]));
-        if (!name || !props.onChoose)
+        const [at, moved, shift] = [drawing.pistons[name], motion?.pistons[name], motion?.shifts[name]];
+        const own = drawing.shapes.flatMap((one, number) => (one.component !== name ? [] : [at && moved ? movedShape(one, number, at, moved.share) : one]));
+        const shapes = shift === undefined ? own.map(drawn) : <Shifted name={name} shapes={own} ports={Object.values(drawing.ports[name]!)} by={shift} />;
+        const chambers = at && moved && <Chambers at={at} moved={moved} name={name} />;
+        if (!props.onChoose)
           return (
             <g key={name}>
-              {at && moved && <Chambers at={at} moved={moved} name={name} />}
-              {own.map(drawn)}
+              {chambers}
+              {shapes}
             </g>
           );
         const choose = () => props.onChoose?.(name);
@@ -200,11 +272,46 @@ export function Circuit(props: { drawing: Drawing; box?: Box; chosen?: string; o
             }}
           >
             <Area shapes={own} />
-            {own.map(drawn)}
+            {chambers}
+            {shapes}
           </g>
         );
       })}
+      {props.ports && Object.entries(drawing.ports).flatMap(([name, own]) => Object.entries(own).map(([port, at]) => <PortMark key={`${name}.${port}`} id={`${name}.${port}`} at={at} of={props.ports!} />))}
     </svg>
+  );
+}
+
+/** A valve whose boxes are moved. Its ports and the marks of its exhausts stay, and its label makes room. */
+function Shifted({ name, shapes, ports, by }: { name: string; shapes: Shape[]; ports: [number, number][]; by: number }) {
+  const boxes = shapes.filter((one) => one.word === "line" && one.points.length > 3);
+  const ys = boxes.flatMap((one) => one.points.map(([, y]) => -y));
+  const [top, bottom] = [Math.min(...ys), Math.max(...ys)];
+  const clip = `spool-${name}`;
+  return (
+    <>
+      <clipPath id={clip}><rect x={-1e4} y={top - 0.6} width={2e4} height={bottom - top + 1.2} /></clipPath>
+      <g clip-path={`url(#${clip})`}>
+        <g data-shift={by} transform={`translate(${by} 0)`}>{shapes.filter((one) => one.word !== "text" && one.word !== "triangle").map(drawn)}</g>
+      </g>
+      {ports.map(([x, y]) => <polyline class="stroke" points={`${x},${-y} ${x},${-y < top ? top : bottom}`} />)}
+      {shapes.filter((one) => one.word === "triangle").map(drawn)}
+      <g transform={`translate(${Math.max(by, 0)} 0)`}>{shapes.filter((one) => one.word === "text").map(drawn)}</g>
+    </>
+  );
+}
+
+/** Port that can be selected and joined with another one. */
+function PortMark({ id, at: [x, y], of }: { id: string; at: [number, number]; of: PortChoice }) {
+  const choose = (event: Event) => {
+    event.preventDefault();
+    event.stopPropagation();
+    of.onPort(id);
+  };
+  return (
+    <circle class="port" cx={x} cy={-y} r={0.55} role="button" tabindex={0} aria-label={`Port ${id}`} aria-pressed={of.port === id} onClick={choose} onKeyDown={(event) => (event.key === "Enter" || event.key === " ") && choose(event)}>
+      <title>{id}</title>
+    </circle>
   );
 }
 

@@ -1,21 +1,86 @@
 /** View of a description: circuit, fields and text side by side. The text is the truth. */
-import { signal } from "@preact/signals";
+import { effect, signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Choose } from "../workspace/choose";
-import { ZoomedCircuit } from "./circuit";
+import { notesOf, whole, ZoomedCircuit } from "./circuit";
+import { endsOf, MovingCircuit, type MotionHead } from "./moving";
+import { chosen, keys, portChoice, Structure } from "./structure";
+import type { Frame } from "../server/frame";
+import { Live, type Problem } from "../server/server";
 import type { Editor } from "./editor";
 import { change, drawing, onDisk, opened, problems, said, save, set, setNumber, takeFromDisk, valid, type Field } from "./opened";
-import { isIn, KINDS, Problems, SaveButton } from "../workspace/parts";
+import { isIn, KINDS, Problems, SaveButton, TextField } from "../workspace/parts";
 import { route } from "../routes";
-import { pin, pinned } from "../simulate/simulate";
+import { pin, pinned, request, Sliders } from "../simulate/simulate";
 
-const chosen = signal("");
 const name = signal("");
 const belongs = (field: Field): boolean => !chosen.value || field.component === chosen.value;
 
 export function DriveView() {
   if (route.value.path) return <Described />;
   return <Choose title="Drives" hint="A drive or a circuit is a TOML file. Open one to see its drawing, its values and its text." view="drive" kinds={["drive", "circuit"]} catalogue />;
+}
+
+const WIDE = 1.5; // width over height of a drawing that gets the whole width of the page
+
+interface Head extends MotionHead {
+  number: number;
+  path: string;
+  problems?: Problem[];
+}
+
+const isRun = signal(false);
+const line = signal(-1); // that the pointer is on
+
+/** The drawing, at rest or in a run. The run follows each change of the text. */
+function Running() {
+  const answer = useSignal<Frame<Head> | null>(null);
+  const wrong = useSignal<Problem[]>([]);
+  useEffect(() => {
+    if (!isRun.value) return;
+    const live = new Live<Head>((frame) => {
+      if (frame.head.path !== opened.value?.path) return;
+      wrong.value = frame.head.problems ?? [];
+      if (!frame.head.problems) answer.value = frame;
+    });
+    const end = effect(() => {
+      const asked = request();
+      if (asked) live.request({ ...asked, others: [], spreads: {}, loops: false, energy: false, motion: true });
+    });
+    return () => {
+      end();
+      live.close();
+    };
+  }, [isRun.value]);
+  const shapes = drawing.value;
+  if (!shapes) return null;
+  const now = isRun.value ? answer.value : null;
+  const props = { drawing: shapes, chosen: chosen.value, ports: portChoice(), onChoose: (one: string) => void (chosen.value = chosen.value === one ? "" : one), onLine: (net: number) => void (line.value = net) };
+  const pins = shapes.nets[line.value];
+  return (
+    <>
+      {now ? (
+        <MovingCircuit now={now} drawing={shapes}>
+          {(motion) => (
+            <>
+              <ZoomedCircuit {...props} motion={motion} />
+              <p class="note pointed">{motion.lines[line.value]?.said ?? "Lines: the stronger the colour, the higher the pressure. Point at a line for its pressure and flow."}</p>
+            </>
+          )}
+        </MovingCircuit>
+      ) : (
+        <>
+          <ZoomedCircuit {...props} />
+          <p class="note pointed">{pins ? endsOf(pins) : "Click a symbol to see its values alone."}</p>
+        </>
+      )}
+      {isRun.value && <Problems of={wrong.value} />}
+      <Structure>
+        <button type="button" aria-pressed={isRun.value} title="With the command, the duration and the sliders of Simulate" onClick={() => (isRun.value = !isRun.value)}>Run in the drawing</button>
+      </Structure>
+      {isRun.value && pinned.value.length > 0 && <div class="pinned"><Sliders /></div>}
+    </>
+  );
 }
 
 function Described() {
@@ -26,7 +91,7 @@ function Described() {
     let gone = false;
     if (place.current && now)
       void import("./editor").then(({ edit }) => {
-        if (!gone && place.current && opened.value) editor.current = edit(place.current, opened.value.text, (text) => void change(text));
+        if (!gone && place.current && opened.value) editor.current = edit(place.current, opened.value.text, (text) => void change(text, true));
       });
     return () => {
       gone = true;
@@ -38,14 +103,14 @@ function Described() {
   useEffect(() => editor.current?.show(opened.value?.text ?? "", problems.value.filter((one) => isIn(one, own))), [now?.text, problems.value]);
   if (!now) return problems.value.length ? <Problems of={problems.value} /> : null;
   const isNew = !now.sha256;
+  const [, , wide, high] = drawing.value ? whole(drawing.value) : [0, 0, 1, 1];
   return (
-    <div class="drive">
-      <section aria-label="Circuit">
+    <div class={wide > WIDE * high ? "drive wide-drawing" : "drive"}>
+      <section aria-label="Circuit" onKeyDown={keys}>
         <h2>{valid.value?.name ?? now.path}</h2>
         {!drawing.value && !problems.value.length && <p class="canvas waits" role="status">Drawing the circuit.</p>}
-        {drawing.value && (
-          <ZoomedCircuit key={now.path} drawing={drawing.value} chosen={chosen.value} onChoose={(one) => (chosen.value = chosen.value === one ? "" : one)} />
-        )}
+        <Running key={now.path} />
+        {drawing.value && <p class="note">{notesOf(drawing.value)}</p>}
         {valid.value?.notes?.map((note) => <p class="note" key={note}>{note}</p>)}
       </section>
       <div>
@@ -97,7 +162,7 @@ function Fields() {
     <>
       <h2>
         {chosen.value ? `Values of ${chosen.value}.` : "Values"}{" "}
-        {chosen.value ? <button type="button" class="link" onClick={() => (chosen.value = "")}>Show all</button> : <span class="note">Click a symbol to see its values alone.</span>}
+        {chosen.value ? <button type="button" class="link" onClick={() => (chosen.value = "")}>Show all</button> : null}
       </h2>
     <div class="scroll" tabIndex={0} role="region" aria-label="Values">
       <table class="fields">
@@ -117,11 +182,7 @@ function Fields() {
                 <span class={`kind ${one.kind}`}>{[KINDS[one.kind], one.origin.replace(/^assumed: /, ""), one.copies && `one value for ${one.copies.join(", ")}`].filter(Boolean).join(", ")}</span>
               </th>
               <td>
-                <input
-                  aria-label={one.key}
-                  value={one.text}
-                  onChange={({ currentTarget: { value } }) => void (one.unit === "" ? setNumber(one.key, value) : set(one.key, value))}
-                />
+                <TextField label={one.key} value={one.text} put={(value) => void (one.unit === "" ? setNumber(one.key, value) : set(one.key, value))} />
               </td>
               <td>{one.units && one.units.length > 1 && <Units field={one} />}</td>
               <td>{one.low !== undefined && <input type="checkbox" aria-label={`Slider for ${one.key} in Simulate`} checked={pinned.value.includes(one.key)} onChange={() => pin(one.key)} />}</td>

@@ -63,6 +63,23 @@ globalThis.addEventListener?.("beforeunload", (event) => {
 
 let asked = 0;
 
+/** Texts before and after the present one, for undo and redo. */
+export const past = signal<string[]>([]);
+export const future = signal<string[]>([]);
+const MOST_STEPS = 200;
+const TYPING_MS = 800; // keys within it are one step
+let typedAt = 0;
+
+/** Go back or forward by one change of the text, whatever made it. */
+export function step(from: typeof past, to: typeof past): void {
+  const next = from.value[from.value.length - 1];
+  if (next === undefined || !opened.value) return;
+  from.value = from.value.slice(0, -1);
+  to.value = [...to.value, opened.value.text];
+  typedAt = 0;
+  void put(next);
+}
+
 /** Open a description, or check whether the open description still equals the file on disk. */
 export async function open(path: string): Promise<void> {
   const before = opened.value;
@@ -74,6 +91,7 @@ export async function open(path: string): Promise<void> {
   const draft = isOpen ? before : drafts.get(path);
   if (!isOpen) {
     said.value = "";
+    past.value = future.value = [];
     onDisk.value = valid.value = drawing.value = null;
   }
   const mine = isOpen ? asked : ++asked;
@@ -110,9 +128,18 @@ function show(path: string, found: Found, mine: number): void {
   take(found.checked, mine, opened.value);
 }
 
-/** Replace the text of the open file and check it. Only the newest answer counts. */
-export async function change(text: string): Promise<void> {
+/** Replace the text of the open file and check it. `typed`: keys that follow one another are one step of undo. */
+export async function change(text: string, typed = false): Promise<void> {
   if (!opened.value || opened.value.text === text) return;
+  const isNext = typed && performance.now() - typedAt < TYPING_MS;
+  typedAt = typed ? performance.now() : 0;
+  if (!isNext) past.value = [...past.value.slice(1 - MOST_STEPS), opened.value.text];
+  future.value = [];
+  await put(text);
+}
+
+async function put(text: string): Promise<void> {
+  if (!opened.value) return;
   opened.value = { ...opened.value, text };
   asked += 1;
   await check();
@@ -168,15 +195,22 @@ let edits = Promise.resolve();
  */
 export function set(key: string, value: string | number, unit?: string): Promise<void> {
   const into = opened.value?.path;
-  return (edits = edits.then(() => edit(into, { key, value, unit })));
+  return (edits = edits.then(() => edit(into, "/api/edit", { key, value, unit })));
 }
 
-async function edit(into: string | undefined, what: { key: string; value: string | number; unit?: string }): Promise<void> {
+/** Change the structure of a circuit in the text. `then` gets the component to show. */
+export function restructure(what: { act: string; one?: string; other?: string; kind?: string }, then: (chosen: string) => void): void {
+  const into = opened.value?.path;
+  edits = edits.then(() => edit(into, "/api/structure", { path: into, ...what }, then));
+}
+
+async function edit(into: string | undefined, address: string, what: object, then?: (chosen: string) => void): Promise<void> {
   for (let now = opened.value; now && now.path === into; now = opened.value) {
     try {
-      const { text } = await ask<{ text: string }>("/api/edit", { text: now.text, ...what });
+      const { text, chosen } = await ask<{ text: string; chosen?: string }>(address, { text: now.text, ...what });
       if (opened.value?.path === into && opened.value.text !== now.text) continue; // it was typed in meanwhile
       if (opened.value?.path === into) await change(text);
+      then?.(chosen ?? "");
     } catch (error) {
       if (!isAnswering()) {
         await answering();

@@ -1,18 +1,16 @@
 /** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
 import { computed, signal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
-import { Circuit, type Drawing } from "../drive/circuit";
+import { isPlaying, pointAt as showAt, timeAt, type MotionHead } from "../drive/moving";
 import type { Frame, Numbers } from "../server/frame";
-import { digits, instant } from "../plots/looks";
+import { digits } from "../plots/looks";
 import { opened, type Field } from "../drive/opened";
 import { NumberField } from "../workspace/parts";
-import { curveOf, indexAt, type Curve } from "../plots/plot";
+import { curveOf, type Curve } from "../plots/plot";
 import { Strip } from "../plots/strip";
 import { studies } from "../workspace/studies";
 
-export interface BesideHead {
+export interface BesideHead extends MotionHead {
   others?: { path: string; ends: Record<string, number>; largest: Record<string, number> }[];
-  cylinders?: { name: string; stroke_m: number; position: string; pressures: [string, string] }[];
   loops?: string[];
   energy?: { accounts_j: Record<string, number>; open_share: number; lost_j: Record<string, number>; air_litres_anr: Record<string, number> };
   band?: { members: number; failed: number; why: string; refused: boolean; share: [number, number]; ends: Record<string, [number, number]> };
@@ -211,82 +209,7 @@ export function Energy({ found }: { found: NonNullable<BesideHead["energy"]> }) 
   );
 }
 
-const CALM = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-reduced-motion: reduce)");
-const FASTEST_MS = 5000; // a longer run is shown in this time, a shorter one as long as it lasts, but at least:
-const SHORTEST_MS = 1500;
-
-/** Time at which the pistons are drawn: the slider's, or that of the pointer on a plot. */
-const timeAt = signal(0);
-const isPlaying = signal(false);
-
 /** Time line of the plots, shown with the pistons. */
 export const timeCursor = computed(() => (motion.value ? [timeAt.value] : undefined));
 
-export function pointAt(time: number): void {
-  if (motion.value && !isPlaying.value) timeAt.value = time;
-}
-
-/**
- * The circuit with its pistons and pressures at a chosen or running time. With "reduced motion", only the slider
- * moves them.
- */
-export function MovingCircuit({ now, drawing }: { now: Frame<BesideHead>; drawing: Drawing }) {
-  const cylinders = now.head.cylinders ?? [];
-  const time = now.arrays.get("time_s")!;
-  const end = time[time.length - 1]!;
-  const at = Math.min(timeAt.value, end);
-  const isCalm = CALM?.matches ?? false;
-  useEffect(() => {
-    if (!isPlaying.value) return;
-    const lasts = Math.min(Math.max(1000 * end, SHORTEST_MS), FASTEST_MS);
-    const began = performance.now() - (timeAt.value >= end ? 0 : (timeAt.value / end) * lasts);
-    let request = requestAnimationFrame(function draw(clock: number) {
-      const share = Math.max(0, (clock - began) / lasts);
-      timeAt.value = Math.min(share, 1) * end;
-      if (share >= 1) isPlaying.value = false;
-      else request = requestAnimationFrame(draw);
-    });
-    return () => cancelAnimationFrame(request);
-  }, [isPlaying.value, end]);
-  if (!cylinders.length)
-    return (
-      <div>
-        <Circuit drawing={drawing} />
-        <p class="note" data-without="motion">No piston moves in the drawing: only double-acting cylinders are animated, and this circuit does not contain one.</p>
-      </div>
-    );
-  const row = indexAt(time, at);
-  const valueOf = (name: string) => (now.arrays.get(`${name}/at`) ?? now.arrays.get(name)!)[row]!;
-  const moved = Object.fromEntries(
-    cylinders.map((one) => {
-      const position = valueOf(one.position);
-      const values = one.pressures.map(valueOf) as [number, number];
-      const most = Math.max(...one.pressures.map((name) => largest(now.arrays.get(name)!)));
-      const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
-      const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
-      const tints = values.map((value) => (0.7 * value) / most) as [number, number];
-      return [one.name, { share: position / one.stroke_m, position, pressures, tints, said }];
-    }),
-  );
-  return (
-    <figure class="motion" data-row={row}>
-      <Circuit drawing={drawing} moved={moved} />
-      <p class="row">
-        {!isCalm && <button type="button" onClick={() => (isPlaying.value = !isPlaying.value)}>{isPlaying.value ? "Stop" : "Play"}</button>}
-        <label>
-          Time{" "}
-          <input type="range" min={0} max={1000} value={Math.round((1000 * at) / end)} aria-valuetext={`${instant(time[row], end / time.length)} s`} onInput={(event) => ((isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end))} />
-        </label>
-        <output>
-          {instant(time[row], end / time.length)} s{cylinders.map((one) => `, ${one.name} at ${digits(1000 * valueOf(one.position))} mm`)}; pressures absolute
-        </output>
-      </p>
-    </figure>
-  );
-}
-
-function largest(values: Numbers): number {
-  let found = values[0]!;
-  for (const one of values) if (one > found) found = one;
-  return found;
-}
+export const pointAt = (time: number): void => void (motion.value && showAt(time));

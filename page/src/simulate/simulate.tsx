@@ -1,10 +1,11 @@
 /** Sliders on a running simulation. */
-import { bandOf, besides, BesideChoices, Differences, Energy, forget, Loops, MovingCircuit, otherCurves, pointAt, timeCursor, type BesideHead } from "./beside";
+import { bandOf, besides, BesideChoices, Differences, Energy, forget, Loops, otherCurves, pointAt, timeCursor, type BesideHead } from "./beside";
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
 import { Choose } from "../workspace/choose";
 import type { Frame, Numbers } from "../server/frame";
 import { Circuit } from "../drive/circuit";
+import { MovingCircuit } from "../drive/moving";
 import { withFile } from "../workspace/command";
 import { digits } from "../plots/looks";
 import { drawing, opened, problems as textProblems, said, set, valid, type Field } from "../drive/opened";
@@ -75,7 +76,7 @@ const changes = computed(() => {
   return out;
 });
 
-function request(pixels = 1000): Record<string, unknown> | null {
+export function request(pixels = 1000): Record<string, unknown> | null {
   const now = opened.value;
   if (!now || !valid.value) return null;
   const lines = command.value.split("\n");
@@ -260,7 +261,9 @@ const isMoving = computed(() => answer.value?.head.cylinders !== undefined);
 /** Circuit, drawn once unless its pistons move. */
 function Drawn() {
   if (!drawing.value) return <div />;
-  return isMoving.value ? <MovingCircuit now={answer.value!} drawing={drawing.value} /> : <Circuit drawing={drawing.value} />;
+  const shapes = drawing.value;
+  if (!isMoving.value) return <Circuit drawing={shapes} />;
+  return <MovingCircuit now={answer.value!} drawing={shapes}>{(motion) => <Circuit drawing={shapes} motion={motion} />}</MovingCircuit>;
 }
 
 /** The part of the time that is shown; null: all of it. */
@@ -306,7 +309,7 @@ function Ends() {
   );
 }
 
-function Sliders() {
+export function Sliders() {
   return (
     <>
       {pinned.value.map((key) => {

@@ -91,6 +91,13 @@ export function SaveButton({ isSaved, save }: { isSaved: boolean; save: () => Pr
   return <button type="button" aria-disabled={isSaved} onClick={() => void (isSaved || save())}>Save</button>;
 }
 
+/** Field of a text. An answer that arrives while one types does not replace what was typed. */
+export function TextField({ label, value, put }: { label: string; value: string; put: (value: string) => void }) {
+  const [typed, type] = useState<string | null>(null);
+  useEffect(() => type(null), [value]);
+  return <input aria-label={label} value={typed ?? value} onInput={(event) => type(event.currentTarget.value)} onChange={(event) => put(event.currentTarget.value)} />;
+}
+
 interface NumberProps {
   label?: string;
   value: number | string;

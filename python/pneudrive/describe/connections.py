@@ -184,7 +184,7 @@ class Wiring:
             for place, word in enumerate(words):
                 with self.problems.caught():
                     ends.append((None, None))
-                    ends[-1] = self._element(word, key, first=place == 0, last=place == len(words) - 1)
+                    ends[-1] = self.element(word, key, first=place == 0, last=place == len(words) - 1)
             self.meant |= {port for both in ends for port in both if isinstance(port, Port)}
             for (_, one), (other, _) in pairwise(ends):
                 if one is not None and other is not None:
@@ -192,7 +192,7 @@ class Wiring:
                         self._pilots(one, other, key, is_line=is_line)
                         self._join(one, other, chain, key)
 
-    def _element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | str | None, Port | str | None]:
+    def element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | str | None, Port | str | None]:
         """Return the ports by which a chain enters and leaves an element; None if they are unknown."""
         if word == AMBIENT:
             return AMBIENT, AMBIENT

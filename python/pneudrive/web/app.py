@@ -74,6 +74,8 @@ ANSWERS: dict[str, tuple[str, ...]] = {
     "/api/example": ("POST", "drop:add_example"),
     "/api/check": ("POST", "drive.description:checked", "path", "text"),
     "/api/edit": ("POST", "drive.description:edited_as_asked"),
+    "/api/kinds": ("GET", "drive.structure:kinds"),
+    "/api/structure": ("POST", "drive.structure:restructured"),
     "/api/drawing": ("POST", "drive.description:drawing", "path", "text"),
     "/api/copy": ("POST", "drive.beside:copied"),
     "/api/propose": ("GET", "measured.recordings:proposed", "path"),

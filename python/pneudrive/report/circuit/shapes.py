@@ -9,7 +9,7 @@ from pneudrive.report.circuit.layout import place
 from pneudrive.report.circuit.routes import NoWayError, Routes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
@@ -49,6 +49,8 @@ class Shape(NamedTuple):
         below the point.
     angles : tuple of float
         First and last angle of an arc, degrees against the clock from the right.
+    net : int
+        Number of the line between components, in `CircuitShapes.nets`; -1 for other shapes.
     """
 
     word: str
@@ -58,13 +60,27 @@ class Shape(NamedTuple):
     text: str = ""
     align: str = "center"
     angles: tuple[float, float] = (0.0, 360.0)
+    net: int = -1
 
 
 class CircuitShapes(NamedTuple):
-    """Shapes of a drawing and its paper: x and y of the lower left corner, x and y of the upper right one."""
+    """Shapes of a drawing.
+
+    Attributes
+    ----------
+    paper : tuple
+        x and y of the lower left corner, x and y of the upper right one.
+    shapes : list of Shape
+    nets : list
+        Component and port of each end of a line.
+    ports : dict
+        Component -> port -> place.
+    """
 
     paper: Box
     shapes: list[Shape]
+    nets: list[list[tuple[str, str]]]
+    ports: Mapping[str, Mapping[str, tuple[float, float]]]
 
 
 class PistonShapes(NamedTuple):
@@ -136,7 +152,9 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     shapes.append(Shape("text", ((low_x, paper[3] - EDGE),), "", TITLE_PT, circuit.name, "left top"))
     for number, line in enumerate(notes):
         shapes.append(Shape("text", ((low_x, low_y - EDGE - LINE * number),), "", TEXT_PT, line, "left top"))
-    return CircuitShapes(paper, shapes)
+    ends = [[*net.pins, *net.pilots] for net in nets]
+    ports = {name: {port: block.port(port) for port in block.directions} for name, block in placed.items()}
+    return CircuitShapes(paper, shapes, ends, ports)
 
 
 def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Net], Routes]:
@@ -180,11 +198,11 @@ def _wrapped(text: str, width: float) -> Iterator[str]:
 def _lines(nets: Sequence[Net], routes: Routes) -> Iterator[Shape]:
     for number, net in enumerate(nets):
         for ends in routes.runs(number, pilots=False):
-            yield Shape("thick" if net.kind == "axis" else "line", _pairs(ends))
+            yield Shape("thick" if net.kind == "axis" else "line", _pairs(ends), net=number)
         for ends in routes.runs(number, pilots=True):
-            yield Shape("dashed", _pairs(ends))
+            yield Shape("dashed", _pairs(ends), net=number)
         for branch in routes.branches(number):
-            yield Shape("dot", _pairs([branch]), size=0.28)
+            yield Shape("dot", _pairs([branch]), size=0.28, net=number)
 
 
 def _pairs(points: Sequence[Any], x: float = 0.0, y: float = 0.0) -> Points:

@@ -37,7 +37,7 @@ def circuit_svg(described: Circuit | Drive) -> str:
     >>> circuit_svg(pn.Drive.load("catalogue:reference"))[:5]
     '<svg '
     """
-    (left, bottom, right, top), shapes = circuit_shapes(described)
+    (left, bottom, right, top), shapes, *_ = circuit_shapes(described)
     width, height = right - left, top - bottom
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{left:.3g} {-top:.3g} {width:.4g} {height:.4g}" role="img" '

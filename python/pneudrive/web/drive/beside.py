@@ -42,6 +42,8 @@ MEMBERS, BAND_SAMPLES = 200, 200  # of a band: its plot is some 400 pixels wide
 BAND_RTOL = 1e-4
 BAND = (0.05, 0.95)  # shares of the members between which it lies
 MOST_SECONDS = 10.0  # of a band: its first one imports what it needs
+#: Columns that the drawing shows, and the samples of each.
+_ANIMATED, MOTION_SAMPLES = re.compile(r"(?:pressure|mass_flow)\w*$|\.position$|command$"), 400
 TRAJECTORIES = (".parquet", ".csv", ".nc")
 _KEY, _UNIT = re.compile(r"[A-Za-z_][\w-]*(?:\.[\w-]+)*"), re.compile(r"[A-Za-z°%][\w /^*.()°%-]*|")
 #: Columns of a cylinder behind its name, of a circuit and of a drive: position, pressures of chambers a and b.
@@ -99,6 +101,7 @@ class ExtrasRequest(PageRequest):
         head: dict[str, Any] = {"others": others}
         if self.motion:
             head["cylinders"] = list(_cylinders(described, run.columns))
+            arrays |= _moving(run.columns)
         if self.loops:
             found = _loops(described, run.columns, asked.pixels)
             head["loops"] = list(found)
@@ -308,6 +311,13 @@ def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[s
             largest[name] = float(off.max()) if len(off) else math.nan
     told = {"ends": ends, "largest": largest}
     return {what: {name: one for name, one in of.items() if math.isfinite(one)} for what, of in told.items()}
+
+
+def _moving(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return pressures, flows and valve positions at evenly spaced samples, for an animation of the drawing."""
+    names = [one for one in columns if one == "time_s" or _ANIMATED.search(one)]
+    rows = np.linspace(0, len(columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
+    return {f"motion/{name}": np.asarray(columns[name], dtype=np.float64)[rows] for name in names}
 
 
 def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iterator[dict[str, Any]]:

@@ -154,9 +154,10 @@ def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
 
     found = circuit_shapes(described_at(workspace, path, text))
     return {
-        "paper": found.paper,
         "shapes": [shape._asdict() for shape in found.shapes],
         "pistons": {name: one._asdict() for name, one in pistons(found.shapes).items()},
+        "nets": found.nets,
+        "ports": found.ports,
     }
 
 

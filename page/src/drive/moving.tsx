@@ -1,0 +1,115 @@
+/** The drawing during a run: pistons, valves, and lines by their pressure, at a chosen or running time. */
+import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { useEffect } from "preact/hooks";
+import { digits, instant } from "../plots/looks";
+import { indexAt } from "../plots/plot";
+import type { Frame, Numbers } from "../server/frame";
+import { BOX, type Drawing, type Line, type Motion } from "./circuit";
+
+export interface MotionHead {
+  cylinders?: { name: string; stroke_m: number; position: string; pressures: [string, string] }[];
+}
+
+const BAR = 1e5;
+const GRAM = 1e-3;
+const CALM = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-reduced-motion: reduce)");
+const FASTEST_MS = 5000; // a longer run is shown in this time, a shorter one as long as it lasts, but at least:
+const SHORTEST_MS = 1500;
+
+/** Time at which the drawing is shown: the slider's, or that of the pointer on a plot. */
+export const timeAt = signal(0);
+export const isPlaying = signal(false);
+
+export function pointAt(time: number): void {
+  if (!isPlaying.value) timeAt.value = time;
+}
+
+function largestOf(values: Numbers): number {
+  let found = values[0]!;
+  for (const one of values) if (one > found) found = one;
+  return found;
+}
+
+/** Return the state of the drawing at a row of the run. */
+export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number): Motion {
+  const { arrays } = now;
+  const time = arrays.get("time_s")!;
+  const valueOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name)!)[row]!;
+  const own = arrays.get("motion/time_s");
+  const at = own ? indexAt(own, time[row]!) : 0;
+  const first = (names: string[]): Numbers | undefined => names.map((one) => arrays.get(`motion/${one}`)).find(Boolean);
+  const pistons: Motion["pistons"] = {};
+  for (const one of now.head.cylinders ?? []) {
+    const position = valueOf(one.position);
+    const values = one.pressures.map(valueOf) as [number, number];
+    const most = Math.max(...one.pressures.map((name) => largestOf(arrays.get(name)!)));
+    const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
+    const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
+    const tints = values.map((value) => (0.7 * value) / most) as [number, number];
+    pistons[one.name] = { share: position / one.stroke_m, position, pressures, tints, said };
+  }
+  const isDrive = arrays.has("motion/command");
+  const shifts: Motion["shifts"] = {};
+  for (const name of Object.keys(drawing.ports)) {
+    const spool = first([`${name}.position`, `${name}.command`, ...(isDrive && name === "valve" ? ["command"] : [])]);
+    if (spool) shifts[name] = BOX * Math.max(-1, Math.min(1, spool[at]!));
+  }
+  const pressureOf = (name: string, port: string) => first([`${name}.${port}.pressure_pa`, ...(isDrive ? [`pressure_${port}_pa`] : []), `${name}.pressure_pa`]);
+  const flowOf = (name: string, port: string) => first([`${name}.${port}.mass_flow_kg_s`, `${name}.mass_flow_${port}_kg_s`, ...(isDrive ? [`mass_flow_${port}_kg_s`] : []), `${name}.mass_flow_kg_s`]);
+  const known = drawing.nets.map((pins) => ({
+    pins,
+    pressure: pins.map((pin) => pressureOf(...pin)).find(Boolean),
+    flow: pins.length === 2 ? pins.map((pin) => flowOf(...pin)).find(Boolean) : undefined,
+  }));
+  const most = Math.max(1, ...known.flatMap((one) => (one.pressure ? [largestOf(one.pressure)] : [])));
+  const lines: Line[] = known.map(({ pins, pressure, flow }) => ({
+    share: pressure ? pressure[at]! / most : undefined,
+    said: [endsOf(pins), pressure && `${digits(pressure[at]! / BAR, 3)} bar absolute`, flow && `${digits(Math.abs(flow[at]!) / GRAM, 2)} g/s`].filter(Boolean).join(", "),
+  }));
+  return { pistons, shifts, lines };
+}
+
+export const endsOf = (pins: [string, string][]): string => pins.map((pin) => pin.join(".")).join(" – ");
+
+/**
+ * The circuit at a chosen or running time. With "reduced motion", only the slider moves it. `children` draws the
+ * circuit in its state.
+ */
+export function MovingCircuit({ now, drawing, children }: { now: Frame<MotionHead>; drawing: Drawing; children: (motion: Motion) => ComponentChildren }) {
+  const cylinders = now.head.cylinders ?? [];
+  const time = now.arrays.get("time_s")!;
+  const end = time[time.length - 1]!;
+  const at = Math.min(timeAt.value, end);
+  const isCalm = CALM?.matches ?? false;
+  useEffect(() => {
+    if (!isPlaying.value) return;
+    const lasts = Math.min(Math.max(1000 * end, SHORTEST_MS), FASTEST_MS);
+    const began = performance.now() - (timeAt.value >= end ? 0 : (timeAt.value / end) * lasts);
+    let request = requestAnimationFrame(function draw(clock: number) {
+      const share = Math.max(0, (clock - began) / lasts);
+      timeAt.value = Math.min(share, 1) * end;
+      if (share >= 1) isPlaying.value = false;
+      else request = requestAnimationFrame(draw);
+    });
+    return () => cancelAnimationFrame(request);
+  }, [isPlaying.value, end]);
+  const row = indexAt(time, at);
+  const motion = motionAt(now, drawing, row);
+  return (
+    <figure class="motion" data-row={row}>
+      {children(motion)}
+      <p class="row">
+        {!isCalm && <button type="button" class="primary" onClick={() => (isPlaying.value = !isPlaying.value)}>{isPlaying.value ? "Stop" : "Play"}</button>}
+        <label>
+          Time{" "}
+          <input type="range" min={0} max={1000} value={Math.round((1000 * at) / end)} aria-valuetext={`${instant(time[row], end / time.length)} s`} onInput={(event) => ((isPlaying.value = false), (timeAt.value = (event.currentTarget.valueAsNumber / 1000) * end))} />
+        </label>
+        <output>
+          {instant(time[row], end / time.length)} s{cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`)}; pressures absolute
+        </output>
+      </p>
+      {!cylinders.length && <p class="note" data-without="motion">No piston moves in the drawing: only double-acting cylinders are animated, and this circuit does not contain one.</p>}
+    </figure>
+  );
+}

@@ -1,0 +1,96 @@
+/** Editing in the drawing: components are added, joined and removed there, and the text beside it follows. */
+import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { useEffect } from "preact/hooks";
+import { attempting, read, type Problem } from "../server/server";
+import type { PortChoice } from "./circuit";
+import { future, opened, past, problems, restructure, step, valid } from "./opened";
+
+interface Kind {
+  kind: string;
+  title: string;
+  gas: boolean;
+}
+
+export const isEditing = signal(false);
+/** Selected component and selected port. */
+export const chosen = signal("");
+const port = signal("");
+const kind = signal("");
+const kinds = signal<Kind[]>([]);
+const wrong = signal<Problem[]>([]);
+
+function forget(component = ""): void {
+  [port.value, chosen.value] = ["", component];
+}
+
+const join = (other: string): void => restructure({ act: "join", one: port.value, other }, () => forget());
+const remove = (one: string): void => restructure({ act: "remove", one }, () => forget());
+
+/** The ports of the drawing while it is edited: the first one is selected, and the second one is joined with it. */
+export function portChoice(): PortChoice | undefined {
+  if (!isEditing.value || valid.value?.kind !== "circuit") return undefined;
+  return {
+    port: port.value,
+    onPort: (one) => {
+      if (port.value === one) port.value = "";
+      else if (port.value) join(one);
+      else port.value = one;
+    },
+  };
+}
+
+/** Keys of the drawing while it is edited. */
+export function keys(event: KeyboardEvent): void {
+  const key = event.key.toLowerCase();
+  if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y")) {
+    event.preventDefault();
+    if (key === "y" || event.shiftKey) step(future, past);
+    else step(past, future);
+  } else if (event.key === "Escape") port.value = "";
+  else if (event.key === "Delete" && isEditing.value && chosen.value && valid.value?.kind === "circuit") remove(chosen.value);
+}
+
+/** Buttons below the drawing. */
+export function Structure({ children }: { children: ComponentChildren }) {
+  useEffect(() => forget(), [opened.value?.path]);
+  useEffect(() => {
+    if (isEditing.value && !kinds.value.length)
+      void attempting(wrong)(async () => {
+        kinds.value = (await read<{ kinds: Kind[] }>("/api/kinds")).kinds;
+        kind.value = kinds.value[0]!.kind;
+      });
+  }, [isEditing.value]);
+  const isCircuit = valid.value?.kind === "circuit";
+  const blocked = problems.value.length > 0;
+  return (
+    <div role="group" aria-label="Edit the circuit">
+      <p class="row">
+        {children}
+        <button type="button" aria-pressed={isEditing.value} onClick={() => ((isEditing.value = !isEditing.value), (port.value = ""))}>Edit the circuit</button>
+        <button type="button" disabled={!past.value.length} onClick={() => step(past, future)}>Undo</button>
+        <button type="button" disabled={!future.value.length} onClick={() => step(future, past)}>Redo</button>
+        {isEditing.value && isCircuit && chosen.value && <button type="button" disabled={blocked} onClick={() => remove(chosen.value)}>Remove {chosen.value}</button>}
+      </p>
+      {isEditing.value && !isCircuit && (
+        <p class="row">
+          <span>A drive has a fixed structure. As a circuit, each component can be added, joined and removed.</span>
+          <button type="button" disabled={blocked} onClick={() => restructure({ act: "open" }, () => forget())}>Open it as a circuit</button>
+        </p>
+      )}
+      {isEditing.value && isCircuit && !port.value && <p class="note">Click a port to add a component there or to join it with another port. Click a symbol to remove it.</p>}
+      {isEditing.value && isCircuit && port.value && (
+        <p class="row">
+          <b>Port {port.value}</b>
+          <select aria-label="Component to add" value={kind.value} onChange={(event) => (kind.value = event.currentTarget.value)}>
+            {kinds.value.map((one) => <option key={one.kind} value={one.kind}>{one.title}</option>)}
+          </select>
+          <button type="button" class="primary" disabled={blocked} onClick={() => restructure({ act: "add", one: port.value, kind: kind.value }, forget)}>Add here</button>
+          <button type="button" disabled={blocked} onClick={() => restructure({ act: "cut", one: port.value }, () => forget())}>Cut its line</button>
+          <span class="note">Click another port to join it.</span>
+        </p>
+      )}
+      {isEditing.value && blocked && <p class="note">The drawing is that of the last text without a problem: undo, or correct the text.</p>}
+    </div>
+  );
+}

@@ -1,0 +1,311 @@
+"""Components of a circuit that are added, joined and removed in the drawing, as changes of its TOML text."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from itertools import count, pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tomlkit
+from pydantic import StrictStr
+
+from pneudrive.describe import toml
+from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.components import component_kinds
+from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Port
+from pneudrive.errors import CommandError
+from pneudrive.web.drive.run_request import described_at
+from pneudrive.web.requests import WRONG_REQUEST, PageRequest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pneudrive.describe.connections import Wiring
+    from pneudrive.web.workspace import Workspace
+
+STARTERS = Path(__file__).with_name("starters.toml")
+ASSUMED = "Assumed values to begin with."
+
+
+@lru_cache(maxsize=1)
+def starters() -> dict[str, dict[str, Any]]:
+    """Return the values with which a component of each kind begins."""
+    return toml.read(STARTERS)[0]
+
+
+def kinds(_: Workspace) -> dict[str, Any]:
+    """Return the kinds that can be added, with their titles and ports."""
+    every = component_kinds()
+    return {"kinds": [{"kind": one, "title": every[one]["title"], "gas": _gas(one)} for one in starters()]}
+
+
+def _gas(kind: str) -> bool:
+    """Return whether the first port of a kind is one for gas."""
+    return component_kinds()[kind]["ports"][0]["kind"] == "gas"
+
+
+class StructureRequest(PageRequest):
+    """A change of the structure of a circuit.
+
+    Attributes
+    ----------
+    path, text : str
+        Description, with its text in the page.
+    act : str
+        ``"add"`` a component of `kind` at the port `one`, ``"join"`` the ports `one` and `other`, ``"cut"`` the lines
+        of the port `one`, ``"remove"`` the component `one`, or ``"open"`` a drive as a circuit.
+    one, other, kind : str
+    """
+
+    path: StrictStr
+    text: StrictStr
+    act: StrictStr
+    one: StrictStr = ""
+    other: StrictStr = ""
+    kind: StrictStr = ""
+
+
+def restructured(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, str]:
+    """Return the text of a circuit after a change of its structure, and the component to show.
+
+    Raises
+    ------
+    CommandError
+        The request is not valid, or the description is not a circuit.
+    DescriptionError
+        The text that the change begins with is not valid.
+    """
+    asked = StructureRequest.of(given)
+    described = described_at(workspace, asked.path, asked.text)
+    if asked.act == "open":
+        return {"text": described.circuit.to_toml(), "chosen": ""}
+    if not isinstance(described, Circuit):
+        raise CommandError("a drive has a fixed structure", remedy="Open it as a circuit first.")
+    change = CircuitText(asked.text, described.wiring)
+    chosen = ""
+    match asked.act:
+        case "add":
+            chosen = change.add(asked.kind, asked.one)
+        case "join":
+            change.join(asked.one, asked.other)
+        case "cut":
+            change.cut(asked.one)
+        case "remove":
+            change.remove(asked.one)
+        case _:
+            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+    return {"text": change.written(), "chosen": chosen}
+
+
+class CircuitText:
+    """The text of a valid circuit while its structure changes. Comments and order stay.
+
+    Parameters
+    ----------
+    text : str
+    wiring : Wiring
+        Of the circuit.
+    """
+
+    def __init__(self, text: str, wiring: Wiring) -> None:
+        self.document, self.wiring = tomlkit.parse(text), wiring
+        self.added: dict[str, str] = {}  # name -> kind
+        self.gone: set[str] = set()
+        if "connections" not in self.document:
+            raise CommandError("this file gives no connections", remedy="Change it in the text.")
+
+    @property
+    def _chains(self) -> Any:  # noqa: ANN401 - an array of tomlkit
+        return self.document["connections"]
+
+    def ports(self, name: str) -> list[Port]:
+        """Return the ports of a component that is there or was added."""
+        if name in self.added:
+            every = component_kinds()[self.added[name]]["ports"]
+            return [
+                Port(name, one["name"], one["kind"], one["holds"], one["exhaust"], one["optional"]) for one in every
+            ]
+        if name not in self.wiring.parts:
+            raise CommandError(f'there is no component "{name[:80]}"')
+        return self.wiring.ports(name)
+
+    def _ends(self, chain: str) -> list[tuple[Any, Any]]:
+        """Return the ports by which a chain enters and leaves each of its words."""
+        words = _words(chain)
+        if any(word.partition(".")[0] in self.added for word in words):
+            return []
+        last = len(words) - 1
+        return [self.wiring.element(word, "", first=at == 0, last=at == last) for at, word in enumerate(words)]
+
+    def _port(self, text: str) -> Port:
+        name, _, port = text.partition(".")
+        found = next((one for one in self.ports(name) if one.name == port), None)
+        if found is None:
+            raise CommandError(f"{text[:80]} is not a port")
+        return found
+
+    def add(self, kind: str, at: str) -> str:
+        """Add a component at a port, inside the line of this port if the component has two ports; return its name."""
+        if kind not in starters():
+            raise CommandError(f"{kind[:80]!r} cannot be added here", rule=", ".join(starters()))
+        port = self._port(at)
+        stem = re.sub(r"[^a-z_]", "_", kind.partition("/")[0])
+        taken = {*self.wiring.parts, *self.document["components"]}  # type: ignore[misc]
+        name = next(one for number in count(1) if (one := f"{stem}_{number}" if number > 1 else stem) not in taken)
+        self.added[name] = kind
+        own = [one for one in self.ports(name) if not one.is_pilot and one.kind == port.kind]
+        if not own:
+            raise CommandError(f"{kind} has no port for {port.kind}", remedy=f"Choose another port than {at}.")
+        through = [one for one in own if not (one.exhaust or one.optional)]
+        place = next(self._places(port), None)
+        self._open(at)
+        if place is not None and (_is_passed(through) or (port.is_single and [one.holds for one in own] == ["volume"])):
+            number, word = place
+            words = _words(self._chains[number])
+            self._chains[number] = f" {ARROW} ".join([*words[: word + 1], name, *words[word + 1 :]])
+        elif place is not None and port.is_single:
+            raise CommandError(
+                f"{at} is joined already", rule="a port takes one connection", remedy="Cut its line first."
+            )
+        else:
+            self._chains.append(f"{at} {ARROW} {(through or own)[0].id}")
+        table = tomlkit.table()
+        table.comment(ASSUMED)
+        table["kind"] = kind
+        for key, value in starters()[kind].items():
+            table[key] = _inline(value)
+        table.add(tomlkit.nl())
+        self.document["components"][name] = table  # type: ignore[index]
+        return name
+
+    def _places(self, port: Port) -> Any:  # noqa: ANN401 - pairs of numbers
+        """Yield number of the chain and of the word before each line of a port."""
+        for number, chain in enumerate(self._chains):
+            if PILOT_LINE not in chain:
+                for word, ((_, left), (right, _)) in enumerate(pairwise(self._ends(str(chain)))):
+                    if port in (left, right):
+                        yield number, word
+
+    def join(self, one: str, other: str) -> None:
+        """Join two ports."""
+        ends = [self._port(one), self._port(other)]
+        if ends[0] == ends[1]:
+            raise CommandError(f"{one} cannot be joined to itself")
+        for end in (one, other):
+            self._open(end)
+        mark = PILOT_LINE if any(end.is_pilot for end in ends) else ARROW
+        self._chains.append(f"{one} {mark} {other}")
+
+    def _open(self, at: str) -> None:
+        """Close the opening of a port to the ambient air, which `written` made."""
+        for number in reversed(range(len(self._chains))):
+            if _words(self._chains[number]) == [at, AMBIENT]:
+                del self._chains[number]
+
+    def cut(self, at: str) -> None:
+        """Remove the lines of a port."""
+        port = self._port(at)
+        for number in reversed(range(len(self._chains))):
+            chain = str(self._chains[number])
+            ends = self._ends(chain)
+            cuts = [word for word, ((_, left), (right, _)) in enumerate(pairwise(ends)) if port in (left, right)]
+            if cuts:
+                self._put(number, chain, [0, *(word + 1 for word in cuts), len(ends)])
+
+    def _put(self, number: int, chain: str, bounds: list[int]) -> None:
+        """Replace a chain by its parts between some words. A part of one word joins nothing, and is left out."""
+        mark, words = PILOT_LINE if PILOT_LINE in chain else ARROW, _words(chain)
+        parts = [words[low:high] for low, high in pairwise(bounds)]
+        kept = [f" {mark} ".join(part) for part in parts if len(part) > 1]
+        if kept:
+            self._chains[number] = kept[0]
+            for at, one in enumerate(kept[1:], start=1):
+                self._chains.insert(number + at, one)
+        else:
+            del self._chains[number]
+
+    def remove(self, name: str) -> None:
+        """Remove a component. The lines at both sides of a component of two ports become one line."""
+        self.ports(name)
+        self.gone.add(name)
+        for number in reversed(range(len(self._chains))):
+            chain = str(self._chains[number])
+            words = _words(chain)
+            at = [place for place, word in enumerate(words) if word.partition(".")[0] == name]
+            if not at:
+                continue
+            if len(words) > 2 and len(at) == 1 and 0 < at[0] < len(words) - 1 and words[at[0]] == name:
+                self._chains[number] = f" {ARROW} ".join(word for word in words if word != name)
+            else:
+                self._put(number, chain, sorted({0, *at, *(place + 1 for place in at), len(words)}))
+        components: Any = self.document["components"]
+        if name in components:
+            del components[name]
+        else:
+            table = next(one for one in components.values() if name in one.get("copies", ()))
+            table["copies"].remove(name)
+        initial: Any = self.document.get("initial", {})
+        for key in [one for one in initial if one.partition(".")[0] == name]:
+            del initial[key]
+
+    def written(self) -> str:
+        """Return the text. Ports that need a line and have none are plugged, or open if gas flows through.
+
+        A plug before a restriction would leave a joint without any gas.
+        """
+        named: set[str] = set()
+        if not len(self._chains):
+            raise CommandError("no line would be left", remedy="Remove the file instead.")
+        every = [*(one for one in self.wiring.parts if one not in self.gone), *self.added]
+        for chain in self._chains:
+            words = _words(str(chain))
+            last = len(words) - 1
+            for at, word in enumerate(words):
+                name, dot, _ = word.partition(".")
+                if dot or name not in every:
+                    named.add(word)
+                    continue
+                through = [one for one in self.ports(name) if _is_needed(one)]
+                used = through if len(through) < 2 else through[(at == 0) : 2 - (at == last)]
+                named |= {one.id for one in used}
+        before = [str(one) for one in self.document.get("plugged", ())]
+        needed = {one.id: one for name in every for one in self.ports(name) if one.kind == "gas" and _is_needed(one)}
+        plugged = [one for one in before if one not in named and one.partition(".")[0] in every]
+        for one, port in needed.items():
+            if one in named or one in plugged:
+                continue
+            if _is_passed([each for each in self.ports(port.component) if _is_needed(each)]):
+                self._chains.append(f"{one} {ARROW} {AMBIENT}")
+            else:
+                plugged.append(one)
+        if plugged != before:
+            if plugged:
+                self.document["plugged"] = plugged
+            else:
+                del self.document["plugged"]
+        return tomlkit.dumps(self.document)
+
+
+def _is_needed(port: Port) -> bool:
+    """Return whether a port must be joined or plugged."""
+    return not (port.exhaust or port.optional or port.is_pilot)
+
+
+def _is_passed(needed: list[Port]) -> bool:
+    """Return whether gas flows through a component of these ports without being stored."""
+    return len(needed) == 2 and all(one.is_single for one in needed)
+
+
+def _words(chain: object) -> list[str]:
+    mark = PILOT_LINE if PILOT_LINE in str(chain) else ARROW
+    return [word.strip() for word in str(chain).split(mark)]
+
+
+def _inline(value: Any) -> Any:  # noqa: ANN401 - plain data
+    if not isinstance(value, dict):
+        return value
+    table = tomlkit.inline_table()
+    table.update(value)
+    return table

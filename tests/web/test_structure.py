@@ -1,0 +1,88 @@
+"""Components of a circuit that are added, joined and removed: the text stays valid and keeps its comments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pneudrive.describe.circuit import Circuit
+from pneudrive.errors import CommandError
+from pneudrive.web.drive.run_request import described_at
+from pneudrive.web.drive.structure import kinds, restructured
+from pneudrive.web.workspace import Workspace
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PAIR = (EXAMPLES / "two_cylinders.toml").read_text()
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Workspace:
+    return Workspace.at(tmp_path)
+
+
+def changed(workspace: Workspace, text: str, act: str, one: str = "", other: str = "", kind: str = "") -> str:
+    asked = {"path": "pair.toml", "text": text, "act": act, "one": one, "other": other, "kind": kind}
+    return restructured(workspace, asked)["text"]
+
+
+def circuit(workspace: Workspace, text: str) -> Circuit:
+    found = described_at(workspace, "pair.toml", text)
+    assert isinstance(found, Circuit)
+    return found
+
+
+def joints(workspace: Workspace, text: str) -> set[frozenset[str]]:
+    return {frozenset(one) for one in circuit(workspace, text).wiring.core()}
+
+
+def test_each_kind_can_be_added_with_the_values_it_begins_with(workspace: Workspace) -> None:
+    text = PAIR.replace('"valve_r.4 -> fc_ra -> right.a",', "").replace(
+        "[components.mains]", 'plugged = ["right.a", "valve_r.4"]\n\n[components.mains]'
+    )
+    text = text.replace('"fc_la", "fc_lb", "fc_ra", "fc_rb"', '"fc_la", "fc_lb", "fc_rb"')
+    before = circuit(workspace, text)
+    for one in kinds(workspace)["kinds"]:
+        after = circuit(
+            workspace, changed(workspace, text, "add", "valve_r.4" if one["gas"] else "left.rod", kind=one["kind"])
+        )
+        (name,) = set(after.components) - set(before.components)
+        assert after.components[name].kind == one["kind"]
+    assert "# Assumed values to begin with." in changed(workspace, text, "add", "valve_r.4", kind="tube")
+
+
+def test_a_component_goes_into_a_line_and_out_again(workspace: Workspace) -> None:
+    text = changed(workspace, PAIR, "add", "valve_l.4", kind="tube")
+    assert '"valve_l.4 -> tube -> fc_la -> left.a"' in text
+    assert "# Ports 3 and 5 of the valves are exhausts" in text
+    assert joints(workspace, changed(workspace, text, "remove", "tube")) == joints(workspace, PAIR)
+    with pytest.raises(CommandError, match="joined already"):
+        changed(workspace, PAIR, "add", "valve_l.4", kind="valve/switching-5/2")
+
+
+def test_a_line_is_cut_and_joined_again(workspace: Workspace) -> None:
+    cut = changed(workspace, PAIR, "cut", "left.a")
+    assert frozenset(("fc_la.2", "ambient")) in joints(workspace, cut)  # an open hose
+    assert "left.a" in circuit(workspace, cut).plugged
+    again = changed(workspace, cut, "join", "left.a", "fc_la.2")
+    assert joints(workspace, again) == joints(workspace, PAIR)
+    assert "plugged" not in again
+
+
+@pytest.mark.parametrize("name", ["fc_la", "left", "tank", "valve_l", "mains"])
+def test_what_is_left_after_a_component_is_removed_is_valid(workspace: Workspace, name: str) -> None:
+    text = changed(workspace, PAIR, "remove", name)
+    assert set(circuit(workspace, text).components) == set(circuit(workspace, PAIR).components) - {name}
+
+
+def test_a_drive_becomes_the_circuit_that_it_is(workspace: Workspace) -> None:
+    drive = 'drive = "catalogue:reference"\n'
+    with pytest.raises(CommandError, match="fixed structure"):
+        changed(workspace, drive, "remove", "valve")
+    text = changed(workspace, drive, "open")
+    described = described_at(workspace, "pair.toml", drive)
+    assert circuit(workspace, text).description_hash == described.circuit.description_hash
+    assert (
+        "flow_control"
+        in circuit(workspace, changed(workspace, text, "add", "cylinder.a", kind="flow-control")).components
+    )
