@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Spring as Spring
     from pneudrive.describe import Supply as Supply
     from pneudrive.describe import Valve as Valve
-    from pneudrive.describe.catalogue import catalogue_folders as catalogue_folders
+    from pneudrive.describe.files.catalogue import catalogue_folders as catalogue_folders
     from pneudrive.describe.tank import Tank as Tank
     from pneudrive.ensemble.design import Design as Design
     from pneudrive.ensemble.distributions import grid as grid
@@ -66,12 +66,12 @@ if TYPE_CHECKING:
     from pneudrive.identify.static.laws import compare_laws as compare_laws
     from pneudrive.identify.static.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
-    from pneudrive.lines import lines as lines
     from pneudrive.signals.measuring import measure as measure
-    from pneudrive.simulate import citations as citations
-    from pneudrive.simulate import simulate as simulate
+    from pneudrive.simulation.lines import lines as lines
+    from pneudrive.simulation.simulate import citations as citations
+    from pneudrive.simulation.simulate import simulate as simulate
+    from pneudrive.simulation.trajectory import save as save
     from pneudrive.sizing.search import size as size
-    from pneudrive.trajectory import save as save
     from pneudrive.validate import validate as validate
     from pneudrive.validate.motion import validate_motion as validate_motion
 
@@ -81,15 +81,15 @@ _HOME = {
         ["Ambient", "Circuit", "Cylinder", "Drive", "EndStop", "Friction", "FrictionLaw", "Gas"], "pneudrive.describe"
     ),
     **dict.fromkeys(["Initial", "Load", "SealPressure", "Spring", "Supply", "Valve"], "pneudrive.describe"),
-    **dict.fromkeys(["simulate", "citations"], "pneudrive.simulate"),
-    "catalogue_folders": "pneudrive.describe.catalogue",
+    **dict.fromkeys(["simulate", "citations"], "pneudrive.simulation.simulate"),
+    "catalogue_folders": "pneudrive.describe.files.catalogue",
     "explore": "pneudrive.explore",
     "export_c": "pneudrive.fmu.c_folder",
     "export_fmu": "pneudrive.fmu.package",
-    "lines": "pneudrive.lines",
+    "lines": "pneudrive.simulation.lines",
     "measure": "pneudrive.signals.measuring",
     "size": "pneudrive.sizing.search",
-    "save": "pneudrive.trajectory",
+    "save": "pneudrive.simulation.trajectory",
     **dict.fromkeys(["characterise", "characteristics"], "pneudrive.friction.campaign.characteristics"),
     "compare": "pneudrive.friction.campaign.compare.comparison",
     "characteristic": "pneudrive.datasheet.registry",
@@ -117,8 +117,8 @@ _HOME = {
 }
 # Functions that methods of lower layers forward to.
 UPPER.update(
-    start="pneudrive.start",
-    simulate="pneudrive.simulate",
+    start="pneudrive.simulation.start",
+    simulate="pneudrive.simulation.simulate",
     Pneu="pneudrive.accessor",
     write_fit_report="pneudrive.report.fit",
     follow_page="pneudrive.report.recording.motion",

@@ -11,7 +11,7 @@ import xarray as xr
 from pneudrive import units
 from pneudrive.datasheet.strokes import stroke_of
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.trajectory import attributes
+from pneudrive.simulation.trajectory import attributes
 from pneudrive.units import UnitFloat
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.show import Card, html_of, text_of
-from pneudrive.simulate import run, simulate
+from pneudrive.simulation.simulate import run, simulate
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.command import Commands
     from pneudrive.describe import Initial
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
+    from pneudrive.simulation.command import Commands
 
 #: What a live notebook needs: the widget of any notebook, and the server's own way of packing curves.
 NEEDED = ("anywidget", "starlette", "tomlkit")

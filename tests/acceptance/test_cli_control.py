@@ -19,7 +19,7 @@ import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.control.measures import score_of
 from pneudrive.errors import CommandError, PneudriveWarning
-from pneudrive.trajectory import columns
+from pneudrive.simulation.trajectory import columns
 
 AXIS = Path(__file__).parents[2] / "examples" / "controlled_axis.toml"
 STEP = "220 mm; 0.1 s: 280 mm in 0.3 s"

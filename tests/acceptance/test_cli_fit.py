@@ -11,9 +11,9 @@ import pytest
 from oracle.campaigns import World, write_campaign
 from pneudrive import _core
 from pneudrive.characterise import read_map, write_map
-from pneudrive.cli.fit import _joined
+from pneudrive.cli.identify.fit import _joined
 from pneudrive.cli.main import run
-from pneudrive.describe import toml
+from pneudrive.describe.files import toml
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, columns_to_dataset
 from pneudrive.identify import FrictionFit
 

@@ -13,7 +13,7 @@ import pytest
 import pneudrive as pn
 from oracle.drive_records import drive, record
 from pneudrive.cli.main import run
-from pneudrive.describe import toml
+from pneudrive.describe.files import toml
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.validate.static import law_n, validate_friction

@@ -18,7 +18,7 @@ from oracle.structured_text import FunctionBlock
 from pneudrive import own_code
 from pneudrive.cli.main import run
 from pneudrive.errors import CommandError
-from pneudrive.trajectory import columns
+from pneudrive.simulation.trajectory import columns
 
 AXIS = Path(__file__).parents[2] / "examples" / "controlled_axis.toml"
 STEP = "220 mm; 0.1 s: 240 mm in 0.2 s"

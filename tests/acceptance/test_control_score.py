@@ -18,7 +18,7 @@ from pneudrive.control.measures import SCORED, score_of
 from pneudrive.control.mismatch import Mismatch, ready_mismatches
 from pneudrive.errors import PneudriveWarning
 from pneudrive.report.control.figures import boxes
-from pneudrive.trajectory import save
+from pneudrive.simulation.trajectory import save
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 AXIS = EXAMPLES / "controlled_axis.toml"

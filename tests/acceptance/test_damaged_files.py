@@ -26,7 +26,6 @@ from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.planning.protocol import read_protocol, ready_protocols
 from pneudrive.campaign.storage.folder import Campaign, Head, create, write_cycle
 from pneudrive.cli.main import run
-from pneudrive.command import steps
 from pneudrive.errors import PneudriveError
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.friction.friction_map import COLUMNS, read_map
@@ -38,7 +37,8 @@ from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import load_recording
 from pneudrive.signals.proposal.propose import propose_layout
 from pneudrive.signals.trajectories import read_trajectory
-from pneudrive.trajectory import read_columns, save
+from pneudrive.simulation.command import steps
+from pneudrive.simulation.trajectory import read_columns, save
 
 HIDDEN = re.compile("[\x00-\x08\x1b\u202a-\u202e\u2066-\u2069]")
 NUMBER = int(os.environ.get("PNEUDRIVE_DAMAGED", "2000"))

@@ -12,7 +12,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
-from pneudrive.describe.friction import friction_laws, has_bristles
+from pneudrive.describe.tables.friction import friction_laws, has_bristles
 from pneudrive.errors import PneudriveWarning
 
 VALUES = {

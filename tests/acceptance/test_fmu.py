@@ -27,7 +27,7 @@ from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.fmu import binary, dimensions
 from pneudrive.fmu.variables import plan_of
-from pneudrive.trajectory import meaning
+from pneudrive.simulation.trajectory import meaning
 
 SMOOTH = pn.Drive.load("catalogue:reference")  # bristles, no event
 STICKY = SMOOTH.replace({"friction": {"law": "coulomb", "coulomb": "30 N", "viscous": "40 N s/m"}})

@@ -15,7 +15,7 @@ from pneudrive import _core
 from pneudrive.cli.main import run
 from pneudrive.describe import circuit as circuits
 from pneudrive.describe.components import component_class, component_kinds
-from pneudrive.describe.schema import circuit_schema
+from pneudrive.describe.files.schema import circuit_schema
 
 KIND = "toy/gap"
 FORMULA = {

@@ -97,7 +97,7 @@ def test_an_element_that_slips_within_nanometres_is_resolved(seed, number):
 
 def test_energy_that_does_not_close_is_told(monkeypatch):
     """No run of these tests is as far off as the rule, so that the rule is taken nearer."""
-    drawn, simulate = case(9091, 3817), import_module("pneudrive.simulate")
+    drawn, simulate = case(9091, 3817), import_module("pneudrive.simulation.simulate")
     for closes, told in ((1e-3, False), (1e-9, True)):
         monkeypatch.setattr(simulate, "ENERGY_CLOSES", closes)
         monkeypatch.setattr(simulate, "ENERGY_RTOL", closes / ENERGY_CLOSES * ENERGY_RTOL)

@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from pneudrive import Drive, Initial
 from pneudrive.errors import PneudriveWarning, SimulationError
-from pneudrive.simulate import Run, run
+from pneudrive.simulation.simulate import Run, run
 
 AMBIENT_PA, ROOM_K, AIR = 1.013e5, 293.15, 287.05
 # A choked exhaust lets a piston go at C times this over its area, m/s.

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from pneudrive.describe.catalogue import entries
+from pneudrive.describe.files.catalogue import entries
 from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.search import size, sized

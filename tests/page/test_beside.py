@@ -8,7 +8,7 @@ import pytest
 import pneudrive as pn
 from page.conftest import DRIVE, Server
 from page.test_journeys import Open, at_end, drag, settled, violations
-from pneudrive.trajectory import save_columns
+from pneudrive.simulation.trajectory import save_columns
 
 SINGLE_ACTING = """\
 name = "clamp"

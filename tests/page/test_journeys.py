@@ -24,7 +24,7 @@ from pneudrive.campaign.storage.lock import holder
 from pneudrive.characterise import write_map
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.rig import load_rig
-from pneudrive.trajectory import save_columns
+from pneudrive.simulation.trajectory import save_columns
 
 AXE = ROOT / "page" / "browser" / "node_modules" / "axe-core" / "axe.min.js"
 Open = Callable[..., Tab]

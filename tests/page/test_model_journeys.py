@@ -13,7 +13,7 @@ import pneudrive as pn
 from page.conftest import PICTURES, ROOT, Server, Tab
 from page.test_journeys import Open, settled, violations
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.trajectory import save_columns
+from pneudrive.simulation.trajectory import save_columns
 from web.test_sizing import TASK
 
 STEPS = "0 s: 0.3, 0.7 s: -0.3, 1.4 s: 0.2, 2.2 s: -0.25"

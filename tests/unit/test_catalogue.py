@@ -10,10 +10,10 @@ import pneudrive as pn
 from pneudrive import _core, units
 from pneudrive.cli.main import run
 from pneudrive.cli.main import run as command
-from pneudrive.describe import catalogue
-from pneudrive.describe.catalogue_search import find_parts
 from pneudrive.describe.components import component, component_class
-from pneudrive.describe.geometry import piston_areas
+from pneudrive.describe.files import catalogue
+from pneudrive.describe.files.catalogue_search import find_parts
+from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import DescriptionError, PneudriveWarning
 from pneudrive.references import bibtex
 

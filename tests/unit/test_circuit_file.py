@@ -15,7 +15,7 @@ import pneudrive as pn
 from pneudrive.cli.main import run
 from pneudrive.describe import components
 from pneudrive.describe.connections import Part, Wiring
-from pneudrive.describe.schema import circuit_schema
+from pneudrive.describe.files.schema import circuit_schema
 from pneudrive.errors import DescriptionError, PneudriveWarning, Problems
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
@@ -392,7 +392,7 @@ def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys):
     )
     kinds = components.component_kinds() | {"toy/filter": toy}
     monkeypatch.setattr(components, "component_kinds", lambda: kinds)
-    monkeypatch.setattr("pneudrive.describe.schema.component_kinds", lambda: kinds)
+    monkeypatch.setattr("pneudrive.describe.files.schema.component_kinds", lambda: kinds)
     components.component_class.cache_clear()
     table = {"kind": "toy/filter", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3}
     made = components.component(table | {"clogging": 0.2})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import pneudrive as pn
-from pneudrive.describe.schema import circuit_schema
+from pneudrive.describe.files.schema import circuit_schema
 from pneudrive.errors import DescriptionError
 
 TABLES = """

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive import command
-from pneudrive.describe.starts import read_initial
+from pneudrive.describe.tables.starts import read_initial
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.simulation import command
 
 
 def test_three_forms_of_one_command(tmp_path):

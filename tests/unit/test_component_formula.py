@@ -10,7 +10,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
-from pneudrive.describe.schema import circuit_schema
+from pneudrive.describe.files.schema import circuit_schema
 from pneudrive.errors import DescriptionError
 
 FORMULAS = Path(__file__).parents[2] / "examples" / "formulas"

@@ -10,8 +10,8 @@ from scipy.interpolate import PchipInterpolator
 
 import pneudrive as pn
 from pneudrive import _core
-from pneudrive.describe.friction import friction_laws
-from pneudrive.describe.schema import drive_schema
+from pneudrive.describe.files.schema import drive_schema
+from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import DescriptionError, PneudriveWarning
 
 TABLES = """

@@ -9,7 +9,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.constants import MOLAR_GAS_CONSTANT_J_MOL_K as MOLAR_GAS_CONSTANT
-from pneudrive.describe.parts import GASES, VIRIAL
+from pneudrive.describe.tables.parts import GASES, VIRIAL
 from pneudrive.errors import DescriptionError, PneudriveWarning
 
 #: Molar mass, g/mol, and mass flow through an orifice over that of air.

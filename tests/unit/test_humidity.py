@@ -7,7 +7,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.errors import DescriptionError
-from pneudrive.humidity import dew_point, saturation_pressure, water_share
+from pneudrive.simulation.humidity import dew_point, saturation_pressure, water_share
 
 COMMAND = "0 s: 1, 0.25 s: -1"
 

@@ -10,7 +10,7 @@ import xarray as xr
 
 import pneudrive as pn
 from pneudrive.errors import CommandError, PneudriveWarning
-from pneudrive.trajectory import save
+from pneudrive.simulation.trajectory import save
 
 COMMAND = "0 s: 0.6, 1 s: -0.6"
 

@@ -8,11 +8,12 @@ import polars as pl
 import pytest
 
 import pneudrive as pn
-from pneudrive import _core, trajectory
+from pneudrive import _core
 from pneudrive.errors import CommandError, RecordingError
 from pneudrive.files import seal
 from pneudrive.files.tables import open_table
-from pneudrive.simulate import run
+from pneudrive.simulation import trajectory
+from pneudrive.simulation.simulate import run
 
 GROUP = 1 << 18  # rows of a group
 

@@ -11,8 +11,8 @@ import pytest
 import xarray as xr
 
 import pneudrive as pn
-from pneudrive import trajectory
 from pneudrive.errors import CommandError, PneudriveWarning, SimulationError
+from pneudrive.simulation import trajectory
 
 ORDER = [
     *["time_s", "position_m", "velocity_m_s", "acceleration_m_s2", "pressure_a_pa", "temperature_a_k"],
@@ -200,9 +200,11 @@ def test_heavy_libraries_wait_for_their_use():
     )
 
 
-@pytest.mark.parametrize("first", ["pneudrive.simulate", "pneudrive.describe"])
+@pytest.mark.parametrize("first", ["pneudrive.simulation.simulate", "pneudrive.describe"])
 def test_the_function_outranks_the_module_of_its_name(first):
-    code = f"import {first}, pneudrive; from pneudrive.simulate import run; print(callable(pneudrive.simulate))"
+    code = (
+        f"import {first}, pneudrive; from pneudrive.simulation.simulate import run; print(callable(pneudrive.simulate))"
+    )
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
         == "True"

@@ -5,8 +5,8 @@ import re
 import pytest
 
 from pneudrive.describe import Valve
-from pneudrive.describe.schema import drive_schema
-from pneudrive.describe.valve_flow import KV_PER_CV, conductance_from_kv
+from pneudrive.describe.files.schema import drive_schema
+from pneudrive.describe.tables.valve_flow import KV_PER_CV, conductance_from_kv
 
 # series: C dm3/(s bar), b, Cv, nominal flow l/min ANR [smc-eus11-83]
 SY = {

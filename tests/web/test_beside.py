@@ -12,7 +12,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
-from pneudrive.trajectory import save
+from pneudrive.simulation.trajectory import save
 from pneudrive.web.live import answer
 from pneudrive.web.messages import unpack
 from pneudrive.web.workspace import Workspace

@@ -23,7 +23,7 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.report.page import FIGURES, Report
 from pneudrive.signals.layout import labels_from_name
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 from pneudrive.units import parse
 from pneudrive.web.app import JOBS
 from pneudrive.web.drive.description import edited

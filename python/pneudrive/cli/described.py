@@ -36,7 +36,7 @@ def changed(drive: str, given: list[str] | None) -> Drive | Circuit:
     CommandError, DescriptionError
         The file, or a change, is not valid.
     """
-    from pneudrive.describe.load import load_described
+    from pneudrive.describe.files.load import load_described
 
     described = load_described(drive)
     return described.replace(changes_of(given)) if given else described

@@ -1,4 +1,4 @@
-"""The ``pneudrive`` command. Each command is one module in this folder and one word in ``COMMANDS``."""
+"""The ``pneudrive`` command. Each command is one module in the folder of its section and one word in ``SECTIONS``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,11 @@ SECTIONS = {
     "Control": ("control",),
     "Hand over": ("export", "demo"),
 }
-COMMANDS = {name: f"pneudrive.cli.{name}" for names in SECTIONS.values() for name in names}
+COMMANDS = {
+    name: f"pneudrive.cli.{section.lower().replace(' ', '_')}.{name}"
+    for section, names in SECTIONS.items()
+    for name in names
+}
 HIDDEN = frozenset({"demo"})  # called by `make demo`
 
 EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130

@@ -19,7 +19,7 @@ Value = TypeVar("Value")
 def _open_catalogue(context: typer.Context, paths: list[Path] | None) -> list[Path] | None:
     """Add the folders to the catalogue while the command runs."""
     if paths:
-        from pneudrive.describe.catalogue import catalogue_folders
+        from pneudrive.describe.files.catalogue import catalogue_folders
 
         context.with_resource(catalogue_folders(*paths))
     return paths

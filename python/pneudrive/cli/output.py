@@ -118,7 +118,7 @@ def tell_fit(fit: Fit, out: Path | None, report: Path | None, *, profile: bool) 
 
 def write_text(text: str, out: Path | None) -> None:
     """Write a text to a file, whole or not at all, and print its path; without a file, write to standard output."""
-    from pneudrive.trajectory import whole
+    from pneudrive.simulation.trajectory import whole
 
     if out is None:
         typer.echo(text, nl=False)

@@ -16,7 +16,7 @@ from pneudrive.files.content import read_json, read_text
 from pneudrive.files.tables import open_table
 from pneudrive.files.writing import open_to_append
 from pneudrive.show import Card, Shown
-from pneudrive.trajectory import read_columns, whole
+from pneudrive.simulation.trajectory import read_columns, whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

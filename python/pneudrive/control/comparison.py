@@ -45,7 +45,7 @@ from pneudrive.files.tables import open_table
 from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.own_code import split
 from pneudrive.show import Card, Shown
-from pneudrive.trajectory import save_columns, write_frame
+from pneudrive.simulation.trajectory import save_columns, write_frame
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from pneudrive import _core
 from pneudrive.control.motion import rounded_up
 from pneudrive.control.references import beyond_stroke
 from pneudrive.show import Card, Shown
-from pneudrive.simulate import require
+from pneudrive.simulation.simulate import require
 
 if TYPE_CHECKING:
     from pneudrive.control.motion import Reference

@@ -24,7 +24,7 @@ from pneudrive.control.tuning import tune
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, warn
-from pneudrive.simulate import positive
+from pneudrive.simulation.simulate import positive
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -17,12 +17,12 @@ from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setu
 from pneudrive.control.standard_references import named_or_read
 from pneudrive.control.supervision import told
 from pneudrive.control.tuning import Tuning, alone, tune
-from pneudrive.describe.starts import start_table
 from pneudrive.describe.system import compiled
+from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, SimulationError, warn
-from pneudrive.simulate import SOLVER, Run, positive, require
-from pneudrive.start import check_tolerance
-from pneudrive.trajectory import meaning
+from pneudrive.simulation.simulate import SOLVER, Run, positive, require
+from pneudrive.simulation.start import check_tolerance
+from pneudrive.simulation.trajectory import meaning
 from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pneudrive.control.tuning import Plant
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.describe.parts import Initial
+    from pneudrive.describe.tables.parts import Initial
     from pneudrive.watch import Flag
 
 MOST_SAMPLES = 20_000_000

@@ -11,10 +11,10 @@ import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO
 from pneudrive.control.motion import ReferenceMove, moves_of, ways_of
-from pneudrive.describe.parts import anr_density_kg_m3
+from pneudrive.describe.tables.parts import anr_density_kg_m3
 from pneudrive.errors import CommandError
 from pneudrive.show import Card, Shown
-from pneudrive.trajectory import attributes
+from pneudrive.simulation.trajectory import attributes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

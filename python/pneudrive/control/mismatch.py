@@ -13,8 +13,8 @@ from pydantic import Field
 from pneudrive import _core, units
 from pneudrive.control.setup import Disturbance, Setup, read_ready
 from pneudrive.describe.base import Bounds, Described, Mark, WrongValueError, number, quantity, wrong
-from pneudrive.describe.friction import friction_laws, has_bristles, has_stribeck_curve
 from pneudrive.describe.marks import Choice
+from pneudrive.describe.tables.friction import friction_laws, has_bristles, has_stribeck_curve
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:

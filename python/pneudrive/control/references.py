@@ -13,11 +13,11 @@ from pydantic import Field, model_validator
 from pneudrive import units
 from pneudrive.control import paths
 from pneudrive.control.motion import Reach, Reference, ReferenceMove, polynomials, rounded_up
-from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Position, Quantity, wrong
+from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Choice
 from pneudrive.errors import CommandError, DescriptionError, RecordingError
-from pneudrive.trajectory import read_columns
+from pneudrive.simulation.trajectory import read_columns
 
 LONGEST_S = 1e6  # of a reference
 LONGEST_REMEDY = 200  # characters of a slower reference in a message

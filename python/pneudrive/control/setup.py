@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.control.controller import Factors
-from pneudrive.describe import toml
 from pneudrive.describe.base import Described, Force, Position, WrongValueError, wrong
+from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Choice, Reads, Whole
 from pneudrive.errors import nearest
 from pneudrive.rig.description import BELOW_ZERO

@@ -11,8 +11,8 @@ from pneudrive.control.references import check_reach
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.standard_references import named_or_read
 from pneudrive.errors import CommandError, nearest
-from pneudrive.simulate import require
-from pneudrive.trajectory import whole
+from pneudrive.simulation.simulate import require
+from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
     from pneudrive.control.motion import Reference

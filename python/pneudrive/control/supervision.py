@@ -10,8 +10,8 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from pydantic import Field
 
 from pneudrive import _core
-from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Length, Quantity, WrongValueError
+from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Between, Choice, PressureBetween
 from pneudrive.errors import nearest
 

@@ -25,14 +25,14 @@ from pneudrive.control.controller import (
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.supervision import USUAL, Supervision, law_remedy
-from pneudrive.describe import toml
 from pneudrive.describe.base import wrong
-from pneudrive.describe.catalogue import PREFIX
+from pneudrive.describe.files import toml
+from pneudrive.describe.files.catalogue import PREFIX
 from pneudrive.errors import CommandError, DescriptionError, nearest, warn
 from pneudrive.own_code import COMPILED, split
 from pneudrive.show import Card, Shown
-from pneudrive.simulate import require
-from pneudrive.trajectory import whole
+from pneudrive.simulation.simulate import require
+from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -518,7 +518,7 @@ def believed_by(controller: str | None) -> Drive | Circuit:
 
 def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
     """Load the drive that a controller file names, relative to its folder; return its name from here, too."""
-    from pneudrive.describe.load import load_described
+    from pneudrive.describe.files.load import load_described
 
     path = source if source.startswith(PREFIX) else str(folder / source)
     return load_described(path), path

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.describe.provenance import values
+from pneudrive.describe.files.provenance import values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.session import Linear, Session
+    from pneudrive.simulation.session import Linear, Session
 
     Array = NDArray[np.float64]
 

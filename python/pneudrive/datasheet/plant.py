@@ -13,7 +13,7 @@ from pneudrive.datasheet.actuation import HELD, LOCK, Actuation, held_tables, po
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.static.friction_curve import steady_friction
-from pneudrive.session import Session
+from pneudrive.simulation.session import Session
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.session import Linear
+    from pneudrive.simulation.session import Linear
 
     Array = NDArray[np.float64]
 

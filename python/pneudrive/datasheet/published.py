@@ -13,14 +13,14 @@ from pneudrive.datasheet.characteristics.threshold import least_pressure
 from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.stands import flow_through
-from pneudrive.describe.catalogue import entries
+from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pneudrive.describe.catalogue import Entry
     from pneudrive.describe.drive import Drive
+    from pneudrive.describe.files.catalogue import Entry
 
     Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 

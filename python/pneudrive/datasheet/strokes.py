@@ -13,7 +13,7 @@ from pneudrive.errors import CommandError
 from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
 from pneudrive.signals.motion import straight_line
-from pneudrive.trajectory import columns as columns_of
+from pneudrive.simulation.trajectory import columns as columns_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -318,8 +318,8 @@ def drawn_mass(columns: Mapping[str, Any], begin_s: float = 0.0, end_s: float = 
     Parameters
     ----------
     columns : mapping
-        ``time_s`` and ``supply.mass_flow_kg_s``, as `pneudrive.trajectory.columns` returns them of a circuit's run. The
-        trapezium rule is used. For widely spaced samples, `pneudrive.simulate_many` with
+        ``time_s`` and ``supply.mass_flow_kg_s``, as `pneudrive.simulation.trajectory.columns` returns them of a
+        circuit's run. The trapezium rule is used. For widely spaced samples, `pneudrive.simulate_many` with
         ``"integral(supply.mass_flow)"`` integrates over the solver's steps.
     begin_s, end_s : float
         Air of the cycle.

@@ -9,7 +9,9 @@ from pneudrive.lazy import lazy
 if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.components import Component, component_kinds
-    from pneudrive.describe.dependences import (
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.formulas.law import FrictionLaw
+    from pneudrive.describe.tables.dependences import (
         DirectionDependence,
         Dwell,
         Harmonic,
@@ -18,10 +20,8 @@ if TYPE_CHECKING:
         SealPressure,
         SideLoad,
     )
-    from pneudrive.describe.drive import Drive
-    from pneudrive.describe.friction import Friction, friction_laws
-    from pneudrive.describe.law import FrictionLaw
-    from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Spring, Supply, Valve
+    from pneudrive.describe.tables.friction import Friction, friction_laws
+    from pneudrive.describe.tables.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Spring, Supply, Valve
 
 __all__ = [
     "Ambient",
@@ -54,7 +54,7 @@ __getattr__ = lazy(
     {
         "circuit": ["Circuit"],
         "components": ["Component", "component_kinds"],
-        "dependences": [
+        "tables.dependences": [
             "DirectionDependence",
             "Dwell",
             "Harmonic",
@@ -64,8 +64,8 @@ __getattr__ = lazy(
             "SideLoad",
         ],
         "drive": ["Drive"],
-        "friction": ["Friction", "friction_laws"],
-        "law": ["FrictionLaw"],
-        "parts": ["Ambient", "Cylinder", "EndStop", "Gas", "Initial", "Load", "Spring", "Supply", "Valve"],
+        "tables.friction": ["Friction", "friction_laws"],
+        "formulas.law": ["FrictionLaw"],
+        "tables.parts": ["Ambient", "Cylinder", "EndStop", "Gas", "Initial", "Load", "Spring", "Supply", "Valve"],
     },
 )

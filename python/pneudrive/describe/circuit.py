@@ -12,16 +12,18 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pneudrive.describe import catalogue, end_stops, toml, written
 from pneudrive.describe.base import Described, as_tables, escaped, inline, wrong
 from pneudrive.describe.components import COMMAND, Component, component, component_class, component_kinds, within
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
-from pneudrive.describe.formula import ComponentFormula, formula_of
-from pneudrive.describe.law import law_of
-from pneudrive.describe.parts import Ambient, Gas
+from pneudrive.describe.files import catalogue, toml
+from pneudrive.describe.formulas import written
+from pneudrive.describe.formulas.formula import ComponentFormula, formula_of
+from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.short import TABLES, Short, expanded
-from pneudrive.describe.starts import PRESSURE, Starts, start_values
 from pneudrive.describe.system import System, compiled
+from pneudrive.describe.tables import end_stops
+from pneudrive.describe.tables.parts import Ambient, Gas
+from pneudrive.describe.tables.starts import PRESSURE, Starts, start_values
 from pneudrive.errors import DescriptionError, Problems, together, warn
 from pneudrive.lazy import upper
 from pneudrive.references import entries as references
@@ -32,11 +34,11 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.command import Commands
-    from pneudrive.describe.signal import Signal
-    from pneudrive.describe.sourced import Value
+    from pneudrive.describe.files.sourced import Value
+    from pneudrive.describe.tables.signal import Signal
     from pneudrive.errors import PneudriveError
-    from pneudrive.session import Session
+    from pneudrive.simulation.command import Commands
+    from pneudrive.simulation.session import Session
     from pneudrive.watch import Flag
 
 STOP_KEYS = ("stiffness", "damping", "damping_depth")
@@ -331,7 +333,7 @@ class Circuit(Described):
         Returns
         -------
         Session
-            See `pneudrive.session.Session`; its inputs are ``"valve.command"``, ``"left.load_force_n"``, ...
+            See `pneudrive.simulation.session.Session`; its inputs are ``"valve.command"``, ``"left.load_force_n"``, ...
 
         Raises
         ------

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_a
 from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
 
 from pneudrive import units
-from pneudrive.describe import sourced, valve_flow
 from pneudrive.describe.base import (
     Bounds,
     Described,
@@ -23,11 +22,13 @@ from pneudrive.describe.base import (
     number,
     wrong,
 )
-from pneudrive.describe.formula import ComponentFormula, formula_of
-from pneudrive.describe.friction import Friction
+from pneudrive.describe.files import sourced
+from pneudrive.describe.formulas.formula import ComponentFormula, formula_of
 from pneudrive.describe.parameters import parameter_quantity
-from pneudrive.describe.parts import FlowCoefficient
-from pneudrive.describe.signal import Signal, SignalRange
+from pneudrive.describe.tables import valve_flow
+from pneudrive.describe.tables.friction import Friction
+from pneudrive.describe.tables.parts import FlowCoefficient
+from pneudrive.describe.tables.signal import Signal, SignalRange
 from pneudrive.errors import DescriptionError, nearest, together
 
 if TYPE_CHECKING:

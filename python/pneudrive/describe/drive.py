@@ -10,18 +10,20 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from pneudrive.describe import catalogue, end_stops, provenance, toml, written
 from pneudrive.describe.base import Described, as_tables, escaped, inline, wrong
-from pneudrive.describe.dependences import DEPENDENCES
-from pneudrive.describe.friction import Friction, friction_laws
-from pneudrive.describe.law import law_of
-from pneudrive.describe.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
-from pneudrive.describe.provenance import Origin
+from pneudrive.describe.files import catalogue, provenance, toml
+from pneudrive.describe.files.provenance import Origin
+from pneudrive.describe.files.sourced import Value, has_origin
+from pneudrive.describe.formulas import written
+from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.short import TABLES, beside_control, expanded
-from pneudrive.describe.sourced import Value, has_origin
-from pneudrive.describe.starts import read_initial, start_state
 from pneudrive.describe.system import PISTON, System, drive_names, short_name
-from pneudrive.describe.valve_flow import FLOW_KEYS
+from pneudrive.describe.tables import end_stops
+from pneudrive.describe.tables.dependences import DEPENDENCES
+from pneudrive.describe.tables.friction import Friction, friction_laws
+from pneudrive.describe.tables.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
+from pneudrive.describe.tables.starts import read_initial, start_state
+from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import Problems
 from pneudrive.lazy import upper
 from pneudrive.references import entries as references
@@ -31,8 +33,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.signal import Signal
-    from pneudrive.session import Session
+    from pneudrive.describe.tables.signal import Signal
+    from pneudrive.simulation.session import Session
 
 # Defaults without a source: results that use them say so.
 _ASSUMED = {"cylinder": ("heat_transfer",), "valve": ("critical_pressure_ratio", "subsonic_index", "linear_above")}
@@ -356,7 +358,7 @@ class Drive(Described):
         Returns
         -------
         Session
-            See `pneudrive.session.Session`.
+            See `pneudrive.simulation.session.Session`.
 
         Raises
         ------

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.base import wrong
 from pneudrive.describe.connections import ARROW
-from pneudrive.describe.valve_flow import FLOW_KEYS
+from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:

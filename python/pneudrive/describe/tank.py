@@ -12,10 +12,10 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from pneudrive import units
-from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Fraction, Quantity, StatedPressure, wrong
 from pneudrive.describe.components import Component, component, within
-from pneudrive.describe.parts import NOT_NEGATIVE, Ambient, Gas
+from pneudrive.describe.files import toml
+from pneudrive.describe.tables.parts import NOT_NEGATIVE, Ambient, Gas
 from pneudrive.errors import DescriptionError
 
 #: Kind of component of a tank's tube.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.describe.parameters import parameter_quantities
-from pneudrive.describe.starts import start_mark, start_values
+from pneudrive.describe.tables.starts import start_mark, start_values
 from pneudrive.ensemble.variation import (
     COUPLED,
     INITIAL,

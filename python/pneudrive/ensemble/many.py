@@ -21,9 +21,9 @@ from pneudrive.ensemble.store import ChunkStore
 from pneudrive.ensemble.study import Chunk, ChunkResult, EnsembleStudy
 from pneudrive.ensemble.variation import INITIAL, Variation, Varied, all_numbers
 from pneudrive.errors import CommandError, SimulationError, warn
-from pneudrive.simulate import SOLVER, require
-from pneudrive.start import check_tolerance, ready, start
-from pneudrive.trajectory import meaning, save, write_frame
+from pneudrive.simulation.simulate import SOLVER, require
+from pneudrive.simulation.start import check_tolerance, ready, start
+from pneudrive.simulation.trajectory import meaning, save, write_frame
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.command import Commands
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.describe.parts import Initial
+    from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.executors import Executor
     from pneudrive.ensemble.outputs import Output, Reduction
     from pneudrive.ensemble.plans import MemberPlans
+    from pneudrive.simulation.command import Commands
     from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]

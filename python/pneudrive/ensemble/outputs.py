@@ -13,7 +13,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.errors import CommandError, DescriptionError, nearest
-from pneudrive.trajectory import meaning
+from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

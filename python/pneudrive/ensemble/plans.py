@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive import command as commands
-from pneudrive.describe.starts import start_table
+from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError
-from pneudrive.simulate import positive
+from pneudrive.simulation import command as commands
+from pneudrive.simulation.simulate import positive
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-    from pneudrive.command import Steps
-    from pneudrive.describe.signal import Signal
+    from pneudrive.describe.tables.signal import Signal
+    from pneudrive.simulation.command import Steps
 
     Array = NDArray[np.float64]
     #: Of an input of the core: its steps, one for all members or one for each.

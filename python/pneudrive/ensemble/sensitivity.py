@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive import command as commands
     from pneudrive.describe.drive import Drive
-    from pneudrive.describe.parts import Initial
+    from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.executors import Executor
     from pneudrive.ensemble.outputs import Output
     from pneudrive.ensemble.study import EnsembleStudy
+    from pneudrive.simulation import command as commands
     from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.study import Chunk
 from pneudrive.errors import CommandError
 from pneudrive.files.seal import damage
-from pneudrive.trajectory import whole, write_frame
+from pneudrive.simulation.trajectory import whole, write_frame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -16,7 +16,7 @@ from pneudrive import __version__
 from pneudrive.ensemble import engine
 from pneudrive.ensemble.outputs import Reduction
 from pneudrive.errors import SimulationError
-from pneudrive.trajectory import meaning
+from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,9 +9,9 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.base import Quantity, StatedPressure
-from pneudrive.describe.parts import Initial
-from pneudrive.describe.provenance import marks
-from pneudrive.describe.starts import read_initial, start_state
+from pneudrive.describe.files.provenance import marks
+from pneudrive.describe.tables.parts import Initial
+from pneudrive.describe.tables.starts import read_initial, start_state
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, nearest
 from pneudrive.free.parameters import family_of, numbers_of
 

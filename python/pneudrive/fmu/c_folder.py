@@ -9,14 +9,14 @@ from pneudrive.errors import CommandError
 from pneudrive.fmu.binary import binary_name, binary_path
 from pneudrive.fmu.package import complete_plan
 from pneudrive.fmu.variables import RTOL
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.describe.parts import Initial
+    from pneudrive.describe.tables.parts import Initial
 
 HEADER, EXAMPLE, PLAN = "pneudrive.h", "example.c", "drive.json"
 

@@ -13,16 +13,16 @@ from pneudrive.fmu.binary import PLATFORMS, binary_path, try_plan
 from pneudrive.fmu.description import IDENTIFIER, description
 from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
 from pneudrive.show import Shown
-from pneudrive.simulate import require
-from pneudrive.start import check_tolerance
-from pneudrive.trajectory import check_target, whole
+from pneudrive.simulation.simulate import require
+from pneudrive.simulation.start import check_tolerance
+from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.describe.parts import Initial
+    from pneudrive.describe.tables.parts import Initial
     from pneudrive.fmu.variables import FmuPlan
 
 VERSIONS = ("2.0", "3.0")

@@ -12,14 +12,14 @@ from pneudrive.describe.drive import Drive
 from pneudrive.describe.system import short_name
 from pneudrive.errors import DescriptionError
 from pneudrive.free.lines import beside, numbers
-from pneudrive.trajectory import meaning
+from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pneudrive._core import Session as CoreSession
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.parts import Initial
+    from pneudrive.describe.tables.parts import Initial
 
 #: Numbers of a valve that give the command a history or the circuit other states: fixed in an FMU.
 _HISTORY = ("frequency", "delay", "hysteresis", "overlap", "leakage")

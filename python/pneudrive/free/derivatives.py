@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from pneudrive import command as commands
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.free.parameters import family_of, find
-from pneudrive.start import ready
+from pneudrive.simulation import command as commands
+from pneudrive.simulation.start import ready
 from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pneudrive._core import Shooting
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.describe.parts import Initial
+    from pneudrive.describe.tables.parts import Initial
     from pneudrive.free.parameters import Parameter
     from pneudrive.watch import Watch
 
@@ -38,7 +38,7 @@ class Sensitivities:
         Names as in a trajectory file.
     values : ndarray, shape (n, c)
     derivatives : ndarray, shape (n, c, p)
-        SI; by each parameter including its derived values, see `pneudrive.describe.derived`.
+        SI; by each parameter including its derived values, see `pneudrive.describe.tables.derived`.
     parameters : list of Parameter
     """
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.describe.components import STATED, parameter_quantity
-from pneudrive.describe.derived import derived
 from pneudrive.describe.system import compiled
+from pneudrive.describe.tables.derived import derived
 from pneudrive.errors import CommandError, FitError, nearest
 from pneudrive.free import lines
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
-    from pneudrive.describe.derived import Derived
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.system import ShortNames
+    from pneudrive.describe.tables.derived import Derived
 
     Array = NDArray[np.float64]
 

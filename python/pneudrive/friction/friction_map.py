@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.files.csv_tables import read_csv
 from pneudrive.files.tables import open_table
-from pneudrive.trajectory import check_target, write_frame
+from pneudrive.simulation.trajectory import check_target, write_frame
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.toml import read
+from pneudrive.describe.files.toml import read
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

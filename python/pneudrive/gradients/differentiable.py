@@ -9,19 +9,19 @@ import numpy as np
 from pneudrive.ensemble.outputs import SignalNames, reductions
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.free.derivatives import Differentiator
-from pneudrive.simulate import positive
-from pneudrive.start import start
+from pneudrive.simulation.simulate import positive
+from pneudrive.simulation.start import start
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from pneudrive.command import Commands
     from pneudrive.describe.drive import Drive
-    from pneudrive.describe.parts import Initial
+    from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.outputs import Output, Reduction
     from pneudrive.free.derivatives import Sensitivities
+    from pneudrive.simulation.command import Commands
 
     Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
-from pneudrive.describe import toml
+from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.determined import SIMULATED, Intervals, Undetermined, names_of, shown_in, whole_interval
@@ -19,7 +19,7 @@ from pneudrive.identify.identified import Identified, joined
 from pneudrive.lazy import upper
 from pneudrive.numbers import places, plain
 from pneudrive.show import Shown
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from pneudrive.describe.friction import has_bristles
+from pneudrive.describe.tables.friction import has_bristles
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.describe import toml
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.load import OF_A_CIRCUIT
+from pneudrive.describe.files import toml
+from pneudrive.describe.files.load import OF_A_CIRCUIT
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.identify.dynamic.presliding import Presliding
 from pneudrive.identify.dynamic.result import DriveFit

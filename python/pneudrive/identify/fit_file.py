@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr, ValidationError
 
-from pneudrive.describe import toml
+from pneudrive.describe.files import toml
 from pneudrive.errors import FitError
 
 if TYPE_CHECKING:

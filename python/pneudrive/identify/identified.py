@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 from pneudrive import units
 from pneudrive.describe.base import Quantity, StatedPressure
 from pneudrive.describe.components import parameter_quantity
-from pneudrive.describe.dependences import SealPressure
-from pneudrive.describe.friction import assumed_with, friction_laws
+from pneudrive.describe.files.provenance import marks as marks_of
+from pneudrive.describe.files.provenance import values as values_of
 from pneudrive.describe.parameters import parameter_quantities
-from pneudrive.describe.provenance import marks as marks_of
-from pneudrive.describe.provenance import values as values_of
+from pneudrive.describe.tables.dependences import SealPressure
+from pneudrive.describe.tables.friction import assumed_with, friction_laws
 from pneudrive.errors import FitError, nearest, warn
 from pneudrive.free.parameters import with_shape
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
 from pneudrive.report import style
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
     from pneudrive.signals.proposal.propose import Proposal

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from pneudrive.errors import shown
 from pneudrive.files.writing import make_subfolder
 from pneudrive.report import style
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

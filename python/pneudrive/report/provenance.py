@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive import __version__
-from pneudrive.describe.friction import friction_laws
+from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.references import entries
 from pneudrive.report.page import Items, Paragraph, Section
 from pneudrive.report.topics import Topic

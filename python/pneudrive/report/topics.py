@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.toml import tomllib
+from pneudrive.describe.files.toml import tomllib
 from pneudrive.report.page import Block, Items, PageTable, Paragraph, Picture, Section
 from pneudrive.report.tables import PageColumn, table
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
 from pneudrive.report.written import PICTURES, drawn, write_picture
-from pneudrive.trajectory import attributes, check_si, whole
+from pneudrive.simulation.trajectory import attributes, check_si, whole
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pneudrive.errors import CommandError
 from pneudrive.report import style
 from pneudrive.report.page import Items, PageTable, Paragraph, Picture
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

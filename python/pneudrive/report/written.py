@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
-from pneudrive.trajectory import check_target, whole
+from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.constants import LEAK_CRITICAL_RATIO
-from pneudrive.dragged import AMBIENT, Dragged
 from pneudrive.errors import SimulationError
+from pneudrive.simulation.dragged import AMBIENT, Dragged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pneudrive.describe import toml
 from pneudrive.describe.base import wrong
-from pneudrive.describe.friction import Friction
-from pneudrive.describe.geometry import piston_areas
+from pneudrive.describe.files import toml
+from pneudrive.describe.tables.friction import Friction
+from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import Problems
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.keys import KEYS, NEEDED, RIGID

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.describe.base import Bounds, Mark, Quantity, StatedPressure, WrongValueError
 from pneudrive.describe.components import component_kinds
-from pneudrive.describe.geometry import KINDS
 from pneudrive.describe.marks import Choice
 from pneudrive.describe.parameters import parameter_quantity
+from pneudrive.describe.tables.geometry import KINDS
 from pneudrive.rig.sensors import CLOCKS
 
 

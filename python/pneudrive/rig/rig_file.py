@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field, PrivateAttr, StrictBool, model_validator
 
 from pneudrive import units
-from pneudrive.describe import toml
 from pneudrive.describe.base import Angle, Bounds, Described, Mark, Quantity, StatedPressure, WrongValueError, wrong
-from pneudrive.describe.geometry import PistonTable
+from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Between, PressureBetween, Reads, absolute
+from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import Problems, RigError, nearest
 from pneudrive.rig.interface import Envelope, Identity
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities

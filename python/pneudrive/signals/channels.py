@@ -17,7 +17,7 @@ from pneudrive.signals.load import read_table
 from pneudrive.signals.tables.formats import TEXT_KINDS, names_of
 from pneudrive.signals.tables.raw_table import read_raw_table
 from pneudrive.signals.tables.sniff import sniff_format
-from pneudrive.trajectory import meaning, save_columns
+from pneudrive.simulation.trajectory import meaning, save_columns
 from pneudrive.units import converter, is_unit
 
 if TYPE_CHECKING:

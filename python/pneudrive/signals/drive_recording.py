@@ -19,7 +19,7 @@ from pneudrive.signals.layout import Layout, SampledLayout, stem
 from pneudrive.signals.load import aligned, convert, find_layout, layout_beside, read_raw
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.trajectories import is_run
-from pneudrive.trajectory import columns_in, meaning, read_columns
+from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -11,8 +11,8 @@ from pydantic import Field, StrictBool, create_model, model_validator
 from pneudrive import units
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Angle, Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
-from pneudrive.describe.geometry import PistonTable
 from pneudrive.describe.marks import Between, Choice, Percent, PressureBetween, Reads, Whole, absolute
+from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities

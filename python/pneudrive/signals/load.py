@@ -29,7 +29,7 @@ from pneudrive.signals.trajectories import (
     read_trajectory,
     recording_of,
 )
-from pneudrive.trajectory import read_columns as read_trajectory_columns
+from pneudrive.simulation.trajectory import read_columns as read_trajectory_columns
 from pneudrive.units import converter
 
 if TYPE_CHECKING:

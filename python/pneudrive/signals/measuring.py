@@ -18,7 +18,7 @@ from pneudrive.signals.load import find_layout, load_drive_motion, load_recordin
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.samples import SampleFault, find_faults
 from pneudrive.signals.trajectories import is_trajectory, read_trajectory
-from pneudrive.trajectory import SUFFIXES
+from pneudrive.simulation.trajectory import SUFFIXES
 from pneudrive.units import parse
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.signals.recording import CHANNELS, Recording
-from pneudrive.trajectory import columns_in, meaning, read_columns
+from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.constants import ANR_LITRES_PER_KG
-from pneudrive.describe.catalogue import entries
+from pneudrive.describe.files.catalogue import entries
 from pneudrive.numbers import plain as three
 from pneudrive.sizing.choices import WITHOUT
 

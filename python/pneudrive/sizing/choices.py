@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe.base import wrong
-from pneudrive.describe.catalogue import PREFIX, check, entries, part_table
 from pneudrive.describe.components import component_class
-from pneudrive.describe.sourced import parted
+from pneudrive.describe.files.catalogue import PREFIX, check, entries, part_table
+from pneudrive.describe.files.sourced import parted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.describe.catalogue import Entry
+    from pneudrive.describe.files.catalogue import Entry
     from pneudrive.sizing.task import SizingTask
 
 CYLINDERS = ("cylinder/rodless", "cylinder/single-rod", "cylinder/through-rod")

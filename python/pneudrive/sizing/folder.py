@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__
-from pneudrive.describe.catalogue import entries
+from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
 from pneudrive.files.lock import take
 from pneudrive.files.writing import NO_FOLLOW, open_to_append
+from pneudrive.simulation.trajectory import whole
 from pneudrive.sizing.sized_drive import SizedDrive
 from pneudrive.sizing.strokes import Setting
 from pneudrive.sizing.tune import Tuned
-from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
     from types import TracebackType

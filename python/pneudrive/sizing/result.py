@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.lazy import upper
 from pneudrive.numbers import plain as three
 from pneudrive.show import Card, Shown
+from pneudrive.simulation.trajectory import whole
 from pneudrive.sizing.answer import sentence, taken, yearly
 from pneudrive.sizing.choices import SLOTS
 from pneudrive.sizing.sized_drive import Provisional, SizedDrive
 from pneudrive.sizing.strokes import Setting, circuit_of
-from pneudrive.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -13,7 +13,6 @@ from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
-from pneudrive.describe import toml
 from pneudrive.describe.all_values import leaves
 from pneudrive.describe.base import (
     Angle,
@@ -28,9 +27,10 @@ from pneudrive.describe.base import (
     wrong,
 )
 from pneudrive.describe.base import StatedPressure as Stated
-from pneudrive.describe.catalogue import entries
+from pneudrive.describe.files import toml
+from pneudrive.describe.files.catalogue import entries
 from pneudrive.describe.marks import Between, Percent
-from pneudrive.describe.parts import Ambient
+from pneudrive.describe.tables.parts import Ambient
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -22,7 +22,7 @@ from pneudrive.friction.campaign.characteristics import characterise
 from pneudrive.identify.static.fit import fit_friction
 from pneudrive.report import style
 from pneudrive.report.page import PageTable, Paragraph, Picture, section
-from pneudrive.simulate import simulate
+from pneudrive.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.describe import toml
 from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
 from pneudrive.identify.follow.doubts import check_readings, open_recordings, other_readings, poor_fit
 from pneudrive.identify.follow.driven import DrivenCircuit
 from pneudrive.identify.follow.fit import FollowFit, FollowRecord, follow_record, hold_values, record_line
 from pneudrive.identify.follow.motion import driven_recordings
 from pneudrive.show import Card, Shown
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 from pneudrive.validate.closure import Closure, close_balance
 from pneudrive.watch import Watch
 

@@ -13,7 +13,7 @@ from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.identify.static.friction_curve import steady_friction
 from pneudrive.show import Shown
-from pneudrive.trajectory import columns_in
+from pneudrive.simulation.trajectory import columns_in
 from pneudrive.validate.metrics import Metrics, metrics
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class FrictionValidation(Shown):
         """Write friction.csv, with a row for each measured point, into an existing folder."""
         import polars as pl
 
-        from pneudrive.trajectory import check_target, write_frame
+        from pneudrive.simulation.trajectory import check_target, write_frame
 
         target = check_target(Path(folder) / "friction.csv", (".csv",))
         names = ("condition", "direction", "speed_m_s", "friction_n", "low_n", "high_n", "model_n")

@@ -15,7 +15,7 @@ from pneudrive.identify.base import sections
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.show import Card, Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
-from pneudrive.trajectory import save_columns, whole
+from pneudrive.simulation.trajectory import save_columns, whole
 from pneudrive.validate.breakaway import RecordedBreakaway, breakaways
 from pneudrive.validate.diagnosis import diagnose
 from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness

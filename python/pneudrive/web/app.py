@@ -239,7 +239,7 @@ class _Views:
 
     def studies(self, _given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """List the workspace and the drives of the catalogue."""
-        from pneudrive.describe.catalogue import PREFIX, entries
+        from pneudrive.describe.files.catalogue import PREFIX, entries
 
         drives = [{"path": f"{PREFIX}{name}", "title": one.title} for name, one in entries().items() if one.is_drive]
         files, left_out = self.workspace.listed()

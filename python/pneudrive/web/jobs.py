@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
 from pneudrive.files import child
-from pneudrive.trajectory import SUFFIXES
+from pneudrive.simulation.trajectory import SUFFIXES
 from pneudrive.web.cache import log_folder
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, safe
 

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
 from pneudrive.control.card import ABOUT as COMPARISON
-from pneudrive.describe import toml
-from pneudrive.describe.catalogue import entries
 from pneudrive.describe.drive import Drive
+from pneudrive.describe.files import toml
+from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError, FitError, PneudriveError
 from pneudrive.files.content import read_json
 from pneudrive.files.tables import open_table
@@ -36,7 +36,7 @@ from pneudrive.identify.volume_result import VolumeFit
 from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
 from pneudrive.signals.layout import stem
 from pneudrive.signals.load import hashes_of
-from pneudrive.trajectory import SUFFIXES, columns_in
+from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.drive.drives import drive_at, hash_at
 from pneudrive.web.drive.run_request import described_at, kept
 from pneudrive.web.jobs import RESULTS

@@ -11,7 +11,7 @@ import numpy as np
 from starlette.websockets import WebSocketDisconnect
 
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
-from pneudrive.trajectory import meaning
+from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.web.drive.beside import ExtrasRequest
 from pneudrive.web.drive.run_request import RunLimit, RunRequest
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from starlette.websockets import WebSocket
 
-    from pneudrive.simulate import Run
+    from pneudrive.simulation.simulate import Run
     from pneudrive.web.workspace import Workspace
 
 #: Panels of the page: quantity of the columns in it, its SI unit, and its title.

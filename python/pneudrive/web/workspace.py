@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import CommandError
 from pneudrive.files.content import exists, read_text
 from pneudrive.files.lock import alone_in
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -130,7 +130,7 @@ class Workspace:
 
     def check_named(self, name: str, tables: dict[str, Any]) -> None:
         """Refuse a description that names a file outside the workspace. Names are relative to its folder."""
-        from pneudrive.describe.written import FILE_PREFIX
+        from pneudrive.describe.formulas.written import FILE_PREFIX
 
         for given in _texts(tables):
             if given.startswith(FILE_PREFIX):
@@ -267,7 +267,7 @@ def fingerprint(text: str) -> str:
 
 def is_in_catalogue(name: str) -> bool:
     """Return whether a name belongs to the catalogue and therefore not to a file of the workspace."""
-    from pneudrive.describe.catalogue import PREFIX
+    from pneudrive.describe.files.catalogue import PREFIX
 
     return name.startswith(PREFIX)
 

@@ -7,7 +7,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.datasheet.strokes import drawn_mass, litres_anr, stroke_numbers, stroke_of
-from pneudrive.trajectory import columns
+from pneudrive.simulation.trajectory import columns
 
 START = pn.Initial(position="50 mm", pressure_a="3 bar abs", pressure_b="3 bar abs")
 

@@ -155,8 +155,8 @@ def drive_with(more):
 @pytest.mark.parametrize("part", LAWS)
 def test_the_table_of_a_drive_gives_its_friction_back(part):
     """Each part of the law is a row: from the rows alone follows the same law."""
-    from pneudrive.describe import toml
-    from pneudrive.describe.friction import Friction
+    from pneudrive.describe.files import toml
+    from pneudrive.describe.tables.friction import Friction
     from pneudrive.identify.export import curve_of_drive, export
 
     drive = drive_with(LAWS[part])

@@ -11,7 +11,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.describe import Drive
-from pneudrive.describe.provenance import values
+from pneudrive.describe.files.provenance import values
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.identify import fit_friction
 from pneudrive.identify.identified import Identified, apply_identified

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.campaign.planning.plan import cell_name
-from pneudrive.describe import toml
+from pneudrive.describe.files import toml
 from pneudrive.errors import ProtocolError
 
 if TYPE_CHECKING:

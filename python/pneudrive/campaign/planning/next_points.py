@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.campaign.planning.plan import cell_name, lay_out
 from pneudrive.campaign.planning.protocol import parse_protocol
-from pneudrive.describe.toml import value_text
+from pneudrive.describe.files.toml import value_text
 from pneudrive.identify.design import Limits
 
 if TYPE_CHECKING:

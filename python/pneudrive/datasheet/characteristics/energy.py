@@ -11,15 +11,15 @@ from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.errors import PneudriveWarning
 from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
-from pneudrive.simulate import run
+from pneudrive.simulation.simulate import run
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.command import Commands
     from pneudrive.describe import Drive, Initial
     from pneudrive.describe.circuit import Circuit
+    from pneudrive.simulation.command import Commands
     from pneudrive.watch import Flag
 
 _JOULE = " [J]"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.datasheet.plant import HeldDrive
-    from pneudrive.session import Linear
+    from pneudrive.simulation.session import Linear
 
     Array = NDArray[np.float64]
     Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]

@@ -12,15 +12,15 @@ from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.strokes import StrokeNumbers, stroke_numbers
 from pneudrive.describe.system import short_name
 from pneudrive.errors import CommandError, PneudriveWarning, SimulationError
-from pneudrive.simulate import simulate
-from pneudrive.trajectory import columns as columns_of
+from pneudrive.simulation.simulate import simulate
+from pneudrive.simulation.trajectory import columns as columns_of
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.command import Commands
     from pneudrive.datasheet.plant import HeldDrive
+    from pneudrive.simulation.command import Commands
 
     Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from pneudrive.datasheet.characteristics.stiffness import adiabatic_stiffness
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.base import StatedPressure
-from pneudrive.describe.provenance import values
+from pneudrive.describe.files.provenance import values
 from pneudrive.errors import CommandError, PneudriveError, nearest
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.describe.toml import key_text, value_text
+from pneudrive.describe.files.toml import key_text, value_text
 from pneudrive.friction.campaign.stops.files import STOPS_FILE, dwell_tables, write_stops
 from pneudrive.friction.friction_map import write_map
-from pneudrive.trajectory import check_target, whole, write_frame
+from pneudrive.simulation.trajectory import check_target, whole, write_frame
 
 if TYPE_CHECKING:
     from pneudrive.friction.campaign.compare.comparison import Comparison

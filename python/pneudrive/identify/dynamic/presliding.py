@@ -16,7 +16,6 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.dragged import Dragged
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.base import Fit
@@ -24,6 +23,7 @@ from pneudrive.identify.determined import SIMULATED, FittedData, Undetermined
 from pneudrive.identify.dynamic.states import white_noise
 from pneudrive.identify.dynamic.undetermined import LARGEST_REACH, unresolved_damping
 from pneudrive.identify.identified import apply_identified
+from pneudrive.simulation.dragged import Dragged
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

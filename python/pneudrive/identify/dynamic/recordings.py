@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import RecordingError, nearest
-from pneudrive.trajectory import meaning
+from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,7 +19,7 @@ from pneudrive.identify.dynamic.recordings import CHANNELS
 from pneudrive.identify.identified import apply_identified
 from pneudrive.identify.static.friction_curve import SlidingCurve, curve_of_drive
 from pneudrive.numbers import plain
-from pneudrive.trajectory import meaning
+from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:

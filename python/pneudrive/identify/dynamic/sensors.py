@@ -15,7 +15,7 @@ import numpy as np
 
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.identify.dynamic.recordings import CHANNELS
-from pneudrive.trajectory import meaning
+from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

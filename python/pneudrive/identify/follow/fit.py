@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.describe import toml
 from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.identify.follow.doubts import check_readings, other_readings, poor_fit, refuse_open
 from pneudrive.identify.follow.driven import GROUPS, SIDES, DrivenCircuit
@@ -18,7 +18,7 @@ from pneudrive.identify.follow.motion import driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, solve_follow
 from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 from pneudrive.watch import Watch
 
 if TYPE_CHECKING:

@@ -16,13 +16,13 @@ from scipy.stats import t as student
 
 from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure
+from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.numbers import plain
 from pneudrive.show import Card, Shown
 from pneudrive.signals.drive_recording import read_volume_recordings
-from pneudrive.trajectory import whole
+from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -39,7 +39,7 @@ def simulate_motion(
     Returns
     -------
     dict, dict
-        Columns of the trajectory in SI, by name; provenance for `pneudrive.trajectory.save_columns`.
+        Columns of the trajectory in SI, by name; provenance for `pneudrive.simulation.trajectory.save_columns`.
 
     Raises
     ------

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.describe.friction import Friction
+    from pneudrive.describe.tables.friction import Friction
     from pneudrive.identify.static.model import Observations
     from pneudrive.identify.static.robust import RobustEstimate
 

@@ -14,7 +14,7 @@ from pneudrive.identify.static.model import StaticLaw
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.describe.friction import Friction
+    from pneudrive.describe.tables.friction import Friction
     from pneudrive.identify.static.model import Observations
 
     Array = NDArray[np.float64]

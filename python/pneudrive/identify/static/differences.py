@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.provenance import values
+from pneudrive.describe.files.provenance import values
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import Estimate
 

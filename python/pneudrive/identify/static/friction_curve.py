@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from pneudrive.describe.base import Described, Quantity
-from pneudrive.describe.provenance import values
+from pneudrive.describe.files.provenance import values
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.show import Shown
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
-    from pneudrive.describe.friction import Friction
-    from pneudrive.describe.provenance import GivenNumber
+    from pneudrive.describe.files.provenance import GivenNumber
+    from pneudrive.describe.tables.friction import Friction
 
     Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pneudrive.describe.dependences import DEPENDENCES
-from pneudrive.describe.friction import Friction
 from pneudrive.describe.parameters import parameter_quantities
+from pneudrive.describe.tables.dependences import DEPENDENCES
+from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import FitError
 from pneudrive.identify.identified import Identified, apply_identified
 from pneudrive.identify.static.core_law import AnyLaw

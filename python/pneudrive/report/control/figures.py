@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive.report import style
 from pneudrive.report.axes import zero_line
 from pneudrive.report.written import drawn
-from pneudrive.trajectory import check_si
+from pneudrive.simulation.trajectory import check_si
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -17,7 +17,7 @@ from pneudrive.report.datasheet.figures import panel
 from pneudrive.report.page import Items, PageTable, Paragraph, Picture, Report, inline, section, svg_text
 from pneudrive.report.provenance import reference
 from pneudrive.report.typst_page import write_pdf
-from pneudrive.trajectory import check_target, whole
+from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from pneudrive import __version__
 from pneudrive.constants import ANR_LITRES_PER_KG
-from pneudrive.describe import toml
 from pneudrive.describe.all_values import values_of
+from pneudrive.describe.files import toml
 from pneudrive.report import style
 from pneudrive.report.circuit.drawing import draw_circuit
 from pneudrive.report.page import Items, PageTable, Paragraph, Picture, Report, section

@@ -24,8 +24,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, create_model
 
-from pneudrive.describe import toml
 from pneudrive.describe.base import Bounds, Described, Mark, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Whole
 from pneudrive.errors import RigError, nearest
 from pneudrive.signals.tables.column_units import column_unit

@@ -408,7 +408,7 @@ def _time(roles: Roles) -> None:
 
 
 def _toml(place: int | str) -> str:
-    from pneudrive.describe.toml import value_text
+    from pneudrive.describe.files.toml import value_text
 
     return value_text(place)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.describe.toml import value_text
+from pneudrive.describe.files.toml import value_text
 from pneudrive.signals.tables.names import WORDS
 from pneudrive.units import converter
 

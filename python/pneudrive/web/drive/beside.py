@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field, StrictStr, field_validator
 
-from pneudrive.describe.geometry import chamber_sizes
+from pneudrive.describe.tables.geometry import chamber_sizes
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.trajectory import columns_in, meaning, read_columns
+from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
 from pneudrive.watch import Watch
 from pneudrive.web.drive.run_request import RunRequest, described_at
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.ensemble.study import EnsembleStudy
-    from pneudrive.simulate import Run
+    from pneudrive.simulation.simulate import Run
     from pneudrive.web.drive.run_request import RunLimit
     from pneudrive.web.workspace import Workspace
 

@@ -21,7 +21,7 @@ from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import RECORDS, reference
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import laws
-from pneudrive.describe import toml
+from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.watch import Watch
 from pneudrive.web.drive.run_request import MOST_SAMPLES, RunLimit, described_at
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pneudrive.control.loop import Prepared
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.simulate import Run
+    from pneudrive.simulation.simulate import Run
     from pneudrive.web.workspace import Workspace
 
 MOST_SECONDS = 10.0  # of a run under control, on the clock

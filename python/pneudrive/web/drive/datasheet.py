@@ -30,7 +30,7 @@ def datasheet_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     described_at(workspace, drive)
     out = f"{RESULTS}/{folder_name(given.get('name'))}/{REPORT}"
     loaded = (
-        "from pneudrive.datasheet.sheet import build\nfrom pneudrive.describe.load import load_described\n"
+        "from pneudrive.datasheet.sheet import build\nfrom pneudrive.describe.files.load import load_described\n"
         "from pneudrive.watch import Watch\n\n"
     )
     python = f"{loaded}sheet = build(load_described({drive!r}), [], None, Watch())\n"

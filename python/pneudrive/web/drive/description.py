@@ -9,13 +9,13 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable
 
-from pneudrive.describe import toml
 from pneudrive.describe.all_values import leaves, values_of
 from pneudrive.describe.components import COMMAND
+from pneudrive.describe.files import toml
+from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.short import expanded
-from pneudrive.describe.written import FILE_PREFIX
 from pneudrive.errors import CommandError, PneudriveError, Problems
-from pneudrive.start import start
+from pneudrive.simulation.start import start
 from pneudrive.units import in_unit, like
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.messages import problems_of

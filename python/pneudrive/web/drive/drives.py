@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from pneudrive.describe import toml
 from pneudrive.describe.drive import Drive
+from pneudrive.describe.files import toml
 from pneudrive.errors import PneudriveError
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit

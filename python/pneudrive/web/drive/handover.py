@@ -52,7 +52,7 @@ def export_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     options += ["actuator=True"] if actuator else []
     options += [f"initial={start!r}"] if start else []
     call = ", ".join(["drive", repr(out), *options])
-    loaded = "import pneudrive as pn\nfrom pneudrive.describe.load import load_described\n\n"
+    loaded = "import pneudrive as pn\nfrom pneudrive.describe.files.load import load_described\n\n"
     python = f"{loaded}drive = load_described({drive!r})\ndone = pn.export_{form}({call})\n"
     return AskedJob(tuple(words), out, python=python)
 

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from pydantic import AfterValidator, Field, StrictStr, field_validator
 
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.load import described_in
-from pneudrive.describe.written import FILE_PREFIX
+from pneudrive.describe.files.load import described_in
+from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.errors import CommandError
-from pneudrive.simulate import positive, run
+from pneudrive.simulation.simulate import positive, run
 from pneudrive.watch import Watch
 from pneudrive.web.requests import PageRequest, Pixels, Value
 from pneudrive.web.workspace import COMMANDS, is_in_catalogue, safe
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.simulate import Run
+    from pneudrive.simulation.simulate import Run
     from pneudrive.watch import Flag
     from pneudrive.web.workspace import Workspace
 

@@ -21,7 +21,7 @@ from pneudrive.signals.measuring import motion_of, nearest_sample, strokes_in
 from pneudrive.signals.samples import find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.signals.trajectories import is_trajectory
-from pneudrive.trajectory import SUFFIXES
+from pneudrive.simulation.trajectory import SUFFIXES
 from pneudrive.watch import Watch
 from pneudrive.web.cache import cache_folder
 from pneudrive.web.measured.samples import KeptSamples

@@ -12,16 +12,16 @@ import numpy as np
 from pydantic import Field, StrictInt, StrictStr
 
 from pneudrive import units
-from pneudrive.describe import toml
 from pneudrive.describe.all_values import DescribedValue, values_of
-from pneudrive.describe.catalogue import entries
 from pneudrive.describe.drive import Drive
+from pneudrive.describe.files import toml
+from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
 from pneudrive.free.parameters import Parameter, numbers_of, with_shape
 from pneudrive.identify.files import read_fit
 from pneudrive.identify.static.differences import differences
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
-from pneudrive.trajectory import SUFFIXES, columns_in, read_columns
+from pneudrive.simulation.trajectory import SUFFIXES, columns_in, read_columns
 from pneudrive.units import readable
 from pneudrive.validate.metrics import metrics
 from pneudrive.validate.signals import Signals

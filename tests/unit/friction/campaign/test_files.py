@@ -12,7 +12,7 @@ import pneudrive as pn
 from oracle.campaigns import BAR, Friction, World, write_campaign
 from pneudrive.characterise import read_map
 from pneudrive.characteristics import characteristics, fit_campaign, write_characteristics
-from pneudrive.describe.toml import tomllib
+from pneudrive.describe.files.toml import tomllib
 
 TRUE = Friction(coulomb=20.0, breakaway=32.0, stribeck_m_s=0.012, viscous=40.0, lip_a=2.0)
 GAUGES = ((0.0, 0.0), (1.5 * BAR, 0.0))

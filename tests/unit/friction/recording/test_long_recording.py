@@ -13,7 +13,7 @@ from pneudrive.characterise import Layout, SourcePaper, characterise_recordings
 from pneudrive.errors import RecordingError
 from pneudrive.friction.recording import long_recording
 from pneudrive.signals import load
-from pneudrive.trajectory import save_columns
+from pneudrive.simulation.trajectory import save_columns
 
 LAYOUT = """
 format = "parquet"

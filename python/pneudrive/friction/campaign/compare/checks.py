@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.constants import ZERO_CELSIUS_K
-from pneudrive.describe.toml import read
+from pneudrive.describe.files.toml import read
 from pneudrive.friction.reduction.condition import PA_PER_BAR
 
 if TYPE_CHECKING:

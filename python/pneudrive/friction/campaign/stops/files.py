@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from pneudrive.friction.campaign.stops.stop import Stop
-from pneudrive.trajectory import check_target, write_frame
+from pneudrive.simulation.trajectory import check_target, write_frame
 
 if TYPE_CHECKING:
     from pathlib import Path

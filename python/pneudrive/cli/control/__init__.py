@@ -1,0 +1,1 @@
+"""Command that controls a drive."""

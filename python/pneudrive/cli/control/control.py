@@ -1,0 +1,364 @@
+"""``pneudrive control``: tune laws from a drive's description, run and compare them, check references."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from pneudrive.cli.groups import group
+from pneudrive.cli.options import CatalogueFolders, Described, check_used, names_in
+from pneudrive.cli.output import show_table, tell
+from pneudrive.show import aligned
+
+if TYPE_CHECKING:
+    from pneudrive.control.comparison import ControlComparison
+    from pneudrive.control.measures import Score
+    from pneudrive.control.tuning import Tuning
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.simulation.simulate import Run
+
+control = group(
+    dict.fromkeys(("tune", "run", "compare", "reference", "export", "header"), "pneudrive.cli.control.control")
+)
+
+SetupOption = Annotated[
+    str,
+    typer.Option(
+        "--setup",
+        help="Sensors and converters: ideal, real, cheap (their values are assumed), or a TOML file.",
+    ),
+]
+Law = Annotated[str, typer.Option("--law", help="Law: pid, fuzzy, sliding-mode, super-twisting, inversion or nmpc.")]
+Along = Annotated[
+    str,
+    typer.Option(
+        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.',
+        metavar="REF",
+    ),
+]
+AllowCode = Annotated[
+    str | None,
+    typer.Option(help="Allow the law that a controller file names, if its file has this SHA-256.", metavar="SHA256"),
+]
+MismatchOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Deviation of the true drive from the description that the controller uses: all, mass+30, sag, "
+        "other-friction, load-step, ... (their values are assumed), or a TOML file."
+    ),
+]
+#: Reference along which a tuned law is tried, and share of its way by which that may miss it (assumed).
+TRIED_ALONG, MOST_TRIED = "R3", 0.1
+TOLD = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
+
+
+@control.callback()
+def _control() -> None:
+    """Control of drives along references, simulated: tune, run, compare, check a reference, export."""
+
+
+def tune(
+    drive: Described,
+    law: Law = "nmpc",
+    setup: SetupOption = "real",
+    out: Annotated[Path | None, typer.Option(help="Controller file (TOML) with all gains.")] = None,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Tune a controller from the description of a drive, with the rule and limits of each gain, and its result."""
+    from pneudrive.control.tuning import tune as tuned
+    from pneudrive.describe.files.load import load_described
+    from pneudrive.simulation.trajectory import check_target
+
+    if out is not None:
+        check_target(out, (".toml",))
+    described = load_described(drive)
+    found = tuned(described, law, setup=setup)
+    _show_tuning(found)
+    _try_out(described, found, setup)
+    _show_suitability(described, setup)
+    if out is not None:
+        replace(found, source=drive).save(out)
+    tell([out])
+
+
+def _show_tuning(found: Tuning) -> None:
+    typer.echo(f"{found.law} for {found.belief.name}, every {1e3 * found.period_s:g} ms\n")
+    rows = [(gain.key, str(gain), gain.meaning, gain.rule) for gain in found.numbers]
+    show_table(("gain", "<value", "<meaning", "<follows from"), rows)
+    typer.echo(f"\n{aligned(found.plant.rows())}\n")
+    typer.echo("\n".join(found.limits))
+
+
+def _try_out(drive: Drive | Circuit, found: Tuning, setup: str) -> None:
+    """Run the tuned controller on its assumed drive, and warn if it does not follow."""
+    from pneudrive.control.loop import prepare, run_prepared
+    from pneudrive.errors import PneudriveError, warn
+
+    try:
+        prepared = prepare(drive, None, TRIED_ALONG, setup=setup, controller=found)
+        tried = run_prepared(prepared, seed=1)
+    except PneudriveError as error:
+        warn(f"the law was not tried on this drive: {error.what}")
+        return
+    typer.echo(f"\nTried on this drive as it is described, along {prepared.reference.text}, simulated:")
+    score = _show_run(tried)
+    reach = prepared.reference.reach()
+    way_m = reach.highest_m - reach.lowest_m
+    if score.lost or score.max_error_m > MOST_TRIED * way_m:
+        missed = f"{found.law} misses by up to {1e3 * score.max_error_m:.3g} mm where it was tried"
+        warn(f"{missed}: take another law or drive")
+
+
+def _show_suitability(drive: Drive | Circuit, setup: str) -> None:
+    """Say of each controller whether it suits the drive."""
+    from pneudrive.control.suited import suitability
+
+    rows = [(one.law, "suits" if one.suits else "does not suit", one.reason) for one in suitability(drive, setup)]
+    typer.echo("\nEach controller along R3, as described and with half of the mass, simulated; take the first one:")
+    show_table(("<controller", "<suits", "<because"), rows)
+
+
+def _show_run(found: Run) -> Score:
+    from pneudrive.control.measures import Score
+
+    score = Score(**found.provenance["score"])
+    typer.echo(aligned(score.rows()))
+    for event in found.provenance["events"]:
+        unit = "" if event["unit"] == "1" else f" {event['unit']}"
+        typer.echo(f"{event['time_s']:.3f} s  {event['kind']}: {event['text']} {event['value']:.4g}{unit}")
+    return score
+
+
+def run(
+    drive: Described,
+    reference: Along,
+    controller: Annotated[
+        str | None,
+        typer.Option(help="Controller file (TOML), or the name of a law; default: nmpc.", metavar="FILE|LAW"),
+    ] = None,
+    law: Annotated[
+        str | None,
+        typer.Option(help="A law, or one of your own: mine.py:Law or mine.so:law. Its code runs.", metavar="LAW"),
+    ] = None,
+    setup: SetupOption = "real",
+    duration: Annotated[str | None, typer.Option(help='Duration, e.g. "12 s"; default: from the reference.')] = None,
+    seed: Annotated[int, typer.Option(help="Seed of all noise.", min=0)] = 1,
+    mismatch: MismatchOption = None,
+    initial: Annotated[
+        str | None, typer.Option(help='Start state, e.g. "pressure_a = 3 bar abs"; default: on the reference.')
+    ] = None,
+    rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-5,
+    out: Annotated[Path | None, typer.Option(help="Run: .parquet, .csv or .nc.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
+    allow_code: AllowCode = None,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Run a drive under control along a reference, and score it. Thresholds of its supervisor are assumed."""
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.control.loop import prepare, run_prepared
+    from pneudrive.describe.files.load import load_described
+    from pneudrive.errors import CommandError
+    from pneudrive.report.written import PICTURES
+    from pneudrive.simulation.trajectory import check_target, save
+
+    if out is not None:
+        check_target(out)
+    if plot is not None:
+        check_target(plot, PICTURES)
+    is_file = controller is not None and controller.endswith(".toml")
+    if law and controller and not is_file and law != controller:
+        raise CommandError(f"--law {law} and --controller {controller} are given", remedy="Give one.")
+    prepared = prepare(
+        load_described(drive),
+        law if is_file or law else controller,
+        reference,
+        setup=setup,
+        duration=duration,
+        controller=controller if is_file else None,
+        mismatch=mismatch,
+        initial=initial,
+        rtol=rtol,
+        allow_code=allow_code,
+    )
+    found = run_prepared(prepared, seed, on_terminal())
+    belief, drive_name = prepared.tuning.belief.name, prepared.circuit.name
+    of = "" if belief == drive_name else f", told of {belief},"
+    title = f"{prepared.tuning.law}{of} on {drive_name} along {prepared.reference.text}"
+    typer.echo(f"{title}, setup {prepared.setup_name}, seed {seed}, simulated:")
+    _show_run(found)
+    if "law_failure" in found.provenance:
+        typer.echo(f"\n{found.provenance['law_failure']}\nAnother law took over.", err=True)
+    if out is not None:
+        save(found.dataset(), out)
+    if plot is not None:
+        from pneudrive.report.control.figures import plot_control
+
+        plot_control(found.dataset(), plot)
+    tell([out, plot])
+
+
+def compare(
+    drive: Described,
+    out: Annotated[Path, typer.Option(help="Folder for scores, runs and report; one that is begun is resumed.")],
+    laws: Annotated[
+        str,
+        typer.Option(
+            help="all, or laws, controller files and laws of your own (mine.py:Law) separated by commas.",
+            metavar="all|A,B",
+        ),
+    ] = "all",
+    references: Annotated[
+        str,
+        typer.Option(
+            help="standard (R1, R2, R3, R5, R6), or references separated by commas; R4 ramps, R7 targets, R8 a hand.",
+            metavar="standard|REF,...",
+        ),
+    ] = "standard",
+    seeds: Annotated[int, typer.Option(help="Number of seeds.")] = 5,
+    setup: SetupOption = "real",
+    allow_code: AllowCode = None,
+    mismatch: MismatchOption = None,
+    spread: Annotated[
+        str | None,
+        typer.Option(help="standard, or a TOML file with ranges: members, each a different drive, in place of seeds."),
+    ] = None,
+    members: Annotated[int | None, typer.Option(help="Number of members of the spread; default 200.")] = None,
+    threads: Annotated[
+        int | None, typer.Option(help="Runs at the same time; default: the processors. Results do not depend on it.")
+    ] = None,
+    keep_runs: Annotated[
+        bool | None, typer.Option("--keep-runs/--scores-only", help="Keep samples of each run; default: no spread.")
+    ] = None,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Compare laws along references, with seeds or a spread of drives: score.csv, score.parquet, and report.html."""
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.control.card import SCORES
+    from pneudrive.control.comparison import compare_watched
+    from pneudrive.describe.files.load import load_described
+    from pneudrive.report.control.page import write_control_report
+
+    described = load_described(drive)
+    words = laws if laws == "all" else names_in(laws)
+    along = references if references == "standard" else names_in(references)
+    of: dict[str, Any] = {"mismatch": mismatch, "spread": spread, "members": members, "threads": threads}
+    of |= {"out": out, "seeds": seeds, "setup": setup, "keep_runs": keep_runs, "allow_code": allow_code}
+    found = compare_watched(described, words, along, **of, named=drive, watch=on_terminal())
+    _show_comparison(found)
+    _show_failures(found)
+    tell([out / SCORES, write_control_report(found, out)])
+
+
+def _show_comparison(found: ControlComparison) -> None:
+    from pneudrive.control.measures import SHOWN, SPREAD_SHOWN
+
+    heads = ["law", *(title for title, *_ in SHOWN.values()), "lost"]
+    shown = [0, *(1 + list(SHOWN).index(name) for name in TOLD), len(heads) - 1]
+    for name, one in found.references.items():
+        called = name if name == one.text else f"{name}, {one.text}"
+        if found.spread:
+            typer.echo(f"\n{called}, simulated, spread {found.spread}: 50 / 95 / 100 % of {_members(found)} stay below")
+            show_table(["law", *(SHOWN[one][0] for one in SPREAD_SHOWN), "lost"], found.spread_rows(name))
+            continue
+        typer.echo(f"\n{called}, simulated, median of the seeds")
+        rows = found.rows(name)
+        used = [i for i in shown if i == 0 or any(row[i] for row in rows)]
+        show_table([heads[i] for i in used], [[row[i] for i in used] for row in rows])
+
+
+def _show_failures(found: ControlComparison) -> None:
+    """Tell each reason for which runs ended early, once, with their number."""
+    reasons = Counter((run.law, run.reason) for run in found.runs if run.reason)
+    for (law, reason), count in reasons.items():
+        typer.echo(f"{count} {'run' if count == 1 else 'runs'} of {law} ended early: {reason}", err=True)
+
+
+def _members(found: ControlComparison) -> int:
+    return len({run.seed for run in found.runs})
+
+
+def reference(
+    along: Annotated[str, typer.Argument(help="Reference, as for run.", metavar="REF")],
+    drive: Annotated[str, typer.Option(help="Drive or circuit file (TOML), or catalogue:NAME.")],
+    plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Check a reference against a drive: stroke, load of valve, force and speed, and the necessary slowdown."""
+    from pneudrive.control.demand import feasibility
+    from pneudrive.control.references import check_reach
+    from pneudrive.control.standard_references import named_or_read
+    from pneudrive.control.tuning import tune as tuned
+    from pneudrive.describe.files.load import load_described
+    from pneudrive.report.written import PICTURES
+    from pneudrive.simulation.trajectory import check_target
+
+    if plot is not None:
+        check_target(plot, PICTURES)
+    tuning = tuned(load_described(drive))
+    found = named_or_read(along, tuning.plant.stroke_m, tuning.plant.speed_m_s)
+    typer.echo(f"{found.text}\n{aligned(feasibility(tuning, found).rows())}")
+    if plot is not None:
+        from pneudrive.report.control.figures import plot_reference
+
+        plot_reference(found, tuning.plant, plot)
+    tell([plot])
+    check_reach(found, tuning.plant.stroke_m, tuning.plant.speed_m_s)
+
+
+def export(
+    context: typer.Context,
+    controller: Annotated[
+        str, typer.Argument(help="Controller file (TOML), or the name of a law.", metavar="FILE|LAW")
+    ],
+    to: Annotated[
+        Literal["c", "st", "fmu"],
+        typer.Option(help="c; st, structured text of IEC 61131-3; or fmu, for other tools.", metavar="c|st|fmu"),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the files, or an .fmu file.")],
+    reference: Annotated[
+        str | None,
+        typer.Option(help='Reference of an FMU: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.', metavar="REF"),
+    ] = None,
+    fmi: Annotated[str, typer.Option(help="Version of an FMU: 2.0 or 3.0.")] = "2.0",
+    drive: Annotated[
+        str | None,
+        typer.Option(help="Drive or circuit file (TOML), or catalogue:NAME; may be left out where the file names it."),
+    ] = None,
+    setup: SetupOption = "real",
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Write a law with its observer as source code, or with all that is around it as an FMU."""
+    from pneudrive.control.source_code import export as exported
+    from pneudrive.control.tuning import believed_by
+    from pneudrive.control.tuning import tune as tuned
+    from pneudrive.describe.files.load import load_described
+
+    check_used(context, to, {"fmi": (("fmu",), "Remove it, or write --to fmu.")})
+    file = controller if controller.endswith(".toml") else None
+    described = believed_by(file) if drive is None else load_described(drive)
+    believes = None if drive is None else described  # it goes before the drive that the file names
+    found = tuned(described, None if file else controller, setup=setup, controller=file, believes=believes)
+    written = exported(found, to, out, setup=setup, along=reference, version=fmi)
+    if to != "fmu" and found.adaptation:
+        typer.echo("The written controller does not learn: friction and valve are those of the description.")
+    tell(written)
+
+
+def header(
+    out: Annotated[Path | None, typer.Option(help="File to write, for instance pneudrive_law.h.")] = None,
+) -> None:
+    """Write the C header of compiled laws."""
+    from pneudrive.control.own_law import c_header
+    from pneudrive.simulation.trajectory import whole
+
+    if out is None:
+        typer.echo(c_header(), nl=False)
+        return
+    with whole(out) as temporary:
+        temporary.write_text(c_header(), encoding="utf-8")
+    tell([out])

@@ -1,0 +1,35 @@
+"""``pneudrive draw``: draw a drive or a circuit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pneudrive.cli.options import CatalogueFolders, Described
+
+
+def draw(
+    drive: Described,
+    out: Annotated[Path, typer.Option(help="Picture: .svg, .png or .pdf.")] = Path("circuit.svg"),
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Draw a drive or a circuit with symbols after ISO 1219."""
+    from pneudrive.describe.files import toml
+    from pneudrive.describe.files.load import load_described
+    from pneudrive.errors import DescriptionError
+    from pneudrive.files.content import read_text
+    from pneudrive.report.circuit.drawing import draw_circuit
+    from pneudrive.report.written import PICTURES
+    from pneudrive.simulation.trajectory import check_target
+
+    check_target(out, PICTURES)
+    circuit = load_described(drive).circuit
+    try:
+        draw_circuit(circuit, out)
+    except DescriptionError as error:
+        raise toml.located(error, drive, read_text(Path(drive), DescriptionError, folder="")) from None
+    typer.echo(str(out))
+    for name, volume in circuit.joint_volumes:
+        typer.echo(f"joint of {name}: {1e6 * volume:.3g} cm3")

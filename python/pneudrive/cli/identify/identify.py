@@ -1,0 +1,154 @@
+"""``pneudrive identify``: identify parameters of a drive from recordings of its motion."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pneudrive.cli.options import CatalogueFolders, Page, Profile, names_in, one_of, sensor_option
+from pneudrive.cli.output import tell, tell_fit, writable_folder
+
+if TYPE_CHECKING:
+    from pneudrive.identify.dynamic.search import Progress
+
+
+def identify(
+    drive: Annotated[
+        str,
+        typer.Argument(help="Drive file (TOML), catalogue:NAME, or tank file, with the start values.", metavar="DRIVE"),
+    ],
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Recordings: time, command, position, pressures; for a tank, time and pressure.",
+            metavar="RECORDING...",
+        ),
+    ],
+    free: Annotated[
+        str,
+        typer.Option(
+            help="Free numbers, separated by commas. Default for a tank: all.",
+            metavar="NAMES",
+        ),
+    ] = "",
+    sensor: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Sensor: "position: noise = 2 um, offset = free", with noise, offset, offset_uncertainty, gain, lag, '
+            'resolution. "command: delay = free".',
+            metavar="CHANNEL:KEY=VALUE",
+        ),
+    ] = None,
+    segment: Annotated[str, typer.Option(help='Length of a segment, or "whole".')] = "0.4 s",
+    robust: Annotated[bool, typer.Option(help="Reduce the weight of outliers.")] = False,
+    follow: Annotated[
+        str | None,
+        typer.Option(
+            help="A circuit follows the recorded position. Free: volumes, heat, wall, leak, leak_a, leak_b, barrel, "
+            "or names such as upper.volume.",
+            metavar="motion",
+        ),
+    ] = None,
+    profile: Profile = False,
+    report: Page = None,
+    layout: Annotated[Path | None, typer.Option(help="Layout of foreign files.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Fit file to write (TOML).")] = None,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Identify the numbers of a drive from recordings of its motion.
+
+    Ctrl-C keeps the best values so far. A file with a table [volume] describes a tank, whose line, heat
+    transfer and leak follow from its pressure. A file with a table [regulator] describes a pressure
+    regulator, whose gain and lag follow from command and pressure.
+    """
+    from pneudrive.describe.drive import Drive
+    from pneudrive.describe.tank import Tank
+    from pneudrive.identify.dynamic.fit import identify as identified
+    from pneudrive.identify.follow.regulator import Regulator, identify_regulator
+    from pneudrive.simulation.trajectory import check_target
+
+    if out is not None:
+        check_target(out, (".toml",))
+    names = names_in(free)
+    if follow is not None:
+        one_of("--follow", follow, {"motion": None})
+        _motion(drive, recordings, names, layout, out, report)
+        return
+    if Regulator.is_file(drive):
+        lag = identify_regulator(drive, list(recordings), layout)
+        typer.echo(str(lag))
+        tell([lag.to_toml(out) if out is not None else None])
+        return
+    if Tank.is_file(drive):
+        _tank(
+            drive,
+            recordings,
+            names,
+            layout,
+            (out, report),
+            profile=profile,
+            beside={"sensor": sensor, "robust": robust},
+        )
+        return
+    sensors = dict(sensor_option(text) for text in sensor or ())
+    fit = identified(
+        Drive.load(drive),
+        list(recordings),
+        names,
+        sensors=sensors,
+        segment=None if segment == "whole" else segment,
+        robust=robust,
+        layout=layout,
+        progress=_show,
+    )
+    tell_fit(fit, out, report, profile=profile)
+
+
+def _motion(
+    circuit: str, recordings: list[Path], names: list[str], layout: Path | None, out: Path | None, report: Path | None
+) -> None:
+    """Identify a circuit along recorded motions."""
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.identify.follow.fit import identify_motion
+
+    groups = names or ["volumes", "heat"]
+    fit = identify_motion(circuit, list(recordings), groups, layout=layout, progress=on_terminal().tell)
+    typer.echo(str(fit))
+    if out is not None:
+        fit.to_toml(out)
+    tell([out, fit.report(writable_folder(report)) if report is not None else None])
+
+
+def _show(progress: Progress) -> None:
+    rms = ", ".join(f"{name} {value:.3g}" for name, value in progress.rms.items())
+    sys.stderr.write(f"step {progress.step} ({progress.phase}): cost {progress.cost:.5g}; rms {rms}\n")
+
+
+def _tank(
+    tank: str,
+    recordings: list[Path],
+    names: list[str],
+    layout: Path | None,
+    written: tuple[Path | None, Path | None],
+    *,
+    profile: bool,
+    beside: dict[str, object],
+) -> None:
+    """Identify a fixed volume."""
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.describe.tank import Tank
+    from pneudrive.errors import CommandError
+    from pneudrive.identify.volume import identify_volume
+
+    for option, given in beside.items():
+        if given:
+            raise CommandError(
+                f"--{option} is not an option for a tank",
+                where=tank,
+                rule="options for a tank: --free, --layout, --out, --profile, --report",
+            )
+    fit = identify_volume(Tank.load(tank), list(recordings), names or None, layout=layout, progress=on_terminal().tell)
+    tell_fit(fit, *written, profile=profile)

@@ -1,0 +1,133 @@
+"""``pneudrive simulate``: simulate a drive or a circuit into a trajectory file or picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pneudrive.cli.options import CatalogueFolders, Described
+from pneudrive.cli.output import tell
+from pneudrive.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+MOST_IMPACTS = 5  # printed impacts; the file has all of them
+
+
+def simulate(
+    drive: Described,
+    duration: Annotated[str, typer.Option(help='Duration, e.g. "2 s"; not with --motion.')] = "",
+    command: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command). For a '
+            'circuit with the name of the valve in front, repeatable: "valve_l: 0 s: 1, 0.5 s: -1".',
+            metavar="STEPS",
+        ),
+    ] = None,
+    initial: Annotated[
+        str | None,
+        typer.Option(
+            help='Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs"; for a circuit "left.position = 50 mm".'
+        ),
+    ] = None,
+    set: Annotated[  # noqa: A002 - the name of the option
+        list[str] | None,
+        typer.Option(help='Changed value, "friction.coulomb = 31 N"; repeatable.', metavar="KEY = VALUE"),
+    ] = None,
+    motion: Annotated[
+        Path | None,
+        typer.Option(help="Recording whose position the piston of a circuit follows.", metavar="RECORDING"),
+    ] = None,
+    layout: Annotated[Path | None, typer.Option(help="Layout of that recording.")] = None,
+    sample_rate: Annotated[str, typer.Option(help="Samples per second.")] = "1 kHz",
+    rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
+    budget: Annotated[
+        int | None, typer.Option(help="Attempted steps after which the run is given up.", metavar="ATTEMPTS")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Trajectory file: .parquet, .csv or .nc.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png, .svg, .pdf or .html.")] = None,
+    energy: Annotated[bool, typer.Option("--energy", help="Print accounts of energy, lost exergy, air given.")] = False,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Simulate a drive or a circuit, and write or plot the run."""
+    from pneudrive.cli.described import changed, command_of
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.simulation.simulate import run
+    from pneudrive.simulation.trajectory import check_target, save, save_columns
+
+    if out is not None:
+        check_target(out)
+    if motion is not None:
+        _along(drive, motion, layout, out)
+        return
+    if not duration:
+        raise CommandError("the duration is missing", remedy='Add --duration "2 s", or --motion RECORDING.')
+    if plot is not None:
+        from pneudrive.report.trajectory import ENDINGS
+
+        check_target(plot, ENDINGS)
+    described = changed(drive, set)
+    result = run(
+        described,
+        command_of(described, command),
+        duration,
+        initial=initial,
+        sample_rate=sample_rate,
+        rtol=rtol,
+        budget=budget,
+        watch=on_terminal(),
+        arrays=plot is not None or (out is not None and out.suffix.lower() != ".parquet"),
+    )
+    if out is not None:
+        if out.suffix.lower() == ".nc":
+            save(result.dataset(), out)
+        else:
+            save_columns(result.columns, result.provenance, out)
+    if plot is not None:
+        from pneudrive.report import plot as draw
+
+        draw(result.dataset(), plot)
+    _say(described.name, result.columns, result.provenance, (out, plot))
+    if energy:
+        from pneudrive.datasheet.characteristics.energy import energy_balance
+
+        given = command_of(described, command)
+        typer.echo(str(energy_balance(described, given, duration, initial=initial, rtol=rtol)))
+
+
+def _along(circuit: str, motion: Path, layout: Path | None, out: Path | None) -> None:
+    """Simulate a circuit along a recorded motion."""
+    from pneudrive.identify.follow.simulated import simulate_motion
+    from pneudrive.simulation.trajectory import save_columns
+
+    columns, provenance = simulate_motion(circuit, motion, layout=layout)
+    if out is not None:
+        save_columns(columns, provenance, out)
+    typer.echo(f"{provenance['title']}: {len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s along {motion}")
+    tell([out])
+
+
+def _say(name: str, columns: dict, provenance: dict, written: Sequence[Path | None]) -> None:
+    time, statistics = columns["time_s"], provenance["statistics"]
+    typer.echo(f"{name}: {len(time)} samples to {time[-1]:g} s, {statistics['steps']} steps of the solver")
+    for column, x in columns.items():
+        of, _, last = column.rpartition(".")
+        if last == "position_m":
+            typer.echo(
+                f"{of and f'{of}: '}position {x[0] * 1e3:.3f} mm -> {x[-1] * 1e3:.3f} mm, "
+                f"between {x.min() * 1e3:.3f} and {x.max() * 1e3:.3f} mm"
+            )
+    for impact in provenance["impacts"][:MOST_IMPACTS]:
+        of = f"{impact['cylinder']}: " if impact.get("cylinder") else ""
+        typer.echo(
+            f"{of}impact at {impact['time_s']:.4f} s on the end of chamber {impact['end']}: "
+            f"{impact['speed_m_s']:.3f} m/s, {impact['energy_j']:.3g} J, {impact['depth_m'] * 1e3:.3f} mm deep, "
+            f"{impact['peak_force_n']:.0f} N"
+        )
+    if len(provenance["impacts"]) > MOST_IMPACTS:
+        typer.echo(f"and {len(provenance['impacts']) - MOST_IMPACTS} more impacts")
+    tell(written)

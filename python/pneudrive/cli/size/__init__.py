@@ -1,0 +1,1 @@
+"""Commands that size and characterise a drive."""

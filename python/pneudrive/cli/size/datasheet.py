@@ -1,0 +1,41 @@
+"""``pneudrive datasheet``: characteristics of a drive, on pages to file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pneudrive.cli.options import CatalogueFolders, Layout
+from pneudrive.cli.output import show_lines, tell
+
+
+def datasheet(
+    drive: Annotated[
+        str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
+    ],
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="Recordings of the drive, or of its piston alone, or one friction map or campaign.",
+            metavar="[RECORDING|MAP|CAMPAIGN]...",
+        ),
+    ] = None,
+    layout: Layout = None,
+    out: Annotated[Path, typer.Option(help="Page: .html or .pdf.")] = Path("datasheet.html"),
+    intervals: Annotated[bool, typer.Option(help="Carry intervals of identified values through.")] = True,
+    catalogue: CatalogueFolders = None,
+) -> None:
+    """Write a data sheet of a drive, with standards and sources."""
+    from pneudrive.cli.progress import on_terminal
+    from pneudrive.datasheet.sheet import build
+    from pneudrive.describe.files.load import load_described
+    from pneudrive.report.datasheet.page import SUFFIXES, write_datasheet
+    from pneudrive.simulation.trajectory import check_target
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    check_target(out, SUFFIXES)
+    found = build(load_described(drive), recordings or [], layout, on_terminal(), intervals=intervals)
+    show_lines(found.headlines)
+    tell([write_datasheet(found, out)])

@@ -1,0 +1,326 @@
+"""Catalogue of parts and drives: every value has a source or is marked as assumed.
+
+A file holds a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and either
+``source`` (a key of references.bib, or of ``[sources]`` in the same file) or ``assumed`` (the reason). The values of a
+part are keys of its kind of component; those of a drive are keys of the drive file. A drive names its parts and adds
+values that the parts lack. The kinds of components are loaded only when a part is used: drives do not need them.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import ConfigDict, Field
+
+from pneudrive.describe.base import Described, WrongValueError, wrong
+from pneudrive.describe.files import sourced, toml
+from pneudrive.describe.files.sourced import Value
+from pneudrive.describe.marks import Reads
+from pneudrive.errors import DescriptionError, Problems, nearest, together, warn
+from pneudrive.references import entries as references
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+PREFIX = "catalogue:"
+FOLDER = Path(__file__).resolve().parents[2] / "data" / "catalogue"
+DRIVE = "drive"
+
+_own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's catalogue", default=())
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Part or drive of the catalogue."""
+
+    name: str
+    kind: str  # "drive", or the part's kind of component
+    title: str
+    values: tuple[Value, ...]
+    parts: dict[str, str]  # table -> part, for a drive
+    note: str
+    printed: tuple[Value, ...]  # data of the source that the model does not use
+    path: Path
+    key: str  # key in its file
+
+    @property
+    def is_drive(self) -> bool:
+        """Whether the entry is a whole drive."""
+        return self.kind == DRIVE
+
+    @property
+    def open(self) -> list[str]:
+        """Keys that a user of the part has to give."""
+        from pneudrive.describe.components import component_class, component_kinds, is_needed
+
+        entry = component_kinds()[self.kind]
+        kind = component_class(self.kind)
+        given = kind.flat({value.key: value.value for value in self.values})
+        known = {key for own in given for key in (own, *kind.same_size(own))}
+        needed = [one["key"] for one in entry["parameters"] if is_needed(one, given) and one["key"] not in known]
+        has_friction = any(value.key.startswith("friction.") for value in self.values)
+        return needed + (
+            ["the rest of friction" if has_friction else "friction"] if entry["friction"] == "needed" else []
+        )
+
+
+@contextmanager
+def catalogue_folders(*paths: str | Path) -> Iterator[None]:
+    """Add the user's folders to the catalogue while the context lasts.
+
+    Parameters
+    ----------
+    *paths : path-like
+        Folders of TOML files. A later one overrides an earlier one, and all override the built-in catalogue.
+
+    Raises
+    ------
+    DescriptionError
+        A folder does not exist.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> with pn.catalogue_folders("my_parts"):  # doctest: +SKIP
+    ...     circuit = pn.Circuit.load("circuit.toml")
+    """
+    for path in map(Path, paths):
+        if not path.is_dir():
+            raise DescriptionError(f"there is no folder {path}", remedy="A catalogue is a folder of TOML files.")
+    before = _own.set((*_own.get(), *map(Path, paths)))
+    try:
+        yield
+    finally:
+        _own.reset(before)
+
+
+def entries() -> dict[str, Entry]:
+    """Return all parts and drives by name.
+
+    Raises
+    ------
+    DescriptionError
+        An entry is not valid: for instance, a value has neither a source nor a reason.
+
+    Warns
+    -----
+    PneudriveWarning
+        A part or drive of the user replaces another one of the same name.
+    """
+    found = dict(_built_in())
+    for folder in _own.get():
+        for path in sorted(folder.rglob("*.toml")):
+            for own in _read(path):
+                before = found.get(own.name)
+                if before is not None:
+                    whose = "the built-in catalogue" if before.path.is_relative_to(FOLDER) else str(before.path)
+                    warn(f"{own.name} of {path} replaces {own.name} of {whose}")
+                found[own.name] = own
+    return found
+
+
+@lru_cache(maxsize=1)
+def _built_in() -> dict[str, Entry]:
+    paths = [*sorted((FOLDER / "drives").glob("*.toml")), *sorted((FOLDER / "parts").glob("*.toml"))]
+    return {one.name: one for path in paths for one in _read(path)}
+
+
+def entry(name: str) -> Entry:
+    """Return one part or drive.
+
+    Raises
+    ------
+    DescriptionError
+        The catalogue has no entry of this name; the message gives the nearest name.
+    """
+    known = entries()
+    name = name.removeprefix(PREFIX)
+    if name not in known:
+        raise DescriptionError(f"the catalogue has no '{name}'", remedy=nearest(name, known))
+    return known[name]
+
+
+def all_values(drive: Entry) -> list[Value]:
+    """Return the values of a drive and of its parts, by keys of the drive file."""
+    out = {}
+    for table, name in drive.parts.items():
+        for v in entry(name).values:
+            key = v.key if v.key.startswith("friction.") else f"{table}.{v.key}"
+            value = v.value.partition("/")[2] if v.key == "kind" else v.value
+            out[key] = replace(v, key=key, value=value)
+    out |= {v.key: v for v in drive.values}
+    return list(out.values())
+
+
+def drive_tables(reference: str) -> dict[str, Any]:
+    """Return the tables of a drive file for ``catalogue:NAME``."""
+    name = reference.removeprefix(PREFIX)
+    drives = [known for known, e in entries().items() if e.is_drive]
+    if name not in drives:
+        raise wrong("drive", f"the catalogue has no drive '{name}'", remedy=nearest(name, drives))
+    found = entry(name)
+    return {"schema": 1, "name": found.title} | toml.nested((v.key, v.value) for v in all_values(found))
+
+
+def part_table(reference: object) -> dict[str, Any]:
+    """Return the table of a component for ``catalogue:NAME``, each value with its source.
+
+    Raises
+    ------
+    DescriptionError
+        The catalogue has no such part, or the part is not valid.
+    """
+    if not isinstance(reference, str) or not reference.startswith(PREFIX):
+        raise wrong("use", f"use = {reference!r} is not a part of the catalogue", remedy=f'Write use = "{PREFIX}NAME".')
+    name = reference.removeprefix(PREFIX)
+    parts = {known: e for known, e in entries().items() if not e.is_drive}
+    if name not in parts:
+        raise wrong("use", f"the catalogue has no part '{name}'", remedy=nearest(name, parts))
+    check(parts[name])
+    given = [(v.key, {"value": v.value} | v.origin) for v in parts[name].values if v.key != "kind"]
+    return {"kind": parts[name].kind} | toml.nested(given)
+
+
+def check(part: Entry) -> None:
+    """Check a part like a component of a circuit: keys, units, bounds.
+
+    Raises
+    ------
+    DescriptionError
+        The part is not valid; the message gives file and line.
+    """
+    from pneudrive.describe.components import component_class, component_kinds
+
+    kinds = component_kinds()
+    problems = Problems()
+    if part.kind not in kinds:
+        problems.add(wrong("kind", f"kind = {part.kind!r} is not known", remedy=nearest(part.kind, kinds)))
+    else:
+        try:
+            component_class(part.kind).model_validate(
+                {"kind": part.kind} | toml.nested((v.key, v.value) for v in part.values if v.key != "kind")
+            )
+        except DescriptionError as error:
+            for one in error.each():
+                one.others = ()
+                if " is missing" not in one.what:  # the user of the part gives it
+                    problems.add(one)
+    if problems.found:
+        raise _add_lines(list(problems.found.values()), part)
+
+
+def _add_lines(errors: list[Any], part: Entry) -> DescriptionError:
+    """Add file and line to errors in the values of a part."""
+    text = toml.read(part.path)[1]
+    lines = toml.line_numbers(text)
+    for error in errors:
+        whole = f"{part.key}values.{error.key or ''}"
+        while whole and whole not in lines:  # dead_volume_a is written in dead_volume
+            whole = whole[: max(whole.rfind("."), whole.rfind("_"), 0)]
+        error.key = whole or part.key.rstrip(".")
+        error.what = f"{part.name}: {error.what}"
+    return toml.located(together(errors), part.path, text)
+
+
+def _read(path: Path) -> list[Entry]:
+    """Read a file of the catalogue."""
+    return list(_read_at(path, path.stat().st_mtime_ns))
+
+
+def _values(given: object) -> tuple[Value, ...]:
+    """Read values with their origin, in tables of any depth."""
+    problems = Problems()
+    found = [problems.take(sourced.read, key, one) for key, one in _leaves(given, "")]
+    problems.tell()
+    return tuple(found)
+
+
+def _leaves(given: object, before: str) -> Iterator[tuple[str, Any]]:
+    if not isinstance(given, dict):
+        raise WrongValueError(f"{given!r} is not a table")
+    for key, one in given.items():
+        if isinstance(one, dict) and one and not {"value", "source", "assumed"} & set(one):
+            yield from _leaves(one, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", one
+
+
+class SourceTable(Described):
+    """Source of a file of the catalogue that references.bib does not have."""
+
+    model_config = ConfigDict(extra="ignore")
+    title: str
+    address: str
+    date: Annotated[str, Reads(str)]
+
+
+class EntryTable(Described):
+    """Part or drive, as a file of the catalogue holds it."""
+
+    name: str
+    title: str
+    kind: str | None = None
+    note: str = ""
+    parts: dict[str, str] = Field(default_factory=dict)
+    values: Annotated[tuple[Value, ...], Reads(_values)] = ()
+    printed: Annotated[tuple[Value, ...], Reads(_values)] = ()
+
+    def entry(self, at: str, sources: Mapping[str, SourceTable], path: Path) -> Entry:
+        """Return the entry, each source in words or as a key of references.bib."""
+        kind = self.kind or next((value.value for value in self.values if value.key == "kind"), None)
+        if not isinstance(kind, str):
+            rule = f'kind = "{DRIVE}", or a kind of component under [values]'
+            raise wrong(f"{at}kind", f"{self.name}: kind is missing", rule=rule)
+        problems = Problems()
+        values, printed = (
+            tuple(replace(v, source=problems.take(_source, v.source, sources, f"{at}{name}.{v.key}")) for v in said)
+            for name, said in (("values", self.values), ("printed", self.printed))
+        )
+        problems.tell()
+        return Entry(self.name, kind, self.title, values, self.parts, self.note, printed, path, at)
+
+
+class _Sources(Described):
+    sources: dict[str, SourceTable] = Field(default_factory=dict)
+
+
+class _OneEntry(EntryTable, _Sources):
+    """File of one entry."""
+
+
+class _Parts(_Sources):
+    """File of several parts."""
+
+    part: tuple[EntryTable, ...]
+
+
+@lru_cache(maxsize=512)
+def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
+    tables, text = toml.read(path)
+    problems = Problems()
+    with toml.locating(path, text):
+        if "part" in tables:
+            file = _Parts.model_validate(tables)
+            parts = {f"part.{number}.": one for number, one in enumerate(file.part)}
+        else:
+            file = _OneEntry.model_validate({"name": path.stem} | tables)
+            parts = {"": file}
+        found = [problems.take(one.entry, at, file.sources, path) for at, one in parts.items()]
+        problems.tell()
+    return tuple(found)
+
+
+def _source(key: str | None, sources: Mapping[str, SourceTable], where: str) -> str | None:
+    """Return a key of references.bib unchanged, and a source of the file in words."""
+    if key is None or key in references():
+        return key
+    if key not in sources:
+        rule = "a key of references.bib, or of [sources] in this file with title, address and date"
+        remedy = f'Add [sources.{toml.key_text(key)}] with title = "...", address = "...", date = "...".'
+        raise wrong(where, f'source "{key}" is not known', rule=rule, remedy=remedy)
+    return f"{sources[key].title}, {sources[key].address}, {sources[key].date}"

@@ -1,0 +1,182 @@
+"""Provenance of values of a drive: the interval of each identified value, and its recordings."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
+
+from pydantic import Field
+
+from pneudrive import units
+from pneudrive.describe.base import (
+    Bounds,
+    Described,
+    EachChamber,
+    PerChamber,
+    Quantity,
+    StatedPressure,
+    WrongValueError,
+    wrong,
+)
+from pneudrive.describe.parameters import parameter_quantities
+from pneudrive.describe.tables.friction import Friction
+from pneudrive.errors import DescriptionError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+#: Relative error of a value that is written with all its digits and read again.
+ROUNDING = 1e-9
+
+
+class Interval(NamedTuple):
+    """Lower and upper bound as written: quantities, or ``-inf`` and ``inf`` for open ends."""
+
+    low: str
+    high: str
+
+
+class _Ends(Quantity):
+    """Annotation of a field for two texts."""
+
+    def read(self, given: object) -> Interval:  # type: ignore[override]
+        """Check only the form: the unit depends on the value."""
+        pair = isinstance(given, list | tuple) and len(given) == 2
+        if not pair or not all(isinstance(end, str | int | float) and not isinstance(end, bool) for end in given):  # type: ignore[union-attr]
+            raise WrongValueError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
+        return Interval(*(str(end) for end in given))  # type: ignore[union-attr]
+
+    def show(self, value: Interval) -> list[str]:  # type: ignore[override]
+        """Write both ends."""
+        return list(value)
+
+    def schema(self) -> dict[str, Any]:
+        """Describe the form."""
+        return {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2}
+
+
+class Origin(Described):
+    """Origin of one value.
+
+    `interval` holds two quantities, and `confidence` its coverage probability. `source` names the recordings, and `fit`
+    the hash of the fit. `model_error` is the lower limit of the model error, if known. `correlation` is that of its
+    error with the errors of other values, by their names.
+    """
+
+    table_name: ClassVar[str] = "provenance"
+    interval: Annotated[Interval, _Ends("")]
+    confidence: Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))] = 0.95
+    source: str
+    fit: str = ""
+    model_error: str | float = ""
+    correlation: dict[str, Annotated[float, Quantity("", bounds=Bounds(at_least=-1.0, at_most=1.0))]] = Field(
+        default_factory=dict
+    )
+
+    def bounds_si(self, mark: Quantity | StatedPressure | None) -> tuple[float, float]:
+        """Return the interval in SI, pressures absolute or gauge as written."""
+        return _end(self.interval.low, mark), _end(self.interval.high, mark)
+
+
+def _end(text: str, mark: Quantity | StatedPressure | None) -> float:
+    if text in ("inf", "-inf"):
+        return float(text)
+    if isinstance(mark, StatedPressure):
+        return units.parse_pressure(text).value_pa
+    si_unit = mark.si_unit if mark is not None else ""
+    if not si_unit:
+        return float(text)
+    return units.parse(text, si_unit)
+
+
+class GivenNumber(NamedTuple):
+    """Number of a description: its annotation and its value in SI."""
+
+    mark: Quantity | StatedPressure | None
+    si: float
+
+
+def values(drive: Described) -> dict[str, GivenNumber]:
+    """Return every number that a drive gives, by its dotted name in the drive file.
+
+    Examples
+    --------
+    >>> from pneudrive.describe import Drive
+    >>> values(Drive.load("catalogue:reference"))["cylinder.dead_volume.a"].si
+    1e-05
+    """
+    return dict(_walk(drive, ""))
+
+
+def marks(drive: Described) -> dict[str, Quantity | StatedPressure | None]:
+    """Return the annotation of every number that a drive has or could have, such as another size of its valve."""
+    out: dict[str, Quantity | StatedPressure | None] = {}
+    for table, field in type(drive).model_fields.items():
+        part = getattr(drive, table)
+        if isinstance(part, Described) and not isinstance(part, Friction):
+            for name, own in type(part).model_fields.items():
+                mark = next((m for m in own.metadata if isinstance(m, Quantity | StatedPressure)), None)
+                if mark is not None:
+                    out[f"{field.alias or table}.{own.alias or name}"] = mark
+    return out | {name: value.mark for name, value in values(drive).items()}
+
+
+def _walk(part: Described, path: str) -> Iterator[tuple[str, GivenNumber]]:
+    if isinstance(part, Friction):
+        for key, mark in parameter_quantities(part.entry).items():
+            if key in part.parameters:
+                yield f"{path}{key}", GivenNumber(mark, part.parameters[key])
+    for name, field in type(part).model_fields.items():
+        value = getattr(part, name)
+        here = f"{path}{field.alias or name}"
+        if isinstance(value, Described):
+            yield from _walk(value, f"{here}.")
+            continue
+        mark = next((m for m in field.metadata if isinstance(m, Quantity | StatedPressure)), None)
+        if isinstance(value, PerChamber) and isinstance(mark, EachChamber):
+            one = Quantity(mark.si_unit, mark.written)
+            yield from ((f"{here}.{c}", GivenNumber(one, getattr(value, c))) for c in "ab")
+        elif isinstance(value, units.Pressure):
+            yield here, GivenNumber(mark, value.value_pa)
+        elif isinstance(value, float) and mark is not None:
+            yield here, GivenNumber(mark, value)
+
+
+def check(drive: Described, origins: Mapping[str, Origin]) -> None:
+    """Raise an error for the origin of an unknown value, or of a value outside its interval: it was changed by hand.
+
+    Raises
+    ------
+    DescriptionError
+    """
+    if not origins:
+        return
+    known = values(drive)
+    for key, origin in origins.items():
+        full = f"provenance.{key}"
+        if key not in known:
+            raise wrong(full, f'[provenance."{key}"] is not a value of this drive', remedy=nearest(key, known))
+        try:
+            low, high = origin.bounds_si(known[key].mark)
+        except (DescriptionError, ValueError) as error:
+            what = error.what if isinstance(error, DescriptionError) else str(error)
+            raise wrong(full, f'[provenance."{key}"].interval: {what}') from None
+        value = known[key].si
+        slack = ROUNDING * max(abs(value), abs(low) if math.isfinite(low) else 0.0, 1e-300)
+        if not low - slack <= value <= high + slack:
+            raise wrong(
+                full,
+                f"{key} lies outside its interval {origin.interval.low} .. {origin.interval.high}",
+                rule="an interval contains its value",
+                remedy=f'If {key} was changed by hand, remove [provenance."{key}"].',
+            )
+
+
+def kept(before: Described, after: Described, origins: Mapping[str, Origin]) -> dict[str, Any]:
+    """Return the origins of values that are equal in both drives, as plain tables."""
+    old, new = values(before), values(after)
+    return {
+        key: origin.to_dict()
+        for key, origin in origins.items()
+        if key in old and key in new and old[key].si == new[key].si
+    }

@@ -1,0 +1,1 @@
+"""Friction laws and components that a user writes as formulas."""

@@ -1,0 +1,121 @@
+"""Formula of a component: a mass flow or a force with its own parameters, from a file or from Python."""
+
+from __future__ import annotations
+
+import json
+from functools import cached_property, lru_cache, partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pneudrive.describe.base import wrong
+from pneudrive.describe.formulas import written
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+GUIDE = "own-component.md"
+
+
+class ComponentFormula(written.Written):
+    """Formula that is the equation of a component.
+
+    Frozen. Formulas are text in SI; ``pneudrive components KIND`` lists the available names, and
+    `docs/guide/own-component.md` has examples.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of component: "restriction/formula" or "force/formula".
+    name : str
+        Name in messages.
+    output : str
+        Formula of the kind's output: a mass flow, kg/s, or a force, N.
+    parameters, let, title, source
+        As in `pneudrive.FrictionLaw`.
+
+    Raises
+    ------
+    DescriptionError
+        Wrong syntax, unknown names, wrong units or a possible division by zero; the message gives the place.
+
+    Examples
+    --------
+    >>> spring = ComponentFormula(
+    ...     kind="force/formula",
+    ...     name="soft-wall",
+    ...     parameters={"stiffness": {"unit": "N/m", "above": 0}, "wall": {"unit": "m"}},
+    ...     output="-stiffness*max(x - wall, 0)",
+    ... )
+    >>> [one["key"] for one in spring.entry["parameters"]]
+    ['stiffness', 'wall']
+    """
+
+    called: ClassVar[str] = "formula"
+    kind: str
+    output: str
+
+    @classmethod
+    def load(cls, path: str | Path, entry: Mapping[str, Any]) -> ComponentFormula:
+        """Read the formula of a component from a TOML file; `entry` is the core's entry of the component's kind.
+
+        Raises
+        ------
+        DescriptionError
+            The file is not valid; the message gives file, line, formula and column.
+        """
+        return written.load(partial(cls.of, entry=entry), path, GUIDE)
+
+    @classmethod
+    def of(cls, tables: dict[str, Any], entry: Mapping[str, Any]) -> ComponentFormula:
+        """Make the formula from the tables of its file.
+
+        Raises
+        ------
+        DescriptionError
+            As for `load`, without the file.
+        """
+        wanted = entry["formula"]["output"]
+        own = cls.from_tables(tables, (wanted,), entry["formula"]["unit"])
+        return cls.model_validate(own | {"kind": entry["kind"], "output": own.pop(wanted)})
+
+    @cached_property
+    def entry(self) -> dict[str, Any]:
+        """Entry of the component in the form of `component_kinds`, with the parameters of the formula."""
+        return _entry(self.kind, json.dumps(self.core()))
+
+    def core(self) -> dict[str, Any]:
+        """Return the formula in the core's form, in SI."""
+        return super().core() | {"output": self.output}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the tables of the formula's file."""
+        return super().to_dict() | {"output": {self.entry["formula"]["output"]: self.output}}
+
+    __hash__ = written.Written.__hash__
+
+
+def formula_of(given: object, entry: Mapping[str, Any], folder: Path | None = None) -> ComponentFormula:
+    """Return the formula of a component from a formula, its tables, or ``file:NAME.toml``.
+
+    Raises
+    ------
+    DescriptionError
+        The value has none of these forms, or the formula is not valid.
+    """
+    if isinstance(given, ComponentFormula) and given.kind == entry["kind"]:
+        return given
+    found = written.written_as(given, "formula", partial(ComponentFormula.of, entry=entry), GUIDE, folder)
+    if found is None:
+        what = "formula is missing" if given is None else f"formula = {given!r} is not a formula of a {entry['kind']}"
+        raise wrong("formula", what, remedy='Write formula = "file:NAME.toml", or a table [components.NAME.formula].')
+    return found
+
+
+@lru_cache(maxsize=256)
+def _entry(kind: str, text: str) -> dict[str, Any]:
+    from pneudrive import _core
+
+    try:
+        return _core.formula_component(kind, text)
+    except ValueError as error:
+        raise written.refused(error, ("mass_flow", "force")) from None

@@ -1,0 +1,190 @@
+"""Custom friction laws: formulas with parameters and states, from a file or from Python."""
+
+from __future__ import annotations
+
+import json
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import Field, field_serializer
+
+from pneudrive.describe.base import wrong
+from pneudrive.describe.files import toml
+from pneudrive.describe.formulas import written
+from pneudrive.describe.marks import Reads
+from pneudrive.describe.tables.dependences import DEPENDENCES
+from pneudrive.errors import nearest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LEVELS = ("coulomb", "breakaway", "viscous")
+OUTPUTS = ("force", "energy", "slip", "steady")
+GUIDE = "own-law.md"
+# unit of a state -> suffix of its name in a trajectory, and a usual scale
+_STATE_UNITS = {"m": ("_m", "1e-3 m"), "m/s": ("_m_s", None), "N": ("_n", None), "s": ("_s", None), "": ("", None)}
+#: Keys of the friction table that cannot be names of parameters.
+_TAKEN = ("law", "stribeck_shape", "elements", "evolution", *DEPENDENCES)
+
+
+class WrittenState(written.WrittenParameter):
+    """State of a friction law: unit, formula of its rate, usual size, name in a trajectory."""
+
+    name: Annotated[str | None, Reads(str)] = None
+    scale: Any = None
+    rate: str
+
+    def core(self) -> dict[str, Any]:
+        """Return the state in the core's form, without its key."""
+        out = super().core()
+        usual = _STATE_UNITS.get(self.unit, ("", None))[1]
+        if self.scale is None and usual is None:
+            remedy = "Give the usual size of the state: the solver tolerates an error of rtol times scale."
+            raise wrong("scale", "scale is missing", remedy=remedy)
+        scale = 1e-3 if self.scale is None else self.number("scale", self.scale)
+        return {"unit": out["unit"], "bounds": out["bounds"], "scale": scale, "rate": self.rate}
+
+
+class FrictionLaw(written.Written):
+    """Friction law written as formulas.
+
+    Frozen. Formulas are text in SI. Names in them are parameters, states, names of `let`, and ``v`` (velocity), ``x``
+    (position), ``pressure_a``, ``pressure_b`` (gauge), ``pi``. `docs/guide/own-law.md` has the whole grammar.
+
+    Parameters
+    ----------
+    name : str
+        Name in results; not the name of a built-in law.
+    force : str
+        Friction force, N, positive if it opposes v > 0. The rate of state ``z`` is ``z_rate``.
+    parameters : dict
+        Name -> ``{"unit": "N", "above": 0, "default": ..., "meaning": "..."}``. Bounds are ``above``, ``at_least``,
+        ``below`` and ``at_most``. Bounds and default are in that SI unit, or quantities with a unit.
+    states : dict
+        Name -> ``{"unit": "m", "scale": "1 mm", "rate": "v - ..."}``; they start at 0.
+    let : dict
+        Name -> formula, evaluated in this order.
+    levels : dict
+        Names of the parameters that are ``coulomb``, ``breakaway`` and ``viscous``, on which modifiers act. The default
+        is the parameters of these names.
+    energy, slip, steady : str, optional
+        Energy stored in the states, J. Rate of irreversible slip, m/s. Force in steady sliding, N.
+    odd : bool
+        Claims that the force changes its sign with v and all states; checked.
+    title, source : str
+        Title, and source: a key of references.bib or free text.
+
+    Raises
+    ------
+    DescriptionError
+        Wrong syntax, unknown names, wrong units or a possible division by zero; the message gives the place.
+
+    Examples
+    --------
+    >>> law = FrictionLaw(
+    ...     name="smooth-coulomb",
+    ...     parameters={"coulomb": {"unit": "N", "above": 0}, "v0": {"unit": "m/s", "above": 0, "default": "1 mm/s"}},
+    ...     force="coulomb*tanh(v/v0)",
+    ... )
+    >>> law.entry["parameters"][1]["default"]
+    0.001
+    """
+
+    called: ClassVar[str] = "friction law"
+    plain_tables: ClassVar[tuple[str, ...]] = ("parameters", "levels", "states", "let")
+    odd: bool = False
+    levels: dict[str, str] = Field(default_factory=dict)
+    states: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    force: str
+    energy: str | None = None
+    slip: str | None = None
+    steady: str | None = None
+
+    @classmethod
+    def load(cls, path: str | Path) -> FrictionLaw:
+        """Read a law from a TOML file.
+
+        Raises
+        ------
+        DescriptionError
+            The file is not valid; the message gives file, line, formula and column.
+        """
+        return written.load(cls.of, path, GUIDE)
+
+    @classmethod
+    def of(cls, tables: dict[str, Any]) -> FrictionLaw:
+        """Make the law from the tables of its file.
+
+        Raises
+        ------
+        DescriptionError
+            As for `load`, without the file.
+        """
+        return cls.model_validate(cls.from_tables(tables, OUTPUTS, "N"))
+
+    def check_names(self) -> None:
+        """Check that parameters and levels are possible in a friction table."""
+        for key in _TAKEN:
+            if key in self.parameters:
+                what = f'"{key}" is a key of the friction table of a drive'
+                raise wrong(f"parameters.{key}", what, remedy="Choose another name for the parameter.")
+        for key in self.levels:
+            if key not in LEVELS:
+                raise wrong(f"levels.{key}", f"levels.{key} is not a known level", remedy=nearest(key, LEVELS))
+
+    @field_serializer("levels", "states")
+    def _plain_tables(self, value: dict[str, Any]) -> dict[str, Any]:
+        return dict(value)
+
+    @cached_property
+    def entry(self) -> dict[str, Any]:
+        """Entry of the law in the form of `friction_laws`: name, title, parameters, states, bristles."""
+        return _entry(json.dumps(self.core()))
+
+    def core(self) -> dict[str, Any]:
+        """Return the law in the core's form, in SI."""
+        named = {level: level for level in LEVELS if level in self.parameters} if not self.levels else self.levels
+        states = []
+        for key, about in self.states.items():
+            state = written.core_of("states", key, about, WrittenState)
+            suffix = _STATE_UNITS.get(state["unit"].removeprefix("-"), ("", None))[0]
+            states.append(state | {"name": str(about.get("name", f"{key}{suffix}"))})
+        out = super().core() | {"levels": dict(named), "states": states, "odd": self.odd}
+        return out | {key: getattr(self, key) for key in OUTPUTS}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the tables of the law's file."""
+        odd = {"odd": True} if self.odd else {}
+        output = {key: value for key in OUTPUTS if (value := getattr(self, key)) is not None}
+        return super().to_dict() | odd | {"output": output}
+
+    def to_toml(self) -> str:
+        """Write the law as a file that `load` reads back."""
+        return toml.write({"schema": self.schema_version} | self.to_dict())
+
+    __hash__ = written.Written.__hash__
+
+
+def law_of(given: object, folder: Path | None = None) -> FrictionLaw | None:
+    """Return the custom law of ``friction.law``, or None for the name of a built-in law.
+
+    Parameters
+    ----------
+    given : FrictionLaw, dict or str
+        A law, its tables, or ``file:NAME.toml``.
+    folder : Path, optional
+        Folder to which the file's name is relative, that of the drive file; the default is the working folder.
+    """
+    if isinstance(given, FrictionLaw):
+        return given
+    return written.written_as(given, "friction.law", FrictionLaw.of, GUIDE, folder)
+
+
+@lru_cache(maxsize=256)
+def _entry(text: str) -> dict[str, Any]:
+    from pneudrive import _core
+
+    try:
+        return _core.formula_law(text)
+    except ValueError as error:
+        raise written.refused(error, OUTPUTS) from None

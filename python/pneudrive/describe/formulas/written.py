@@ -1,0 +1,246 @@
+"""Friction laws and components written as formulas, from a file or from Python: their parameters and steps.
+
+The core reads, checks and runs the formulas.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+
+from pydantic import Field, field_serializer, model_validator
+
+from pneudrive import units
+from pneudrive.describe.base import Described, Quantity, WrongValueError, within, wrong
+from pneudrive.describe.files import toml
+from pneudrive.describe.marks import Reads
+from pneudrive.errors import DescriptionError, nearest, warn
+from pneudrive.references import entries
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+#: Prefix of the name of a file with formulas, relative to the file that names it.
+FILE_PREFIX = "file:"
+_SIDES = ("above", "at_least", "below", "at_most")
+
+Made = TypeVar("Made", bound="Written")
+
+
+def _unit(given: object) -> str:
+    if not isinstance(given, str):
+        raise WrongValueError(
+            f"{given!r} is not a unit", remedy='Write an SI unit, unit = "N", or "-" for a pure number.'
+        )
+    return units.si_name(given)
+
+
+class WrittenParameter(Described):
+    """Parameter of formulas: unit, bounds and default, in that unit or as quantities."""
+
+    unit: Annotated[str, Reads(_unit)] = Field(examples=["N"])
+    above: Any = None
+    at_least: Any = None
+    below: Any = None
+    at_most: Any = None
+    usual: Any = Field(default=None, alias="default")
+    meaning: Annotated[str, Reads(str)] = ""
+
+    def number(self, key: str, given: object) -> float | None:
+        """Return the value of a key in SI."""
+        if given is None:
+            return None
+        if isinstance(given, bool) or not isinstance(given, int | float | str):
+            raise wrong(key, f"{key} = {given!r} is neither a number nor a quantity")
+        return Quantity(self.unit).read_at(key, given) if isinstance(given, str) else float(given)
+
+    def core(self) -> dict[str, Any]:
+        """Return the parameter in the core's form, without its name."""
+        for one, other in (_SIDES[:2], _SIDES[2:]):
+            if getattr(self, one) is not None and getattr(self, other) is not None:
+                raise wrong(other, f"both {one} and {other} are given", rule="at most one lower and one upper bound")
+        bounds = {side: bound for side in _SIDES if (bound := self.number(side, getattr(self, side))) is not None}
+        out = {"unit": self.unit or "-", "bounds": bounds}
+        return out | {"meaning": self.meaning, "default": self.number("default", self.usual)}
+
+
+def core_of(table: str, key: str, about: object, kind: type[WrittenParameter] = WrittenParameter) -> dict[str, Any]:
+    """Return a parameter or state, an entry of a table, in the core's form."""
+    try:
+        return {"key": key} | kind.model_validate(about).core()
+    except DescriptionError as error:
+        raise within(error, f"{table}.{key}") from None
+
+
+class Written(Described):
+    """Base of friction laws and components that are written as formulas."""
+
+    called: ClassVar[str]
+    plain_tables: ClassVar[tuple[str, ...]] = ("parameters", "let")
+    schema_version: int = Field(default=1, alias="schema")
+    name: str
+    title: str = ""
+    source: str = ""
+    parameters: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    let: dict[str, str] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _checked(self) -> Written:
+        if self.schema_version != 1:
+            raise wrong("schema", f"schema = {self.schema_version} is not known", rule="schema = 1")
+        self.check_names()
+        for message in self.entry["warnings"]:
+            warn(f'{self.called} "{self.name}": {message}')
+        return self
+
+    def check_names(self) -> None:
+        """Raise an error for names already in use, before the core reads the formulas."""
+
+    @classmethod
+    def from_tables(cls, tables: Mapping[str, Any], outputs: tuple[str, ...], unit: str) -> dict[str, Any]:
+        """Return the tables of a file, with the keys of [output] at the top level; the first output is needed.
+
+        Raises
+        ------
+        DescriptionError
+            A key is outside its table, unknown or missing.
+        """
+        output, needed = _table(tables, "output"), outputs[0]
+        known = ["output", *(key for key in cls.keys() if key not in (*outputs, "kind"))]  # noqa: SIM118 - a method
+        for key in tables:
+            if key in outputs:
+                raise wrong(key, f"{key} is outside its table", remedy=f"Write it under [output]: {key} = ...")
+            if key not in known:
+                what = f"{key} is not a known key of a {cls.called}"
+                raise wrong(key, what, remedy=nearest(key, known))
+        misplaced = next((key for key in outputs if key in _table(tables, "let")), None)
+        if misplaced:
+            remedy = "Write [output] above it: a key belongs to the table above it."
+            raise wrong(f"let.{misplaced}", f"{misplaced} is a key under [let]", remedy=remedy)
+        for key in output:
+            if key not in outputs:
+                rule = f"it needs {needed}, in {unit}"
+                what = f"output.{key} is not a known key"
+                raise wrong(f"output.{key}", what, rule=rule, remedy=nearest(key, outputs))
+        if needed not in output:
+            remedy = f'Add [output] with {needed} = "...", in {unit}.'
+            raise wrong(f"output.{needed}", f"output.{needed} is missing", remedy=remedy)
+        return {key: value for key, value in tables.items() if key != "output"} | output
+
+    @field_serializer("parameters", "let")
+    def _plain(self, value: dict[str, Any]) -> dict[str, Any]:
+        return dict(value)
+
+    @cached_property
+    def entry(self) -> dict[str, Any]:
+        """Entry in the core's form: name, title, parameters."""
+        raise NotImplementedError
+
+    def core(self) -> dict[str, Any]:
+        """Return the formulas in the core's form, in SI."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "source": self.source if self.source in entries() else "",
+            "parameters": [core_of("parameters", key, about) for key, about in self.parameters.items()],
+            "lets": [[key, formula] for key, formula in self.let.items()],
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the tables of the file except [output]."""
+        out: dict[str, Any] = {"name": self.name}
+        out |= {key: value for key in ("title", "source") if (value := getattr(self, key))}
+        return out | {key: dict(value) for key in self.plain_tables if (value := getattr(self, key))}
+
+    def __hash__(self) -> int:
+        """Return the hash of the text: formulas of equal text are equal."""
+        return hash(json.dumps(self.core()))
+
+
+def _table(tables: Mapping[str, Any], key: str) -> dict[str, Any]:
+    table = tables.get(key, {})
+    if not isinstance(table, dict):
+        raise wrong(key, f"{key} = {table!r} is not a table", remedy=f"Write [{key}].")
+    return table
+
+
+def load(of: Callable[[dict[str, Any]], Made], path: str | Path, guide: str) -> Made:
+    """Read formulas from a TOML file; `of` makes the object from its tables.
+
+    Raises
+    ------
+    DescriptionError
+        The file is not valid; the message gives file, line, formula and column.
+    """
+    tables, text = toml.read(path, start=f"docs/guide/{guide} shows an example.")
+    with toml.locating(path, text):
+        return of(tables)
+
+
+def written_as(
+    given: object, slot: str, of: Callable[[dict[str, Any]], Made], guide: str, folder: Path | None = None
+) -> Made | None:
+    """Return the formulas of a key from their tables or ``file:NAME.toml``; None for another value.
+
+    Raises
+    ------
+    DescriptionError
+        The formulas are not valid.
+    """
+    if isinstance(given, dict):
+        try:
+            return of(given)
+        except DescriptionError as error:
+            error.key = f"{slot}.{error.key}" if error.key else slot
+            raise
+    if isinstance(given, str) and given.startswith(FILE_PREFIX):
+        return load(of, (folder or Path()) / given.removeprefix(FILE_PREFIX).strip(), guide)
+    return None
+
+
+def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Written | None], path: Path) -> None:
+    """Replace the name of a file by its formulas; the name is relative to the folder of the file that contains it.
+
+    Parameters
+    ----------
+    table : object
+        Table as read.
+    slot : str
+        Key of the table that names the file.
+    key : str
+        Key of the table in its file.
+    make : callable
+        Function of the name and the folder.
+    path : Path
+        File that contains the table.
+
+    Raises
+    ------
+    DescriptionError
+        The file does not exist or is not valid.
+    """
+    name = table.get(slot) if isinstance(table, dict) else None
+    if not (isinstance(table, dict) and isinstance(name, str) and name.startswith(FILE_PREFIX)):
+        return
+    file = path.parent / name.removeprefix(FILE_PREFIX).strip()
+    if not file.is_file():
+        raise wrong(f"{key}.{slot}", f"{key}.{slot} names a file that does not exist: {file}", remedy=toml.beside(file))
+    table[slot] = make(name, path.parent)
+
+
+def refused(error: ValueError, outputs: tuple[str, ...]) -> DescriptionError:
+    """Return the core's error in formulas as an error with its key; `outputs` are keys of [output]."""
+    if len(error.args) != 8:
+        return DescriptionError(str(error))
+    what, key, formula, line, column, shown, caret, remedy = error.args
+    value = None
+    if line:
+        place = f"line {line}, column {column}" if "\n" in formula else f"column {column}"
+        what = f"{what} ({place})"
+        value = f"{shown}\n    {caret}"
+    full = f"output.{key}" if key in outputs else key
+    out = DescriptionError(f"{full}: {what}", value=value, remedy=remedy or None)
+    out.key = full
+    return out

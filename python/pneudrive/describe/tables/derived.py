@@ -1,0 +1,80 @@
+"""Derived defaults: values of a drive that follow from other values if they are not given.
+
+A caller that changes a value (a search, applying a fit) has to update the values derived from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pneudrive.describe.tables import valve_flow
+from pneudrive.describe.tables.friction import ASSUMED_DIGITS, assumed_from
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from pneudrive.describe.drive import Drive
+
+
+_FRICTION = "cylinder.friction.parameters."
+
+
+@dataclass(frozen=True)
+class Derived:
+    """Value derived from others.
+
+    Attributes
+    ----------
+    name : str
+        Name in the drive file.
+    path : str
+        Path in the circuit of the drive.
+    sources : tuple of str
+        Paths of its sources, which may be derived themselves.
+    value : callable
+        Function of the sources' values, SI.
+    digits : int or None
+        Digits to which a description rounds it.
+    """
+
+    name: str
+    path: str
+    sources: tuple[str, ...]
+    value: Callable[..., float]
+    digits: int | None = None
+
+
+def derived(drive: Drive) -> list[Derived]:
+    """Return the derived values of a drive, each after its sources.
+
+    Examples
+    --------
+    >>> from pneudrive.describe import Drive
+    >>> [d.name for d in derived(Drive.load("catalogue:reference"))]
+    ['supply.temperature', 'cylinder.wall_temperature']
+    """
+    return list(_derived(drive))
+
+
+def _derived(drive: Drive) -> Iterator[Derived]:
+    for key, (sources, value) in assumed_from(drive.friction).items():
+        paths = tuple(f"{_FRICTION}{source}" for source in sources)
+        yield Derived(f"friction.{key}", f"{_FRICTION}{key}", paths, value, ASSUMED_DIGITS)
+    ambient, supply, valve = "ambient.temperature_k", drive.supply, drive.valve
+    if supply.temperature_k is None:
+        yield Derived("supply.temperature", "supply.temperature", (ambient,), float)
+    if drive.cylinder.wall_temperature_k is None:
+        yield Derived("cylinder.wall_temperature", "cylinder.wall_temperature", (ambient,), float)
+    if supply.pressure.gauge:
+        yield Derived("supply.pressure", "supply.pressure", ("ambient.pressure_pa",), supply.pressure.absolute_pa)
+    flow = valve.nominal_flow_m3_s_anr
+    if flow is not None:
+        sources = ("valve.critical_pressure_ratio", "valve.subsonic_index")
+        given: float = flow
+        yield Derived(
+            "valve.conductance",
+            "valve.conductance",
+            sources,
+            lambda b, m: valve_flow.conductance_from_nominal_flow(given, b, m),
+        )

@@ -1,0 +1,462 @@
+"""Friction table of a drive; the laws and their parameters come from the core."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Literal, get_args
+
+from pydantic import ModelWrapValidatorHandler, field_serializer, model_validator
+
+from pneudrive import units
+from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, wrong
+from pneudrive.describe.formulas.law import FrictionLaw, law_of
+from pneudrive.describe.formulas.written import FILE_PREFIX
+from pneudrive.describe.parameters import parameter_quantities, parameter_quantity
+from pneudrive.describe.tables.dependences import (
+    DEPENDENCES,
+    Acting,
+    DirectionDependence,
+    Dwell,
+    PositionDependence,
+    Relaxation,
+    SealPressure,
+    SideLoad,
+    TemperatureDependence,
+    Wear,
+)
+from pneudrive.errors import DescriptionError, nearest, warn
+
+
+@lru_cache(maxsize=1)
+def friction_laws() -> MappingProxyType[str, dict[str, Any]]:
+    """Return the core's friction laws by name.
+
+    Each is a dict with title, source, states and parameters (key, unit, bounds, default, meaning).
+    """
+    from pneudrive import _core
+
+    return MappingProxyType({law["name"]: law for law in _core.friction_laws()})
+
+
+def has_bristles(law: str) -> bool:
+    """Return whether a law has elastic bristles, which can relax."""
+    return friction_laws()[law]["bristles"]
+
+
+#: Shapes of the Stribeck curve: exp(-(v/vs)^2), exp(-|v/vs|), 1/(1 + (v/vs)^2), exp(-|v/vs|^n) with the exponent n.
+StribeckShape = Literal["gaussian", "exponential", "lorentzian", "free"]
+
+
+def has_stribeck_curve(law: str) -> bool:
+    """Return whether a law has a Stribeck curve, whose shape can be chosen."""
+    return any(p["key"] == "stribeck_exponent" for p in friction_laws()[law]["parameters"])
+
+
+#: Evolution of the state in rate-and-state friction: with time and slip, or only with slip.
+Evolution = Literal["ageing", "slip"]
+
+#: largest number of elements of law gms
+MOST_ELEMENTS = 10
+#: tolerance of the sum of their shares: rounding to four digits
+SHARES_WITHIN = 1e-3
+
+#: Choices of a law, beside its parameters and modifiers.
+CHOICES = ("stribeck_shape", "elements", "evolution")
+
+
+def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
+    """Return the valid keys of a friction table with this law."""
+    parameters = [p["key"] for p in entry["parameters"]]
+    has = {
+        "stribeck_shape": law in friction_laws() and has_stribeck_curve(law),
+        "elements": entry["elements"],
+        "evolution": entry["evolves"],
+        "relaxation": entry["bristles"],
+    }
+    return ["law", *parameters, *(key for key in (*CHOICES, *DEPENDENCES) if has.get(key, True))]
+
+
+class SlipElement(Acting):
+    """Spring with slider of law ``gms``: its stiffness, and its fraction of the friction force."""
+
+    table_name: ClassVar[str] = "friction.elements"
+    stiffness_n_m: Annotated[float, Quantity("N/m", "N/m", Bounds(above=0.0))]
+    share: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=1.0))]
+
+
+#: Law of a friction table without a law: presliding, breakaway and stick-slip without drift.
+DEFAULT_LAW = "elasto-plastic"
+#: Assumed for a table without a law: breakaway after 0.1 mm; a bristle damping of 1 ms times the stiffness, which
+#: fades at half of the velocity up to which the law is proven passive.
+_BREAKAWAY_DISPLACEMENT_M = 1e-4
+_DAMPING_TIME_S = 1e-3
+_STRIBECK_VELOCITY_M_S = 0.02
+_PASSIVE_SHARE = 0.5
+
+
+#: Assumed parameter of a table without a law -> its sources, and its value as a function of them.
+_FOLLOWS: dict[str, tuple[tuple[str, ...], Callable[..., float]]] = {
+    "bristle_stiffness": (("breakaway",), lambda breakaway: breakaway / _BREAKAWAY_DISPLACEMENT_M),
+    "bristle_damping": (("bristle_stiffness",), lambda stiffness: stiffness * _DAMPING_TIME_S),
+    # sigma1 vd/sqrt(2 e) <= 4 Fc: docs/theory/friction.md
+    "damping_fade_velocity": (
+        ("coulomb", "bristle_damping"),
+        lambda coulomb, damping: _PASSIVE_SHARE * 4.0 * coulomb * math.sqrt(2.0 * math.e) / damping,
+    ),
+}
+
+
+#: Digits of an assumed value.
+ASSUMED_DIGITS = 2
+
+
+def _as_assumed(value: float) -> float:
+    return float(f"{value:.{ASSUMED_DIGITS}g}")
+
+
+def _following(known: Mapping[str, float]) -> dict[str, float]:
+    """Add derived values to the known ones."""
+    out = dict(known)
+    for key, (sources, value) in _FOLLOWS.items():
+        if key not in out and (key != "damping_fade_velocity" or out["bristle_damping"] > 0.0):
+            out[key] = value(*(out[source] for source in sources))
+    return {key: out[key] for key in _FOLLOWS if key in out}
+
+
+def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]:
+    """Return the parameters with their assumed value, with sources and rule of each.
+
+    Values are compared, so that this also works for a file in which assumed values are written.
+    """
+    if friction.law != DEFAULT_LAW:
+        return {}
+    known = {key: friction.parameters[key] for key in ("coulomb", "breakaway")}
+    out = {}
+    for key, (sources, value) in _FOLLOWS.items():
+        has, would = friction.parameters.get(key), _following(known).get(key)
+        if has is not None and would is not None and (has == _as_assumed(would) or math.isclose(has, would)):
+            out[key] = (sources, value)
+            known[key] = would
+        elif has is not None:
+            known[key] = has
+    return out
+
+
+def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, float]:
+    """Return the new values of assumed parameters after a change of others."""
+    rules = assumed_from(friction)
+    if not rules:  # includes laws with other parameters
+        return {}
+    given = {key: value for key, value in friction.parameters.items() if key not in rules} | dict(changed)
+    return {key: _as_assumed(value) for key, value in _following(given).items() if key in rules and key not in changed}
+
+
+def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Complete a friction table without a law: `DEFAULT_LAW`, and assumed values that datasheets do not give.
+
+    Parameters
+    ----------
+    data : dict
+        Table as users write it, with at least `coulomb` and `breakaway`.
+
+    Returns
+    -------
+    tuple of dict
+        The table with law, stribeck_velocity, bristle_stiffness, bristle_damping and damping_fade_velocity; and its
+        assumed entries.
+
+    Warns
+    -----
+    PneudriveWarning
+        Lists the assumed values.
+    """
+    quantities = parameter_quantities(friction_laws()[DEFAULT_LAW])
+    law: dict[str, Any] = {"law": DEFAULT_LAW}
+    out = law | data
+    if any(data.get(key) is None for key in ("coulomb", "breakaway")):
+        return out, law  # missing keys are reported as for any law
+    try:
+        known = {key: quantities[key].read(data[key]) for key in ("coulomb", "breakaway", *_FOLLOWS) if key in data}
+    except DescriptionError:
+        return out, law  # so are wrong values
+    assumed = {"stribeck_velocity": _STRIBECK_VELOCITY_M_S} | _following(known)
+    rounded = {key: _as_assumed(value) for key, value in assumed.items() if key not in data}
+    shown = {key: quantities[key].show(value) for key, value in rounded.items()}
+    listed = ", ".join(f'{key} = "{value}"' for key, value in shown.items())
+    with_these = f" with assumed values: {listed}. Replace important ones by measured values" if listed else ""
+    warn(f'the friction table names no law, so law = "{DEFAULT_LAW}" is used{with_these}.')
+    return out | shown, law | shown
+
+
+@dataclass(frozen=True)
+class Parameters(Mapping[str, float]):
+    """Name -> SI value, frozen like its description."""
+
+    pairs: tuple[tuple[str, float], ...] = ()
+
+    def __getitem__(self, key: str) -> float:
+        for name, value in self.pairs:
+            if name == key:
+                return value
+        raise KeyError(key)
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name, _ in self.pairs)
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+
+class Friction(Described):
+    """Friction law with its parameters and modifiers.
+
+    Parameters are keys, ``Friction(law="stribeck", coulomb="30 N", ...)``, and attributes: ``friction.coulomb`` shows
+    ``30 N``. `parameters` holds their plain SI values, including defaults of the law. `law` is a law of the core, a
+    `FrictionLaw`, or ``file:my_law.toml``; for the last two `formula` is the law itself. Without a law, `DEFAULT_LAW`
+    is used and its parameters other than Coulomb and breakaway force are assumed, with a `PneudriveWarning`; `assumed`
+    lists them.
+    """
+
+    table_name: ClassVar[str] = "friction"
+    law: str
+    formula: FrictionLaw | None = None
+    parameters: Parameters = Parameters()
+    given: frozenset[str] = frozenset()
+    stribeck_shape: StribeckShape | None = None
+    elements: tuple[SlipElement, ...] = ()
+    evolution: Evolution | None = None
+    pressure: SealPressure | None = None
+    dwell: Dwell | None = None
+    relaxation: Relaxation | None = None
+    position: PositionDependence | None = None
+    direction: DirectionDependence | None = None
+    side_load: SideLoad | None = None
+    temperature: TemperatureDependence | None = None
+    wear: Wear | None = None
+
+    @field_serializer("parameters")
+    def _plain(self, parameters: Parameters) -> dict[str, float]:
+        return dict(parameters)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_law(cls, data: Any) -> Any:  # noqa: ANN401
+        if not isinstance(data, dict):
+            return data
+        laws = friction_laws()
+        name = data["law"]
+        own = law_of(name)
+        if own is not None:
+            name = own.name
+        elif not isinstance(name, str) or name not in laws:
+            remedy = f'{nearest(str(name), laws)} A custom law is "{FILE_PREFIX}NAME.toml".'
+            raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=remedy)
+        entry = laws[name] if own is None else own.entry
+        parameters = {p["key"]: p for p in entry["parameters"]}
+        rest = {key: value for key, value in data.items() if key not in ("law", *CHOICES, *DEPENDENCES)}
+        values: dict[str, float] = {}
+        for key, given in rest.items():
+            full = f"friction.{key}"
+            if key not in parameters:
+                owners = [law for law, about in laws.items() if key in {p["key"] for p in about["parameters"]}]
+                remedy = f"It belongs to {', '.join(owners)}." if owners else nearest(key, _keys(name, entry))
+                raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
+            values[key] = parameter_quantity(parameters[key]).read_at(full, given)
+        for key, parameter in parameters.items():
+            default = parameter["default"]
+            if key in values or (default is not None and math.isinf(default)):
+                continue  # an infinite default means that the effect is absent, and so is the value
+            if default is None:
+                si_unit = parameter_quantity(parameter).si_unit
+                needed = units.needed(si_unit) if si_unit else "a number"
+                remedy = (
+                    f"{parameter['meaning']}: {needed}."
+                    if parameter["meaning"]
+                    else f"{needed[0].upper()}{needed[1:]}."
+                )
+                raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
+            values[key] = default
+        out = {"law": name, "formula": own, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}
+        return out | {key: data[key] for key in (*CHOICES, *DEPENDENCES) if data.get(key) is not None}
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _named(cls, data: Any, handler: ModelWrapValidatorHandler[Friction]) -> Friction:  # noqa: ANN401
+        if not isinstance(data, dict) or data.get("law") is not None:
+            return handler(data)
+        data, assumed = by_default(data)
+        friction = handler(data)
+        vars(friction)["assumed"] = tuple((key, str(value)) for key, value in assumed.items())
+        return friction
+
+    @cached_property
+    def assumed(self) -> tuple[tuple[str, str], ...]:
+        """Assumed entries of a table without a law, as (key, value); they do not count in comparisons."""
+        return ()
+
+    @property
+    def note(self) -> str:
+        """Warning on a table without a law, to follow the table's name; empty for a table with a law."""
+        listed = ", ".join(f"{key} = {value}" for key, value in self.assumed)
+        return f"names no law; assumed: {listed}" if listed else ""
+
+    @model_validator(mode="after")
+    def _levels(self) -> Friction:
+        coulomb, breakaway = self.parameters.get("coulomb"), self.parameters.get("breakaway")
+        if coulomb is not None and breakaway is not None and breakaway < coulomb:
+            what = (
+                f"friction.breakaway = {units.write(breakaway, 'N', 'N')} must not be below "
+                f"friction.coulomb = {units.write(coulomb, 'N', 'N')}"
+            )
+            raise wrong("friction.breakaway", what, remedy="Were the two swapped?")
+        return self
+
+    @model_validator(mode="after")
+    def _shape(self) -> Friction:
+        if self.stribeck_shape is not None and (self.formula is not None or not has_stribeck_curve(self.law)):
+            what = f'friction.stribeck_shape needs a Stribeck curve, but law "{self.law}" has none'
+            laws = ", ".join(name for name in friction_laws() if has_stribeck_curve(name))
+            raise wrong("friction.stribeck_shape", what, remedy=f"Laws with a Stribeck curve: {laws}.")
+        if self.stribeck_shape not in (None, "free") and "stribeck_exponent" in self.given:
+            what = f'friction.stribeck_exponent has no effect with stribeck_shape = "{self.stribeck_shape}"'
+            raise wrong("friction.stribeck_exponent", what, remedy='Remove it, or choose stribeck_shape = "free".')
+        return self
+
+    @model_validator(mode="after")
+    def _elements(self) -> Friction:
+        key, stiffness = "friction.elements", "friction.bristle_stiffness"
+        has_elements = self.entry["elements"]
+        if not self.elements:
+            if has_elements and "bristle_stiffness" not in self.parameters:
+                what = f'{stiffness} is missing; law "{self.law}" needs it or elements'
+                raise wrong(stiffness, what, remedy=f"{units.needed('N/m')}, or {key} = [{{ stiffness, share }}, ...].")
+            return self
+        if not has_elements:
+            raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has no elements')
+        if "bristle_stiffness" in self.given:
+            raise wrong(stiffness, f"{stiffness} already follows from {key}", remedy="Give one of the two.")
+        if not 2 <= len(self.elements) <= MOST_ELEMENTS:
+            raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
+        total = sum(element.share for element in self.elements)
+        if abs(total - 1.0) > SHARES_WITHIN:
+            raise wrong(key, f"the shares of {key} add up to {total:g}", rule="the sum of the shares is 1")
+        return self
+
+    @model_validator(mode="after")
+    def _evolves(self) -> Friction:
+        if self.evolution is not None and not self.entry["evolves"]:
+            what = f'friction.evolution belongs to law "rate-and-state"; law "{self.law}" has no such state'
+            raise wrong("friction.evolution", what)
+        return self
+
+    @model_validator(mode="after")
+    def _bristles_relax(self) -> Friction:
+        if self.relaxation is not None and not self.entry["bristles"]:
+            what = f'friction.relaxation needs elastic bristles, but law "{self.law}" has none'
+            laws = ", ".join(name for name in friction_laws() if has_bristles(name))
+            raise wrong("friction.relaxation", what, remedy=f"Laws with bristles: {laws}.")
+        return self
+
+    def __getattr__(self, name: str) -> units.UnitFloat | float:
+        """Return a parameter of the law by its key, as a quantity that shows its unit."""
+        parameters = self.__dict__.get("parameters", {})
+        if name in parameters:
+            return parameter_quantities(self.entry)[name].named(parameters[name])
+        if name.startswith("_") or not parameters:
+            raise AttributeError(name)
+        known = nearest(name, [*parameters, *DEPENDENCES])
+        msg = f'friction law "{self.law}" has no parameter "{name}". {known}'
+        raise AttributeError(msg)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.parameters]
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """Entry of the law in the form of `friction_laws`, also for a custom law: title, source, states, parameters."""
+        return friction_laws()[self.law] if self.formula is None else self.formula.entry
+
+    def _dependences(self) -> dict[str, Any]:
+        """Return the modifiers of the law by key."""
+        return {key: value for key in DEPENDENCES if (value := getattr(self, key)) is not None}
+
+    def core(self) -> dict[str, Any]:
+        """Return the table in the core's form, in SI: law, parameters, pressure and other modifiers."""
+        tables = {key: value.core() for key, value in self._dependences().items()}
+        law = {"law": self.law, "parameters": dict(self.parameters), "pressure": None}
+        formula = {} if self.formula is None else {"formula": self.formula.core()}
+        elements = {"elements": [element.core() for element in self.elements]} if self.elements else {}
+        return law | formula | self._words() | elements | tables
+
+    def _words(self) -> dict[str, str]:
+        """Return the choices by key."""
+        return {key: value for key in ("stribeck_shape", "evolution") if (value := getattr(self, key)) is not None}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Write the table as users would."""
+        by_key = {p["key"]: p for p in self.entry["parameters"]}
+        law = self.law if self.formula is None else self.formula.to_dict()
+        out: dict[str, Any] = {"law": law} | self._words()
+        if self.elements:
+            out["elements"] = [element.to_dict() for element in self.elements]
+        out |= {key: parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
+        return out | {key: value.to_dict() for key, value in self._dependences().items()}
+
+    def _all(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
+        """Yield the law, its parameters, then its modifiers."""
+        marks = parameter_quantities(self.entry)
+        yield "law", self.law, None
+        yield from ((key, value, None) for key, value in self._words().items())
+        yield from ((key, self.parameters[key], mark) for key, mark in marks.items() if key in self.parameters)
+        if self.elements:
+            yield "elements", [element.to_dict() for element in self.elements], None
+        yield from ((key, value, None) for key, value in self._dependences().items())
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
+        """Return the JSON schema: one alternative for each law of the core."""
+        tables = {key: about.model_json_schema(by_alias=True) for key, about in DEPENDENCES.items()}
+        alternatives = []
+        for name, law in friction_laws().items():
+            own = {key: table for key, table in tables.items() if key != "relaxation" or has_bristles(name)}
+            properties: dict[str, Any] = {"law": {"const": name}, **own}
+            if has_stribeck_curve(name):
+                properties["stribeck_shape"] = {"enum": list(get_args(StribeckShape))}
+            if law["evolves"]:
+                properties["evolution"] = {"enum": list(get_args(Evolution))}
+            if law["elements"]:
+                one = SlipElement.model_json_schema(by_alias=True)
+                properties["elements"] = {"type": "array", "items": one, "minItems": 2, "maxItems": MOST_ELEMENTS}
+            for p in law["parameters"]:
+                one = parameter_quantity(p).schema()
+                properties[p["key"]] = one | {"title": p["meaning"]}
+            required = ["law", *(p["key"] for p in law["parameters"] if p["default"] is None)]
+            alternatives.append(
+                {
+                    "type": "object",
+                    "title": law["title"],
+                    "properties": properties,
+                    "required": required,
+                    "additionalProperties": False,
+                }
+            )
+        return {"oneOf": [*alternatives, _default_schema(alternatives), _own_law_schema(tables)]}
+
+
+def _default_schema(alternatives: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the JSON schema of a table without a law."""
+    (default,) = (one for one in alternatives if one["properties"]["law"]["const"] == DEFAULT_LAW)
+    properties = {key: value for key, value in default["properties"].items() if key != "law"}
+    title = f'Without law: "{DEFAULT_LAW}" with assumed values for missing keys'
+    return default | {"title": title, "properties": properties, "required": ["coulomb", "breakaway"]}
+
+
+def _own_law_schema(tables: dict[str, Any]) -> dict[str, Any]:
+    """Return the JSON schema of a custom law, whose parameters only its file lists."""
+    law = {"anyOf": [{"type": "string", "pattern": f"^{FILE_PREFIX}"}, {"type": "object", "required": ["name"]}]}
+    title = "A custom law, as formulas"
+    return {"type": "object", "title": title, "properties": {"law": law, **tables}, "required": ["law"]}

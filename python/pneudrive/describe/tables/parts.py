@@ -1,0 +1,396 @@
+"""Tables of a drive description, one class each. Stored values are in SI, with the unit in their name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from pneudrive import _core, units
+from pneudrive.constants import (
+    AIR_GAS_CONSTANT_J_KG_K,
+    AIR_HEAT_CAPACITY_RATIO,
+    ANR_DENSITY_KG_M3,
+    ANR_PRESSURE_PA,
+    ANR_TEMPERATURE_K,
+    MOLAR_GAS_CONSTANT_J_MOL_K,
+    STANDARD_ATMOSPHERE_PA,
+)
+from pneudrive.describe.base import (
+    Angle,
+    Bounds,
+    Described,
+    EachChamber,
+    Force,
+    Fraction,
+    Length,
+    Mass,
+    PerChamber,
+    Position,
+    Quantity,
+    StatedPressure,
+    Stiffness,
+    Temperature,
+    Velocity,
+    WrongValueError,
+    wrong,
+)
+from pneudrive.describe.tables import valve_flow
+from pneudrive.describe.tables.geometry import check_rod, piston_areas
+from pneudrive.describe.tables.signal import Signal, SignalRange
+from pneudrive.errors import warn
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+NOT_NEGATIVE = Bounds(at_least=0.0)
+#: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
+DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
+
+
+#: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name: R is the molar gas constant over the
+#: molar mass, k the usual value at 20 degC (assumed).
+GASES: dict[str, tuple[float, float]] = {
+    "air": (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K),
+    "nitrogen": (1.4, 296.80),
+    "argon": (1.667, 208.13),
+    "helium": (1.667, 2077.3),
+    "carbon-dioxide": (1.289, 188.92),
+}
+
+#: Of B = a - b exp(c/T): a and b, cm3/mol, and c, K. Source: libretexts-virial in references.bib.
+VIRIAL: dict[str, tuple[float, float, float]] = {
+    "nitrogen": (185.4, 141.8, 88.7),
+    "argon": (154.2, 119.3, 105.1),
+    "carbon-dioxide": (137.6, 87.7, 325.7),
+}
+
+
+def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
+    """Return the density of a gas at the standard reference atmosphere, kg/m3: air is humid there, others are dry.
+
+    The core's conductances are of the same densities.
+    """
+    if (heat_capacity_ratio, gas_constant) == (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K):
+        return ANR_DENSITY_KG_M3
+    return ANR_PRESSURE_PA / (gas_constant * ANR_TEMPERATURE_K)
+
+
+class Gas(Described):
+    """Gas in the drive, by name or by numbers; the default is dry air.
+
+    `model` is "ideal", or "virial" with the second virial coefficient.
+
+    `dew_point` is the pressure dew point of the supplied gas, below 0 degC its frost point, at `dew_point_pressure`, by
+    default the supply pressure. It does not change the simulation; a run warns where water may condense or freeze.
+    """
+
+    table_name: ClassVar[str] = "gas"
+    name: Literal["air", "nitrogen", "argon", "helium", "carbon-dioxide"] | None = None
+    heat_capacity_ratio: Annotated[float, Quantity("", bounds=Bounds(above=1.0, below=2.0))] = AIR_HEAT_CAPACITY_RATIO
+    gas_constant_j_kg_k: Annotated[float, Quantity("J/(kg K)", "J/(kg K)", Bounds(above=0.0))] = AIR_GAS_CONSTANT_J_KG_K
+    model: Literal["ideal", "virial"] = "ideal"
+    dew_point_k: Annotated[float | None, Quantity("K", "degC", DEW_POINTS)] = None
+    dew_point_pressure: Annotated[units.Pressure | None, StatedPressure()] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_name(cls, data: Any) -> Any:  # noqa: ANN401
+        known = GASES.get(data["name"]) if isinstance(data, dict) and isinstance(data.get("name"), str) else None
+        if known is None:
+            return data
+        ratio, constant = known
+        return {"heat_capacity_ratio": ratio, "gas_constant": f"{constant!r} J/(kg K)"} | data
+
+    @model_validator(mode="after")
+    def _one_gas(self) -> Gas:
+        if self.model == "virial" and self.name not in VIRIAL:
+            what = f'gas.model = "virial" has no coefficient for {self.name or "a gas given by numbers"}'
+            raise wrong("gas.model", what, rule=f"known for {', '.join(VIRIAL)}", remedy='Use gas.model = "ideal".')
+        if self.name is None:
+            return self
+        numbers = {"heat_capacity_ratio": self.heat_capacity_ratio, "gas_constant": self.gas_constant_j_kg_k}
+        for (key, value), known in zip(numbers.items(), GASES[self.name], strict=True):
+            if value != known:
+                what = f'gas.{key} = {value:g} differs from {known:g} of gas.name = "{self.name}"'
+                raise wrong(f"gas.{key}", what, rule="a gas is given by name or by numbers", remedy="Keep one of them.")
+        if self.name == "carbon-dioxide" and self.model == "ideal":
+            warn(
+                "carbon dioxide as an ideal gas: its pressure is 3.7 % too high at 7 bar and 20 degC, "
+                '5.3 % at 10 bar; gas.model = "virial" corrects this'
+            )
+        return self
+
+    @property
+    def anr_density_kg_m3(self) -> float:
+        """Density at the standard reference atmosphere, kg/m3."""
+        return anr_density_kg_m3(self.heat_capacity_ratio, self.gas_constant_j_kg_k)
+
+    def core(self) -> dict[str, Any]:
+        """Return the gas in the core's form, in SI."""
+        out = {"heat_capacity_ratio": self.heat_capacity_ratio, "gas_constant_j_kg_k": self.gas_constant_j_kg_k}
+        if self.model == "ideal" or self.name is None:
+            return out
+        a, b, c = VIRIAL[self.name]
+        per_kg = 1e-6 * self.gas_constant_j_kg_k / MOLAR_GAS_CONSTANT_J_MOL_K
+        return out | {"virial": {"a_m3_kg": a * per_kg, "b_m3_kg": b * per_kg, "c_k": c}}
+
+    def dew_point_pressure_pa(self, ambient_pa: float, supply_pa: float | None) -> float | None:
+        """Return the absolute pressure of the dew point, Pa; None without a dew point.
+
+        Raises
+        ------
+        DescriptionError
+            The pressure is missing or below vacuum.
+        """
+        key, stated = "gas.dew_point_pressure", self.dew_point_pressure
+        if self.dew_point_k is None:
+            if stated is not None:
+                raise wrong(key, f"{key} = {stated} has no effect without gas.dew_point", remedy="Add dew_point.")
+            return None
+        pressure = supply_pa if stated is None else stated.absolute_pa(ambient_pa)
+        if pressure is None:
+            remedy = 'Add dew_point_pressure = "7 bar abs" to [gas]: the pressure at the dryer.'
+            raise wrong("gas.dew_point", "gas.dew_point needs a pressure: the circuit has no reservoir", remedy=remedy)
+        if not pressure > 0.0:
+            raise wrong(key, f"{key} = {stated} is below vacuum", rule="gauge + ambient > 0")
+        return pressure
+
+
+class Ambient(Described):
+    """Ambient air, into which the drive exhausts; the default is the standard atmosphere."""
+
+    table_name: ClassVar[str] = "ambient"
+    pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
+        STANDARD_ATMOSPHERE_PA, gauge=False
+    )
+    temperature_k: Temperature = ANR_TEMPERATURE_K
+
+    @property
+    def pressure_pa(self) -> float:
+        """Absolute pressure, Pa."""
+        return self.pressure.value_pa
+
+    def core(self) -> dict[str, float]:
+        """Return the table in the core's form, in SI."""
+        return {"pressure_pa": self.pressure_pa, "temperature_k": self.temperature_k}
+
+
+class Supply(Described):
+    """Supply at the valve's inlet; its default temperature is ambient."""
+
+    table_name: ClassVar[str] = "supply"
+    pressure: Annotated[units.Pressure, StatedPressure()]
+    temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
+
+    def core(self, ambient: Ambient) -> dict[str, float]:
+        """Return the table in the core's form, in SI; missing values are ambient."""
+        temperature = ambient.temperature_k if self.temperature_k is None else self.temperature_k
+        return {"pressure_pa": self.pressure.absolute_pa(ambient.pressure_pa), "temperature_k": temperature}
+
+
+def _not_of_a_circuit(data: Any, table: str, known: Sequence[str]) -> Any:  # noqa: ANN401 - input of any type
+    """Refuse a kind that circuits have, but drive files do not."""
+    kind = data.get("kind") if isinstance(data, dict) else None
+    short = kind.removeprefix(f"{table}/") if isinstance(kind, str) else ""
+    if short and short not in known and any(entry["kind"] == f"{table}/{short}" for entry in _core.components()):
+        raise wrong(
+            f"{table}.kind",
+            f'{table}.kind = "{kind}" is a component of circuits',
+            rule=f"[{table}] of a drive file is {' or '.join(known)}",
+            remedy=f'Write a circuit file: [components.{table}] with kind = "{table}/{short}", and connections.',
+        )
+    return data
+
+
+class EndStop(Described):
+    """Contact with the end cover.
+
+    force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed, never pulling.
+    Missing values follow from the drive (docs/theory/end_stops.md): stiff enough that a sensible drive never reaches a
+    cover; `Drive.end_stop` has the values.
+    """
+
+    table_name: ClassVar[str] = "cylinder.end_stop"
+    stiffness_n_m: Annotated[float | None, Quantity("N/m", "N/m", Bounds(above=0.0))] = None
+    damping_n_s_m: Annotated[float | None, Quantity("N s/m", "N s/m", NOT_NEGATIVE)] = None
+    damping_depth_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
+
+
+class Cylinder(Described):
+    """Double-acting cylinder; x grows towards the end of chamber b, and chamber a grows with x.
+
+    `leakage` is the sonic conductance of the gap past the piston, between the chambers; its critical pressure ratio
+    is assumed to be 0.2.
+    """
+
+    table_name: ClassVar[str] = "cylinder"
+    kind: Literal["rodless", "through-rod", "single-rod"]
+    bore_m: Length
+    rod_diameter_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
+    stroke_m: Length
+    dead_volume_m3: Annotated[PerChamber, EachChamber("m^3", "cm3", Bounds(above=0.0))]
+    moving_mass_kg: Mass
+    incline_rad: Angle = 0.0
+    heat_transfer_w_m2_k: Annotated[float, Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = 30.0
+    wall_temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
+    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
+    end_stop: EndStop = EndStop()
+    chamber_law: Literal["energy-balance", "as-printed"] = "energy-balance"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_a_circuit(cls, data: Any) -> Any:  # noqa: ANN401
+        return _not_of_a_circuit(data, "cylinder", get_args(cls.model_fields["kind"].annotation))
+
+    @model_validator(mode="after")
+    def _rod_fits(self) -> Cylinder:
+        check_rod("cylinder", self.kind, self.bore_m, self.rod_diameter_m)
+        return self
+
+    def core(self, ambient_k: float) -> dict[str, Any]:
+        """Return the table in the core's form, in SI; without leakage its key is left out."""
+        out: dict[str, Any] = {"rod_diameter_m": 0.0, "wall_temperature_k": ambient_k} | self.stored()
+        a, b = out.pop("dead_volume_m3")
+        out |= {"dead_volume_a_m3": a, "dead_volume_b_m3": b, "end_stop": self.end_stop.stored()}
+        return {key: value for key, value in out.items() if key != "leakage_m3_s_pa" or value}
+
+    @property
+    def area_a_m2(self) -> float:
+        """Piston area on chamber a's side, m2."""
+        return self._areas[0]
+
+    @property
+    def area_b_m2(self) -> float:
+        """Piston area on chamber b's side, m2."""
+        return self._areas[1]
+
+    @property
+    def _areas(self) -> tuple[float, float]:
+        return piston_areas(self.kind, self.bore_m, self.rod_diameter_m or 0.0)
+
+
+class FlowCoefficient(Quantity):
+    """Annotation of a flow coefficient: a pure number, or a number with its name as unit ("0.9 Cv")."""
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        if isinstance(given, str) and given.split()[1:] in (["Kv"], ["Cv"], ["m3/h"]):
+            text, unit = given.split()
+            if (unit in {"Kv", "m3/h"}) != (self.written == "Kv"):
+                raise WrongValueError(f'"{given}" is not a {self.written}')
+            try:
+                given = float(text)
+            except ValueError:
+                raise WrongValueError(f'"{given}" is not a number') from None
+        return super().read(given)
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON schema of both forms."""
+        own = "Kv|m3/h" if self.written == "Kv" else "Cv"
+        number = super().schema()
+        return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
+
+
+class Valve(Described):
+    """Proportional 5/3 valve.
+
+    A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance. u < 0 opens supply -> b
+    and a -> exhaust. `command` is the range of the electrical input, for commands in V or mA; its ends are u = -1 and
+    1. `overlap` is the fraction of the command up to which an edge stays shut, negative for an edge that is open in the
+    centre. `leakage` is the fraction of the conductance that leaks past each edge in the centre. The size is given in
+    exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv.
+    `pneudrive.describe.tables.valve_flow` states the assumptions of each conversion.
+    """
+
+    table_name: ClassVar[str] = "valve"
+    kind: Literal["proportional-5/3"]
+    conductance_given: Annotated[float | None, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))] = Field(
+        default=None, alias="conductance"
+    )
+    nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", Bounds(above=0.0))] = None
+    kv: Annotated[float | None, FlowCoefficient("", "Kv", Bounds(above=0.0))] = None
+    cv: Annotated[float | None, FlowCoefficient("", "Cv", Bounds(above=0.0))] = None
+    critical_pressure_ratio: Fraction = valve_flow.USUAL_RATIO
+    subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
+    linear_above: Fraction = 0.999
+    overlap: Annotated[float | None, Quantity("", bounds=Bounds(above=-1.0, below=1.0))] = None
+    leakage: Annotated[float | None, Quantity("", bounds=Bounds(at_least=0.0, at_most=1.0))] = None
+    command: Annotated[Signal | None, SignalRange("")] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_a_circuit(cls, data: Any) -> Any:  # noqa: ANN401
+        return _not_of_a_circuit(data, "valve", get_args(cls.model_fields["kind"].annotation))
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Valve:
+        valve_flow.size_given(self._sizes(), valve_flow.FLOW_KEYS, "valve.")
+        if self.conductance_given is not None and "critical_pressure_ratio" not in self.model_fields_set:
+            key, rule = "valve.critical_pressure_ratio", "a valve is given by C and b, or by a nominal flow, kv or cv"
+            raise wrong(key, f"{key} is missing", rule=rule, remedy="Write critical_pressure_ratio = 0.3.")
+        if not self.critical_pressure_ratio < self.linear_above:
+            key = "valve.linear_above"
+            b = self.critical_pressure_ratio
+            raise wrong(key, f"{key} = {self.linear_above:g} must exceed valve.critical_pressure_ratio = {b:g}")
+        return self
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether overlap or leakage of the edges is given."""
+        return self.overlap is not None or self.leakage is not None
+
+    def _sizes(self) -> tuple[float | None, ...]:
+        return self.conductance_given, self.nominal_flow_m3_s_anr, self.kv, self.cv
+
+    @property
+    def conductance(self) -> units.UnitFloat:
+        """Sonic conductance C for air at full opening, converted from the given size."""
+        return units.UnitFloat(self.conductance_m3_s_pa, "m^3/(s Pa)", "dm3/(s bar)")
+
+    @property
+    def conductance_m3_s_pa(self) -> float:
+        """Sonic conductance C for air at full opening, m3/(s Pa)."""
+        return valve_flow.conductance_of(self._sizes(), self.critical_pressure_ratio, self.subsonic_index)
+
+
+class Spring(Described):
+    """Linear spring between load and ground; it pushes in +x below its rest position."""
+
+    table_name: ClassVar[str] = "load.spring"
+    stiffness_n_m: Stiffness
+    rest_position_m: Position = 0.0
+
+
+class Load(Described):
+    """Load of the piston, in addition to its moving mass. `force` acts in +x."""
+
+    table_name: ClassVar[str] = "load"
+    mass_kg: Annotated[float, Quantity("kg", "kg", NOT_NEGATIVE)] = 0.0
+    force_n: Force = 0.0
+    spring: Spring | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _inclined_with_the_cylinder(cls, data: Any) -> Any:  # noqa: ANN401
+        if isinstance(data, dict) and "incline" in data:
+            remedy = 'Write incline = "90 deg" under [cylinder] if x points up, "-90 deg" if it points down.'
+            raise wrong("load.incline", "load.incline is not known: the load moves along the cylinder", remedy=remedy)
+        return data
+
+
+class Initial(Described):
+    """State at the start of a run.
+
+    Defaults: mid stroke, at rest, ambient pressure and temperature, bristles undeflected, a fresh contact.
+    `contact_age` is the age of the contact, for friction that grows with it.
+    """
+
+    table_name: ClassVar[str] = "initial"
+    position_m: Annotated[float | None, Quantity("m", "mm")] = None
+    velocity_m_s: Velocity = 0.0
+    contact_age_s: Annotated[float, Quantity("s", "s", NOT_NEGATIVE)] = 0.0
+    pressure_a: Annotated[units.Pressure | None, StatedPressure()] = None
+    pressure_b: Annotated[units.Pressure | None, StatedPressure()] = None
+    temperature_a_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
+    temperature_b_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None

@@ -1,0 +1,292 @@
+"""Start state: given values as users write them, and derived values for the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from pneudrive import units
+from pneudrive.describe.base import Bounds, Quantity, StatedPressure, within, wrong
+from pneudrive.errors import CommandError, DescriptionError, Problems, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from pneudrive.describe.components import Component
+    from pneudrive.describe.connections import Joint, Port, Wiring
+    from pneudrive.describe.tables.parts import Ambient, Initial
+
+PRESSURE, TEMPERATURE, POSITION, VELOCITY = "pressure_pa", "temperature_k", "position_m", "velocity_m_s"
+#: Last part of a start value's name in the core -> its key and its annotation.
+_MARKS: dict[str, tuple[str, Quantity | StatedPressure]] = {
+    PRESSURE: ("pressure", StatedPressure()),
+    TEMPERATURE: ("temperature", Quantity("K", "K", Bounds(above=0.0))),
+    POSITION: ("position", Quantity("m", "mm")),
+    VELOCITY: ("velocity", Quantity("m/s", "mm/s")),
+    "contact_age_s": ("contact_age", Quantity("s", "s", Bounds(at_least=0.0))),
+}
+
+
+class Starts:
+    """Start values of a circuit.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names in the core: ``left.position_m``, ``left.a.pressure_pa``, ``tank.pressure_pa``.
+    components : mapping
+    wiring : Wiring
+    ambient : Ambient
+    """
+
+    def __init__(
+        self, names: Sequence[str], components: Mapping[str, Component], wiring: Wiring, ambient: Ambient
+    ) -> None:
+        self.names, self.components, self.wiring, self.ambient = names, components, wiring, ambient
+        self.places: dict[str, Joint] = {}  # port or component with gas -> its joint
+        self.keys = {_key(name): name for name in names}  # key as users write it -> name in the core
+        for name in names:
+            of, _, last = name.rpartition(".")
+            if last == PRESSURE:
+                self.keys[of] = name
+                self._place(of)
+
+    def _place(self, of: str) -> None:
+        """Find the joint of a start value of gas, and add the names of all ports of the joint."""
+        for port, joint in self.wiring.at.items():
+            if of == port.id or (of == port.component and port.holds == "volume"):
+                self.places[of] = joint
+                for other in joint.ports:
+                    for last in (PRESSURE, TEMPERATURE):
+                        self.keys.setdefault(_key(f"{other.id}.{last}"), f"{of}.{last}")
+                    self.keys.setdefault(other.id, f"{of}.{PRESSURE}")
+                return
+
+    def values(self, *given: Mapping[str, Any]) -> tuple[dict[str, float], list[str]]:
+        """Return all start values in SI, and notes on the assumed ones.
+
+        Parameters
+        ----------
+        *given : mapping
+            Tables as users write them, nested or with dotted keys; a later one overrides an earlier one.
+
+        Raises
+        ------
+        DescriptionError
+            A key is unknown, or a value does not fit.
+        """
+        known: dict[str, float] = {}
+        problems = Problems()
+        for key, value in (entry for table in given for entry in _flat(table)):
+            with problems.caught():
+                name = self.keys.get(key)
+                if name is None:
+                    own = [_key(one) for one in self.names]
+                    raise wrong(f"initial.{key}", f"{key} is not a start value", remedy=nearest(key, own))
+                known[name] = self._read(key, name, value)
+        problems.tell()
+        notes: list[str] = []
+        out = dict(known)
+        for name in self.names:
+            if name not in out:
+                of, _, last = name.rpartition(".")
+                if last == PRESSURE:
+                    out[name] = self._pressure(of, known, notes)
+                else:
+                    moves = last in (POSITION, VELOCITY)
+                    out[name] = self._moved(of, last, known) if moves else self._otherwise(of, last)
+        return out, notes
+
+    def _read(self, key: str, name: str, given: object) -> float:
+        of, _, last = name.rpartition(".")
+        try:
+            value = start_mark(last)[1].read(given)
+        except DescriptionError as error:
+            raise within(error, key, "initial.") from None
+        if isinstance(value, units.Pressure):
+            absolute = value.absolute_pa(self.ambient.pressure_pa)
+            if not absolute > 0.0:
+                raise wrong(f"initial.{key}", f"{key} = {value} is below vacuum", rule="gauge + ambient > 0")
+            return absolute
+        stroke = self._stroke(of) if last == POSITION else None
+        if stroke is not None and not 0.0 <= value <= stroke:
+            what = f"{key} = {value * 1e3:g} mm lies outside the stroke"
+            raise wrong(f"initial.{key}", what, rule=f"0 mm <= position <= {of}.stroke = {stroke * 1e3:g} mm")
+        return value
+
+    def _stroke(self, of: str) -> float | None:
+        return getattr(self.components.get(of), "stroke_m", None)
+
+    def _otherwise(self, of: str, last: str) -> float:
+        """Return the default: mid stroke, at rest, ambient temperature, a fresh contact."""
+        if last == TEMPERATURE:
+            return self.ambient.temperature_k
+        return 0.5 * (self._stroke(of) or 0.0) if last == POSITION else 0.0
+
+    def _moved(self, of: str, last: str, known: Mapping[str, float]) -> float:
+        """Return position or velocity of a mass: one without a stroke moves with the mass to which it is coupled."""
+        found = [of]
+        for name in found:  # grows during the loop
+            if f"{name}.{last}" in known:
+                return known[f"{name}.{last}"]
+            if self._stroke(name) is not None and f"{name}.{last}" in self.names:
+                return self._otherwise(name, last)
+            for port in self.wiring.ports(name):
+                joint = self.wiring.at.get(port) if port.kind == "axis" else None
+                found += [one.component for one in joint.ports if one.component not in found] if joint else []
+        return self._otherwise(of, last)
+
+    def _pressure(self, of: str, known: Mapping[str, float], notes: list[str]) -> float:
+        """Return the settled pressure of gas: the nearest given or constant one along paths that are always open."""
+        if of not in self.places:
+            notes = []  # of a cell within a component: the note of the joint covers it
+        starts = {joint: name for name, joint in self.places.items() if f"{name}.{PRESSURE}" in known}
+        held: Port | None = None
+        for joint in self._reached(self.places.get(of) or self._before(of)):
+            if joint in starts:
+                value = known[f"{starts[joint]}.{PRESSURE}"]
+                notes.append(f"{of} starts at {_bar(value)}, as {starts[joint]} does")
+                return value
+            held = held or next((port for port in joint.ports if port.holds in ("pressure", "set")), None)
+        if held is None:
+            return self.ambient.pressure_pa
+        (stated,) = self.components[held.component].pressures()
+        value = stated.absolute_pa(self.ambient.pressure_pa)
+        notes.append(f"{of} starts at {_bar(value)}, as {held.component} has it")
+        return value
+
+    def _before(self, cell: str) -> Joint | None:
+        """Return the joint at the first port of a cell's component, if the path to the cell is always open."""
+        own = cell.rpartition(".")[0]
+        if own not in self.components or not self.components[own].entry["open"]:
+            return None
+        return next((joint for port, joint in self.wiring.at.items() if port.component == own), None)
+
+    def _reached(self, first: Joint | None) -> Iterator[Joint]:
+        """Yield the joints along paths that are always open, nearest first, up to constant pressures."""
+        always = {name for name, one in self.components.items() if one.entry["open"]}
+        found = [] if first is None else [first]
+        for joint in found:  # grows during the loop
+            yield joint
+            if not joint.is_constant:
+                found += [other for other in dict.fromkeys(self.wiring.across(joint, always)) if other not in found]
+
+
+def _key(name: str) -> str:
+    """Return the key of a start value, without its unit."""
+    of, _, last = name.rpartition(".")
+    return f"{of}.{start_mark(last)[0]}"
+
+
+def start_mark(last: str) -> tuple[str, Quantity | StatedPressure]:
+    """Return the key and the annotation of a start value by the last part of its name. The default is a pure number."""
+    return _MARKS.get(last, (last, Quantity("")))
+
+
+def _flat(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        full = f"{before}{key}"
+        if isinstance(value, dict):
+            yield from _flat(value, f"{full}.")
+        else:
+            yield full, value
+
+
+def _bar(value: float) -> str:
+    return f"{value * 1e-5:.6g} bar abs"
+
+
+def read_initial(given: Initial | Mapping[str, object] | str | None) -> Initial | None:
+    """Read a start state: an `Initial`, its keys as a dict, or ``"position = 50 mm, pressure_a = 3 bar abs"``.
+
+    Raises
+    ------
+    CommandError
+        The argument has another type, or an entry of a text is not ``key = quantity`` or is repeated.
+    DescriptionError
+        Unknown key, or a quantity of another dimension.
+
+    Examples
+    --------
+    >>> read_initial({"position": "50 mm"}) == read_initial("position = 50 mm")
+    True
+    """
+    from pneudrive.describe.tables.parts import Initial
+
+    if given is None or isinstance(given, Initial):
+        return given
+    if isinstance(given, str):
+        given = _entries(given)
+    if not isinstance(given, Mapping):
+        raise CommandError(
+            f"the initial state is a {type(given).__name__}",
+            remedy='Give {"position": "50 mm"}, "position = 50 mm" or pn.Initial(position="50 mm").',
+        )
+    return Initial.model_validate(dict(given))
+
+
+def start_values(given: object) -> Mapping[str, object]:
+    """Read start values of a circuit: a dict, or ``"left.position = 20 mm, tank = 5 bar abs"``.
+
+    Raises
+    ------
+    CommandError
+        The argument has another type, or an entry of a text is not ``key = quantity`` or is repeated.
+
+    Examples
+    --------
+    >>> start_values("tank = 5 bar abs")
+    {'tank': '5 bar abs'}
+    """
+    given = _entries(given) if isinstance(given, str) else given
+    if given is not None and not isinstance(given, Mapping):
+        remedy = 'Give {"left.position": "20 mm"} or "left.position = 20 mm".'
+        raise CommandError(f"the initial state is a {type(given).__name__}", remedy=remedy)
+    return given or {}
+
+
+def start_table(given: object) -> Mapping[str, object]:
+    """Return a start state of a drive or a circuit as the table in which it was given."""
+    return given.to_dict() if hasattr(given, "to_dict") else start_values(given)  # type: ignore[union-attr]
+
+
+def _entries(text: str) -> dict[str, str]:
+    """Read ``key = quantity`` entries into a dict."""
+    given: dict[str, str] = {}
+    for entry in filter(None, map(str.strip, text.split(","))):
+        key, equals, value = (part.strip() for part in entry.partition("="))
+        if not equals or not value:
+            raise CommandError(
+                f'"{entry}" in the initial state is not key = quantity', remedy='For instance "position = 50 mm".'
+            )
+        if key in given:
+            raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
+        given[key] = value
+    return given
+
+
+def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays stand for many drives.
+
+    Parameters
+    ----------
+    start : Initial
+    stroke_m, ambient_pa, ambient_k : float or ndarray
+        m, Pa absolute, K.
+    """
+
+    def or_else(value: float | None, otherwise: Any) -> Any:  # noqa: ANN401
+        return otherwise if value is None else value
+
+    state = {
+        "position_m": or_else(start.position_m, 0.5 * stroke_m),
+        "velocity_m_s": start.velocity_m_s,
+        "contact_age_s": start.contact_age_s,
+    }
+    for chamber, pressure, temperature in (
+        ("a", start.pressure_a, start.temperature_a_k),
+        ("b", start.pressure_b, start.temperature_b_k),
+    ):
+        state[f"pressure_{chamber}_pa"] = ambient_pa if pressure is None else pressure.absolute_pa(ambient_pa)
+        state[f"temperature_{chamber}_k"] = or_else(temperature, ambient_k)
+    return state

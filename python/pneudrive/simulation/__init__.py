@@ -1,0 +1,1 @@
+"""A run of a drive or circuit: start, commands, session, trajectory, warnings."""

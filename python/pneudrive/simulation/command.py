@@ -1,0 +1,288 @@
+"""The command of a valve over time, steps that hold until the next entry, and the state at the start."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
+from numbers import Real
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias, cast
+
+from pneudrive import units
+from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.files.content import exists, read_text
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from pneudrive.describe.tables.signal import Signal
+
+Pairs: TypeAlias = Sequence[tuple[float | str, float | str]]
+Steps: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
+#: Forms of a command that `steps` reads.
+Command: TypeAlias = "str | Path | float | Callable[[float], float] | Pairs | np.ndarray"
+_NAMED = re.compile(r"\s*([A-Za-z_][\w-]*)(?:\.command)?\s*:(.*)", re.DOTALL)  # a time begins with a digit
+#: Forms of commands that `plans` reads.
+Commands: TypeAlias = "Command | Mapping[str, Command] | Sequence[str] | None"
+FORMS = 'a number (0.5), "0 s: 0.6, 1 s: -0.6", pairs [(0.0, 0.6), (1.0, -0.6)], a CSV file or a function of time'
+
+
+def steps(command: Command, times: Sequence[float] | None = None, signal: Signal | None = None) -> Steps:
+    """Read a command.
+
+    Parameters
+    ----------
+    command : number, str, path, sequence of pairs or callable
+        A number holds for the whole run. Other forms are ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s
+        and command, or pairs of time and command. A time is in s, or a quantity such as ``"20 ms"``. A function of the
+        time in s is evaluated at `times` and held from each to the next, as by a digital controller.
+    times : sequence of float, optional
+        Times in s, rising from 0, at which a function is evaluated.
+    signal : Signal, optional
+        Electrical input of the valve (``drive.valve.command``), for commands such as ``"0 s: 7.5 V"``.
+
+    Returns
+    -------
+    times, commands : tuple of float
+        s and -; equal lengths, times rising from 0.
+
+    Raises
+    ------
+    CommandError
+        Times are missing, not rising or do not begin at 0 s, or a command is not a number in [-1, 1].
+
+    Examples
+    --------
+    >>> steps("0 s: 0.6, 1 s: -0.6")
+    ((0.0, 1.0), (0.6, -0.6))
+    """
+    if isinstance(command, Path):
+        return _from_file(command)
+    if isinstance(command, str):
+        is_file = command.lower().endswith(".csv") or (":" not in command and _is_file(command))
+        return _from_file(Path(command)) if is_file else _from_text(command, signal)
+    if isinstance(command, Real):
+        return _checked([(0.0, _number(command, "command"))])
+    if callable(command):
+        return _checked([(time, _number(command(time), f"command at {time:g} s:")) for time in times or (0.0,)])
+    if not isinstance(command, Iterable):
+        raise CommandError(f"the command is a {type(command).__name__}", remedy=f"Give {FORMS}.")
+    pairs = []
+    for number, pair in enumerate(command):
+        try:
+            time, value = pair
+        except (TypeError, ValueError):
+            raise CommandError(
+                f"entry {number + 1} of the command is {pair!r}",
+                rule="each entry is (time, command)",
+                remedy=f"Give {FORMS}.",
+            ) from None
+        pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _opening(value, signal)))
+    return _checked(pairs)
+
+
+def plans(
+    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
+) -> list[tuple[str, Steps]]:
+    """Read the commands of a circuit.
+
+    Parameters
+    ----------
+    given : mapping, str, sequence of str, or anything that `steps` reads; or None
+        Commands by component, or texts with the component in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. A command alone
+        belongs to the only component that takes one.
+    commandable : mapping
+        Component that takes a command -> its electrical input, if one is described.
+    times : sequence of float, optional
+        As for `steps`.
+
+    Returns
+    -------
+    list of (str, Steps)
+        Component and its steps.
+
+    Raises
+    ------
+    CommandError
+        The component does not exist or is not named although there are several, or a command is not valid.
+
+    Examples
+    --------
+    >>> plans(["left: 0 s: 1, 0.5 s: -1", "right: 0.4"], {"left": None, "right": None})
+    [('left', ((0.0, 0.5), (1.0, -1.0))), ('right', ((0.0,), (0.4,)))]
+    """
+    if "" in commandable and not isinstance(given, Mapping):
+        return [("", steps(cast("Command", given), times, commandable[""]))]
+    if given is None:
+        return []
+    if isinstance(given, Mapping):
+        named = [(str(name).removesuffix(".command"), command) for name, command in given.items()]
+    elif isinstance(given, list | tuple) and given and all(isinstance(one, str) for one in given):
+        named = [_named(str(one)) for one in given]
+    else:
+        named = [_named(cast("Command", given))]
+    out: dict[str, Steps] = {}
+    for name, command in named:
+        own = _one_of(name, commandable)
+        if own in out:
+            raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
+        try:
+            out[own] = steps(command, times, commandable[own])
+        except CommandError as error:
+            what = f"{own}: {error.what}"
+            raise CommandError(what, where=error.where, rule=error.rule, remedy=error.remedy) from None
+    return list(out.items())
+
+
+def inputs(
+    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
+) -> list[tuple[str, Steps]]:
+    """Read the commands of a drive or a circuit as `plans` does, by the names of the inputs.
+
+    Examples
+    --------
+    >>> inputs(0.5, {"": None}), inputs({"left": 0.5}, {"left": None})
+    ([('command', ((0.0,), (0.5,)))], [('left.command', ((0.0,), (0.5,)))])
+    """
+    return [(input_of(name), own) for name, own in plans(given, commandable, times)]
+
+
+def input_of(component: str) -> str:
+    """Return the name of the input that is a component's command; that of a drive's valve for an empty name."""
+    return f"{component}.command" if component else "command"
+
+
+def are_named(given: object) -> bool:
+    """Return whether one of some texts has the name of a component in front.
+
+    Examples
+    --------
+    >>> are_named(["left: 0.4", "right: 0 s: 1"]), are_named(["0.4", "0 s: 1"])
+    (True, False)
+    """
+    return isinstance(given, list | tuple) and any(isinstance(one, str) and _NAMED.fullmatch(one) for one in given)
+
+
+def _named(given: Command) -> tuple[str, Command]:
+    """Split the name of a component from a command; the name is empty if the command has none."""
+    found = _NAMED.fullmatch(given) if isinstance(given, str) else None
+    return (found[1], found[2].strip()) if found else ("", given)
+
+
+def _one_of(name: str, commandable: Mapping[str, Signal | None]) -> str:
+    known = list(commandable)
+    if not known:
+        raise CommandError("no component of the circuit takes a command", remedy="Leave the command out.")
+    if not name and len(known) > 1:
+        remedy = f'Name one: "{known[0]}: 0 s: 1".'
+        raise CommandError(f"the command names no component; commands are taken by {', '.join(known)}", remedy=remedy)
+    if name and name not in commandable:
+        raise CommandError(f'no component "{name}" takes a command', remedy=nearest(name, known))
+    return name or known[0]
+
+
+@lru_cache(maxsize=64)
+def _from_text(text: str, signal: Signal | None) -> Steps:
+    entries = [entry.strip() for entry in text.split(",")]
+    if not text.strip():
+        raise CommandError("the command is empty", remedy='Write for instance "0 s: 0.6, 1 s: -0.6".')
+    pairs = []
+    if len(entries) == 1 and ":" not in text:
+        return _checked([(0.0, _opening(text.strip(), signal))])
+    for entry in entries:
+        time, colon, value = entry.rpartition(":")
+        if not colon or not time.strip():
+            raise CommandError(
+                f'"{entry}" in the command has no time',
+                rule="each entry is time: command",
+                remedy='For instance "0 s: 0.6".',
+            )
+        pairs.append((_time(time.strip()), _opening(value.strip(), signal)))
+    return _checked(pairs)
+
+
+def _is_file(text: str) -> bool:
+    try:
+        return Path(text).is_file()
+    except (OSError, ValueError):  # too long for a name, or a null byte
+        return False
+
+
+def _from_file(path: Path) -> Steps:
+    if not exists(path):
+        raise CommandError(f"there is no command file {path}")
+    text = read_text(path, CommandError)
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    if not lines:
+        raise CommandError(f"{path} is empty", rule="a command file is CSV: time_s,command")
+    header = [name.strip().strip('"') for name in lines[0][1].split(",")]
+    if header != ["time_s", "command"]:
+        raise CommandError(
+            f"the first line is '{lines[0][1].strip()}'", where=f"{path}:{lines[0][0]}", rule="it reads time_s,command"
+        )
+    places, pairs = [], []
+    for number, line in lines[1:]:
+        fields = line.split(",")
+        where = f"{path}:{number}"
+        if len(fields) != 2:
+            raise CommandError(f"{len(fields)} values instead of 2", where=where, value=line.strip())
+        pairs.append((_number(fields[0], "time", where), _number(fields[1], "command", where)))
+        places.append(where)
+    if not pairs:
+        raise CommandError(f"{path} holds no entries", rule="the first entry is at 0 s")
+    return _checked(pairs, places)
+
+
+def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str] | None = None) -> Steps:
+    if not pairs:
+        raise CommandError("the command is empty", rule="the first entry is at 0 s")
+
+    def place(i: int) -> str | None:
+        return places[i] if places else None
+
+    before = -math.inf
+    for i, (time, value) in enumerate(pairs):
+        if i == 0 and time != 0.0:
+            raise CommandError(f"the command begins at {time:g} s", where=place(i), rule="the first entry is at 0 s")
+        if not time > before:
+            raise CommandError(f"{time:g} s follows {before:g} s in the command", where=place(i), rule="times rise")
+        if not abs(value) <= 1.0:
+            raise CommandError(
+                f"command = {value:g} at {time:g} s",
+                where=place(i),
+                rule="-1 <= command <= 1: the share of full opening",
+            )
+        before = time
+    times, values = zip(*pairs, strict=True)
+    return times, values
+
+
+def _time(text: str) -> float:
+    try:
+        return units.parse(text, "s")
+    except DescriptionError as error:
+        raise CommandError(f"a time of the command: {error.what}", rule=error.rule, remedy=error.remedy) from None
+
+
+def _opening(given: object, signal: Signal | None) -> float:
+    """Read one command: a number, or a voltage or current if the valve describes its electrical input."""
+    unit = given.split()[1:] if isinstance(given, str) else []
+    if not unit:
+        return _number(given, "command")
+    if signal is None:
+        what = f'command "{given}" has a unit, but the valve describes no electrical input'
+        remedy = 'Write command = "0 V .. 10 V" under [valve], or give the command as a share of full opening, -1 .. 1.'
+        raise CommandError(what, remedy=remedy)
+    return signal.opening(str(given))
+
+
+def _number(given: object, what: str, where: str | None = None) -> float:
+    try:
+        value = float(given)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise CommandError(f"{what} {str(given).strip()!r} is not a number", where=where)
+    return value

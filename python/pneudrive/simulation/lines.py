@@ -1,0 +1,214 @@
+"""Study of the tubes between valve and cylinder: speed and stroke time of a drive over their length and bore."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pneudrive import units
+from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
+from pneudrive.errors import CommandError, DescriptionError, PneudriveWarning
+from pneudrive.simulation.simulate import simulate
+from pneudrive.watch import Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import xarray as xr
+
+    from pneudrive.describe import Drive
+    from pneudrive.watch import Flag
+
+LENGTHS, DIAMETERS = ("0.5 m", "1 m", "2 m", "5 m"), ("4 mm", "6 mm", "8 mm")
+SAMPLES = 1000.0  # m/s; gives the expected time of a stroke
+LONGEST = 64.0  # times the expected time of a stroke: a slower drive counts as not arriving
+SETTLED_S = 5.0  # after that the flow through a line is steady
+VACUUM = 1e-4  # pressure behind a valve with choked flow, over that before the line
+#: Variable -> unit and meaning.
+_MEANING = {
+    "vent_conductance": ("m3/(s Pa)", "sonic conductance of the exhaust path of chamber b: line and valve in series"),
+    "vent_speed": ("m/s", "piston speed at choked flow through the exhaust path of chamber b"),
+    "stroke_time_out": ("s", "from the command to the end of chamber b, from rest, chamber b at supply pressure"),
+    "stroke_time_back": ("s", "from the command to the end of chamber a, from rest, chamber a at supply pressure"),
+    "mean_speed": ("m/s", "stroke over stroke_time_out"),
+    "end_speed": ("m/s", "speed at the end of chamber b"),
+}
+
+
+class _Row(NamedTuple):
+    """Results of one drive, in the order of `_MEANING`."""
+
+    vent_conductance: float
+    vent_speed: float
+    stroke_time_out: float
+    stroke_time_back: float
+    mean_speed: float
+    end_speed: float
+
+
+def lines(
+    drive: Drive,
+    lengths: Sequence[str | float] = LENGTHS,
+    diameters: Sequence[str | float] = DIAMETERS,
+    *,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> xr.Dataset:
+    """Simulate full strokes of a drive with tubes of several lengths and bores at both chambers.
+
+    Every tube is one of ``kind = "tube"`` (steady, an empirical formula). Flow controls of the drive stay.
+
+    Parameters
+    ----------
+    drive : Drive
+        The tubes of this study replace its `[tubing]`, if it has any.
+    lengths, diameters : sequence of str or float
+        Quantities, or numbers in m.
+    progress, cancel : optional
+        See `pneudrive.watch.Watch`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions diameter and length (m). Variables vent_conductance, vent_speed, stroke_time_out, stroke_time_back,
+        mean_speed, end_speed. NaN if the piston does not arrive. ``attrs["without_tubes"]`` and
+        ``attrs["as_described"]`` hold the same values for the drive without tubes and with the described ones.
+
+    Raises
+    ------
+    CommandError
+        A length or a diameter is not a positive length.
+    DescriptionError
+        `drive` is not a `Drive`.
+    Cancelled
+        `cancel` was set.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> study = pn.lines(pn.Drive.load("catalogue:reference"), ["1 m"], ["4 mm"])
+    >>> round(float(study.vent_speed[0, 0]), 3)
+    2.297
+    """
+    return study(drive, lengths, diameters, Watch(progress, cancel))
+
+
+def study(drive: Drive, lengths: Sequence[str | float], diameters: Sequence[str | float], watch: Watch) -> xr.Dataset:
+    """Run the study of `lines` under a watch."""
+    import numpy as np
+    import xarray as xr
+
+    if not hasattr(drive, "tubing"):
+        remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
+        raise DescriptionError(f"lines needs a drive, but got a {type(drive).__name__}", remedy=remedy)
+    long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
+    rows: list[_Row] = []
+    for diameter, length in watch.each([(d, n) for d in wide for n in long], "tubes"):
+        tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}
+        rows.append(_row(_with_tubes(drive, {"a": tube, "b": tube})))
+    table = np.array(rows).reshape(len(wide), len(long), len(_MEANING))
+    attrs = {"title": drive.name, "without_tubes": _row(_with_tubes(drive, None))._asdict()}
+    if drive.tubing:
+        attrs["as_described"] = _row(drive)._asdict()
+    variables = {
+        name: (("diameter", "length"), table[:, :, number], {"units": unit, "long_name": what})
+        for number, (name, (unit, what)) in enumerate(_MEANING.items())
+    }
+    axes = {
+        "diameter": ("diameter", wide, {"units": "m", "long_name": "inner diameter of the tubes"}),
+        "length": ("length", long, {"units": "m", "long_name": "length of each tube"}),
+    }
+    return xr.Dataset(variables, axes, attrs)
+
+
+def _metres(given: Sequence[str | float], what: str) -> list[float]:
+    """Return different lengths in m, increasing."""
+    if isinstance(given, str) or not given:
+        raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
+    out = []
+    for one in given:
+        try:
+            value = units.parse(one, "m") if isinstance(one, str) else float(one)
+        except DescriptionError as error:
+            raise CommandError(f"{what}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+        if not (math.isfinite(value) and value > 0.0):
+            raise CommandError(f"{what} = {one} is out of bounds", rule="finite and greater than 0")
+        out.append(value)
+    return sorted(set(out))
+
+
+def _with_tubes(drive: Drive, tubing: dict[str, Any] | None) -> Drive:
+    tables = {key: table for key, table in drive.to_dict().items() if key not in ("tubing", "provenance", "friction")}
+    return type(drive).model_validate(tables | ({"tubing": tubing} if tubing else {}) | {"friction": drive.friction})
+
+
+def _row(drive: Drive) -> _Row:
+    conductance = _vent_conductance(drive)
+    mean_k = math.sqrt(ANR_TEMPERATURE_K * drive.ambient.temperature_k)  # C is that at the temperature of ISO 6358
+    flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * mean_k  # times C/A: speed at choked flow
+    speed = conductance * flow / drive.cylinder.area_b_m2
+    out, end_speed = _stroke(drive, speed, 1)
+    back, _ = _stroke(drive, speed, -1)
+    return _Row(conductance, speed, out, back, drive.cylinder.stroke_m / out, end_speed)
+
+
+def _vent_conductance(drive: Drive) -> float:
+    """Return the sonic conductance C of the exhaust path of chamber b with the valve open, from its steady flow.
+
+    The equations are those of the drive. The pressure between line and valve settles during the run. The pressure
+    behind the valve is so low that the flow is choked.
+    """
+    from pneudrive.describe import Ambient
+
+    circuit = drive.circuit
+    names = [name for name in ("flow_control_b", "tube_b") if name in circuit.components]
+    valve = {key: given for key, given in circuit.components["valve"].plain().items() if key not in ("kind", "command")}
+    pressure = drive.supply_pressure_pa
+    temperature = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
+    parts = {
+        "chamber": {"kind": "reservoir", "pressure": f"{pressure!r} Pa abs", "temperature": temperature},
+        "edge": {"kind": "fitting"} | valve,
+    } | {name: circuit.components[name] for name in names}
+    ways_in, ways_out = [*(f"{name}.2" for name in names), "edge.1"], [*(f"{name}.1" for name in names), "edge.2"]
+    joined = zip(["chamber", *ways_out], [*ways_in, "ambient"], strict=True)
+    way = type(circuit)(
+        gas=drive.gas,
+        ambient=Ambient(pressure=units.Pressure(VACUUM * pressure, gauge=False)),
+        components=parts,
+        connections=tuple(f"{one} -> {other}" for one, other in joined),
+    )
+    steady = way.simulate(None, SETTLED_S, sample_rate=1.0 / SETTLED_S)
+    return abs(float(steady["chamber.mass_flow"][-1])) / (ANR_DENSITY_KG_M3 * pressure)
+
+
+def _stroke(drive: Drive, speed: float, direction: int) -> tuple[float, float]:
+    """Return the time of a full stroke from rest, s, and the speed at its end, m/s.
+
+    NaN if the piston does not arrive.
+    """
+    import warnings
+
+    import numpy as np
+
+    stroke = drive.cylinder.stroke_m
+    supply = f"{drive.supply_pressure_pa!r} Pa abs"
+    start = {"position": "0 mm", "pressure_b": supply}
+    if direction < 0:
+        start = {"position": units.UnitFloat(stroke, "m", "mm"), "pressure_a": supply}
+    expected = 2.0 * stroke / speed
+    times = 1.0
+    while times <= LONGEST:
+        duration = times * expected
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PneudriveWarning)  # the study ignores cushions and impacts
+            run = simulate(drive, float(direction), duration, initial=start, sample_rate=SAMPLES / expected)
+        end = "b" if direction > 0 else "a"
+        hit = next((one for one in run.attrs["impacts"] if one["end"] == end), None)
+        if hit is not None:
+            return hit["time_s"], hit["speed_m_s"]
+        x = run.position.to_numpy() if direction > 0 else stroke - run.position.to_numpy()
+        there = np.flatnonzero(x >= stroke)
+        if there.size:  # too slow to count as an impact
+            return float(run.time[there[0]]), abs(float(run.velocity[there[0]]))
+        times *= 4.0
+    return math.nan, math.nan

@@ -1,0 +1,315 @@
+"""Running drives and circuits: set inputs, advance, read outputs, save, restore, linearise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
+
+from pneudrive.errors import CommandError, PneudriveError, SimulationError, nearest
+from pneudrive.show import Shown
+from pneudrive.simulation.trajectory import meaning
+from pneudrive.watch import Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    import numpy as np
+
+    from pneudrive._core import Session as CoreSession
+    from pneudrive.watch import Flag
+
+_DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
+_RULE, _ENDED = ": it must be ", "the session cannot go on"
+
+
+class Variable(NamedTuple):
+    """One variable of a session.
+
+    Attributes
+    ----------
+    name : str
+        Name for `Session.set` and `Session.read`.
+    unit : str
+    kind : str
+        ``"input"``, ``"output"`` or ``"state"``.
+    bounds : str
+        Bounds of an input, in words.
+    meaning : str
+    """
+
+    name: str
+    unit: str
+    kind: str
+    bounds: str
+    meaning: str
+
+
+@dataclass(frozen=True, repr=False)
+class Linear(Shown):
+    """Linearised drive about a state x0 and inputs u0: ``x' = rates + A (x - x0) + B (u - u0)``, outputs by C and D.
+
+    Attributes
+    ----------
+    A, B, C, D : numpy.ndarray
+        Shapes (states, states), (states, inputs), (outputs, states), (outputs, inputs). Exact derivatives, in SI.
+    states, inputs, outputs : tuple of str
+        Names. A state has the name of its column: ``"position_m"``, ``"mass_a_kg"``; in a circuit with its component:
+        ``"left.position_m"``, ``"hose.cell_3.internal_energy_j"``.
+    state, rates, output : numpy.ndarray
+        State x0, its rates and its outputs.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    state: np.ndarray
+    rates: np.ndarray
+    output: np.ndarray
+
+
+class Session:
+    """A running drive or circuit. `Drive.start` and `Circuit.start` make it.
+
+    An input is set by name and holds until it is set again. The integration ends exactly on the times of `advance` and
+    `schedule` and keeps its step size. With the command of a simulation, a session gives the same bits. A wrong call
+    raises an error and leaves the session unchanged.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> session = pn.Drive.load("catalogue:parker-osp-p25-sy5000").start({"position": "50 mm"})
+    >>> session.set("command", 0.4)
+    >>> session.advance(0.05)
+    >>> before = session.save()
+    >>> session.advance(0.1)
+    >>> x = session.read("position_m")
+    >>> session.restore(before)
+    >>> session.advance(0.1)
+    >>> session.time, session.read("position_m") == x
+    (0.1, True)
+    """
+
+    def __init__(self, core: CoreSession) -> None:
+        self._core = core
+        # Bound once, for speed: a control loop calls them a thousand times a second.
+        self._set, self._read, self._advance = core.set, core.read, core.advance
+
+    @property
+    def time(self) -> float:
+        """Present time, s."""
+        return self._core.time
+
+    @property
+    def statistics(self) -> dict[str, int]:
+        """Counts since the start: steps, rejected, right_hand_sides, jacobians, factorisations, events."""
+        return self._core.statistics
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """All inputs, outputs and states, in their order."""
+        inputs = [Variable(name, unit, "input", bounds, what) for name, unit, bounds, what in self._core.inputs]
+        outputs = [(name, *meaning(name)[1:]) for name in self._core.columns]
+        return (
+            *inputs,
+            *(Variable(name, unit, "output", "", what) for name, unit, what in outputs),
+            *(Variable(name, unit, "state", "", meaning(name)[2]) for name, unit in self._core.states),
+        )
+
+    def set(self, name: str, value: float) -> None:
+        """Set an input from now on.
+
+        Parameters
+        ----------
+        name : str
+            Name of an input in `variables`: ``"command"``, ``"load_force_n"``, ``"supply_pressure_pa"`` (absolute),
+            ``"opening_supply_a"``, ... An opening of the valve that is set directly holds until the next command.
+        value : float
+            In the unit of the input.
+
+        Raises
+        ------
+        CommandError
+            The input does not exist, or the value is not a number or out of bounds.
+        The session cannot continue.
+            The session cannot go on.
+        """
+        try:
+            self._set(name, value)
+        except (TypeError, ValueError, RuntimeError) as error:
+            self._refuse(error, [name], value)
+
+    def schedule(self, name: str, entries: Iterable[tuple[float, float]]) -> None:
+        """Set an input at future times. The integration ends exactly on each of them.
+
+        Parameters
+        ----------
+        name : str
+            Name of an input.
+        entries : iterable of (float, float)
+            Pairs of a time in s, not before the present, and a value. If several entries have one time, the last one
+            holds.
+
+        Raises
+        ------
+        CommandError, SimulationError
+            As for `set`, or a time has passed.
+        """
+        try:
+            times, values = zip(*entries, strict=True)
+        except (TypeError, ValueError):
+            raise CommandError(
+                f"the schedule of {name} is not a list of (time, value)",
+                remedy="For instance [(0.1, 0.5), (0.2, 0.0)].",
+            ) from None
+        try:
+            self._core.schedule(name, times, values)
+        except (TypeError, ValueError, RuntimeError) as error:
+            self._refuse(error, [name], values)
+
+    def advance(
+        self,
+        until: float,
+        *,
+        progress: Callable[[float, float, str], None] | None = None,
+        cancel: Flag | None = None,
+    ) -> None:
+        """Integrate until a time, with the inputs as set and scheduled. Then `read` the outputs.
+
+        The integration ends exactly on `until` and keeps its step size, so that many short calls give the bits of one
+        long call. A call costs less than 2 us in addition to the integration. The integration takes about 1 us of
+        processor time for each attempted step of a drive, and more for circuits. `statistics` counts the attempts.
+
+        Parameters
+        ----------
+        until : float
+            A time of the session in s, not a duration, and not before the present one (`time`).
+        progress, cancel : optional
+            See `pneudrive.watch.Watch`. A cancelled session has a time before `until` and can continue.
+
+        Raises
+        ------
+        CommandError
+            The time is not a number or has passed.
+        SimulationError
+            The solver cannot continue. The session ends here, and only `restore` revives it.
+        Cancelled
+            `cancel` was set.
+        """
+        try:
+            if progress is None and cancel is None:
+                self._advance(until)
+            else:
+                watch = Watch(progress, cancel)
+                watch.look()
+                self._advance(until, lambda t: watch.tell(t, until, "seconds simulated"))
+        except (TypeError, ValueError, RuntimeError) as error:
+            self._refuse(error, [], until)
+
+    def read(self, name: str) -> float:
+        """Return the present value of an output or an input.
+
+        Parameters
+        ----------
+        name : str
+            Name of an output or an input. ``"command"`` is NaN while the openings of the valve do not correspond to a
+            command.
+
+        Raises
+        ------
+        CommandError
+            The variable does not exist.
+        """
+        try:
+            return self._read(name)
+        except (TypeError, ValueError, RuntimeError) as error:
+            self._refuse(error, [name], name, readable=True)
+
+    def save(self) -> bytes:
+        """Return the session as bytes: state, inputs, schedule and the solver's history.
+
+        Raises
+        ------
+        SimulationError
+            The session cannot continue.
+        """
+        try:
+            return self._core.save()
+        except (ValueError, RuntimeError) as error:
+            self._refuse(error, [], None)
+
+    def restore(self, saved: bytes) -> None:
+        """Return to the state at `save`. The session continues from there with the same bits.
+
+        Parameters
+        ----------
+        saved : bytes
+            From `save` of this session, or of another one with the same drive, tolerance and version of pneudrive.
+
+        Raises
+        ------
+        CommandError
+            The bytes are not from such a session, or damaged.
+        """
+        if not isinstance(saved, bytes):
+            raise CommandError(f"a {type(saved).__name__} is not a saved session", rule="bytes, as `save` returns them")
+        try:
+            self._core.restore(saved)
+        except (TypeError, ValueError, RuntimeError) as error:
+            self._refuse(error, [], saved)
+
+    def linearise(self, inputs: Sequence[str] | None = None) -> Linear:
+        """Return the exact derivatives of the drive's rates and outputs about the present state.
+
+        Friction keeps its present mode: a sticking contact does not move, and bristles are springs.
+
+        Parameters
+        ----------
+        inputs : sequence of str, optional
+            Inputs for B and D. The default for a circuit is all inputs except its commands. For a drive, it is the
+            command, the force of the load and the pressure of the supply. A always covers all states.
+
+        Raises
+        ------
+        CommandError
+            The input does not exist, or the command is 0, because a shut valve has a different slope to each side.
+        SimulationError
+            The session cannot continue.
+        """
+        known = [name for name, *_ in self._core.inputs]
+        of_circuit = tuple(name for name in known if "." in name and not name.endswith(".command"))
+        names = tuple(inputs) if inputs is not None else of_circuit or _DRIVE_INPUTS
+        try:
+            found = self._core.linearise(names)
+        except (TypeError, ValueError, RuntimeError) as error:
+            self._refuse(error, names, inputs)
+        states = tuple(name for name, _ in self._core.states)
+        return Linear(
+            *(found["a"], found["b"], found["c"], found["d"]),
+            *(states, names, tuple(self._core.columns[place] for place in found["columns"])),
+            *(found["state"], found["rates"], found["outputs"]),
+        )
+
+    def _refuse(self, error: Exception, names: Sequence[object], value: object, *, readable: bool = False) -> NoReturn:
+        """Raise the core's error in user terms. `readable` states whether names of outputs are valid too."""
+        if "borrowed" in str(error):  # the core lends a session to one call at a time
+            raise SimulationError("another thread advances the session", remedy="Let one thread hold it.") from None
+        known = list(
+            dict.fromkeys([*(own for own, *_ in self._core.inputs), *(self._core.columns if readable else ())])
+        )
+        for name in names:
+            if name not in known:
+                what = "variable" if readable else "input"
+                raise CommandError(f"the session has no {what} {name!r}", remedy=nearest(str(name), known)) from None
+        if isinstance(error, TypeError):
+            raise CommandError(
+                f"{names[0] if names else 'until'} = {value!r} is a {type(value).__name__}", rule="a number"
+            ) from None
+        what, _, rule = str(error).partition(_RULE)
+        if what.startswith(_ENDED):
+            raise SimulationError(what, remedy="Restore a saved state, or start another session.") from None
+        kind: type[PneudriveError] = CommandError if isinstance(error, ValueError) else SimulationError
+        raise kind(what, rule=rule or None) from None

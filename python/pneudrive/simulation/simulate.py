@@ -1,0 +1,345 @@
+"""Simulation of drives and circuits: the core integrates, this module prepares the call and labels the trajectory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from pneudrive import __version__, units
+from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
+from pneudrive.lazy import upper
+from pneudrive.references import bibtex
+from pneudrive.show import Shown
+from pneudrive.simulation import command as commands
+from pneudrive.simulation import humidity, run_limits
+from pneudrive.simulation.start import check_tolerance, ready
+from pneudrive.simulation.trajectory import meaning
+from pneudrive.watch import UNWATCHED, Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import xarray as xr
+
+    from pneudrive._core import SimulationResult
+    from pneudrive.describe import Drive, Initial
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.free.derivatives import Sensitivities
+    from pneudrive.watch import Flag
+
+MOST_SAMPLES = 50_000_000  # rows; such a trajectory takes about 6 GB
+MOST_BUDGET = 10**15
+#: Error of a ledger above which there is a warning: absolute, and as a multiple of the tolerance (assumed).
+ENERGY_CLOSES, ENERGY_RTOL = 1e-3, 300.0
+SOLVER = "Rodas5P"
+#: Steps of a command up to which a run keeps them.
+MOST_STEPS = 1000
+#: Columns that are given, not solved for.
+UNDIFFERENTIATED = ("time_s", "command")
+
+
+@dataclass(frozen=True, repr=False)
+class Run(Shown):
+    """Trajectory as the core returns it: columns of a file (SI, absolute pressure) and provenance."""
+
+    columns: dict[str, Any]  # arrays, or what the core holds (`pneudrive._core.Column`)
+    provenance: dict[str, Any]
+    meanings: Mapping[str, str] = field(default_factory=dict)  # of columns of a circuit
+    sensitivities: Sensitivities | None = None
+
+    def dataset(self) -> xr.Dataset:
+        """Return a labelled dataset: dimension time, a unit and a long name for each variable."""
+        import xarray as xr
+
+        variables = {}
+        for column, values in self.columns.items():
+            name, attrs = _label(column, self.meanings.get(column))
+            variables[name] = xr.Variable(("time",), values, dict(attrs), fastpath=True)
+        found = _dataset(variables, dict(self.provenance))
+        return found if self.sensitivities is None else found.assign(self._sensitivities(self.sensitivities))
+
+    def _sensitivities(self, found: Sensitivities) -> dict[str, Any]:
+        """Name the derivatives and their dimensions."""
+        out: dict[str, Any] = {
+            "parameter": ("parameter", [one.name for one in found.parameters]),
+            "parameter_units": ("parameter", [one.unit for one in found.parameters]),
+        }
+        for i, column in enumerate(found.columns):
+            name, attrs = _label(column, self.meanings.get(column))
+            said = dict(attrs)
+            about = {
+                "units": f"{said['units']} per unit of the parameter",
+                "long_name": f"derivative: {said['long_name']}",
+            }
+            out[f"sensitivity_{name}"] = (("parameter", "time"), found.derivatives[:, i].T, about)
+        return out
+
+
+def _dataset(variables: dict[str, xr.Variable], attrs: dict[str, Any]) -> xr.Dataset:
+    """Make a data set of columns over time.
+
+    xarray's public constructor compares and aligns variables that have one length and one index here. This takes longer
+    than half a simulation. If the inner constructor is missing or has changed, the public one is used.
+    """
+    import xarray as xr
+    from xarray.indexes import PandasIndex
+
+    upper("Pneu")  # registers `run.pneu`
+    try:
+        index = PandasIndex(variables["time"].values, "time")
+        ready = variables | index.create_variables({"time": variables["time"]})
+        sizes = {"time": len(index.index)}
+        return xr.Dataset._construct_direct(ready, {"time"}, sizes, attrs, {"time": index})
+    except (AttributeError, TypeError):
+        return xr.Dataset(variables, attrs=attrs)  # a variable of the name of its dimension becomes its coordinate
+
+
+def simulate(
+    drive: Drive | Circuit,
+    command: commands.Commands,
+    duration: str | float,
+    *,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    sample_rate: str | float = "1 kHz",
+    rtol: float = 1e-6,
+    ledger: bool = False,
+    sensitivities: Sequence[str] = (),
+    budget: int | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> xr.Dataset:
+    """Simulate a drive or a circuit.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+        Object to simulate. Commands and start state of a circuit have names, see `Circuit.simulate`.
+    command : number, str, path, sequence of (time, command) or callable
+        Valve command in [-1, 1]: a number for the whole run, ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s, command),
+        or pairs with the time in s. Each entry holds until the next, and the first is at 0 s. A function of the time in
+        s is evaluated at every sample and held until the next one, as by a controller at `sample_rate`.
+    duration : str or float
+        ``"2 s"``, or a number of seconds.
+    initial : Initial, dict or str, optional
+        Start state, ``{"position": "50 mm", "pressure_a": "3 bar abs"}``. The default is mid-stroke, at rest, at
+        ambient pressure and temperature.
+    sample_rate : str or float
+        ``"1 kHz"``, or a number of samples per second.
+    rtol : float
+        Relative tolerance of the solver.
+    ledger : bool
+        Also integrate the balances of mass, energy and entropy. The states keep the same bits, and ``attrs["ledger"]``
+        reports how well the balances close. Not for the chamber law ``as-printed``, which does not conserve energy.
+    sensitivities : sequence of str
+        Numbers of the drive file, such as ``"friction.coulomb"``. For each variable, the result then has its exact
+        derivatives by these numbers, ``sensitivity_position`` with dimensions parameter and time. They are derivatives
+        of the discrete solution, through impacts, sticking and slipping. The start is fixed. Not for a circuit, nor for
+        a command that is a function.
+    budget : int, optional
+        Limit on the attempted steps of the run. The default is 220,000 for the run, 100,000 for each second of motion
+        and 100 for each entry of the command. It is larger below rtol = 1e-6, and falls to one half above 11 states.
+        Ordinary drives take 200 to 10,000 attempts for each second.
+    progress, cancel : optional
+        See `pneudrive.watch.Watch`: a callback that gets the number of simulated seconds, and a flag that ends the
+        run.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimension time (round(duration * sample_rate) + 1 samples, the last one at the duration). The variables are
+        position, velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``, in SI
+        with absolute pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings,
+        citations and assumed. command_steps of a drive has time in s and command of each change, up to 1000 of them.
+        impacts has each contact with an end stop as a dict. Its entries are time_s, end ("a" or "b"), speed_m_s (at
+        first touch), energy_j (kinetic, of the moving mass and load), depth_m, peak_force_n (the largest until it
+        leaves), and met_cover (whether the stop was fully compressed). A contact slower than 1 mm/s that does not fully
+        compress the stop is not listed.
+
+    Raises
+    ------
+    CommandError
+        The command, the duration, the sample rate or the tolerance is not valid.
+    DescriptionError
+        The start state does not fit the drive.
+    SimulationError
+        The solver cannot continue, the piston reaches a cover, no gas is left in a chamber, or the budget is used up.
+        The message gives the time, the state and a remedy.
+    Cancelled
+        `cancel` was set.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> run = pn.simulate(pn.Drive.load("catalogue:parker-osp-p25-sy5000"), "0 s: 1", "0.1 s", sample_rate="100 Hz")
+    >>> run.sizes["time"], run.pressure_a.attrs["units"]
+    (11, 'Pa')
+    """
+    return run(
+        drive,
+        command,
+        duration,
+        initial=initial,
+        sample_rate=sample_rate,
+        rtol=rtol,
+        ledger=ledger,
+        sensitivities=sensitivities,
+        budget=budget,
+        watch=Watch(progress, cancel),
+    ).dataset()
+
+
+def run(
+    drive: Drive | Circuit,
+    command: commands.Commands,
+    duration: str | float,
+    *,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    sample_rate: str | float = "1 kHz",
+    rtol: float = 1e-6,
+    ledger: bool = False,
+    sensitivities: Sequence[str] = (),
+    budget: int | None = None,
+    watch: Watch = UNWATCHED,
+    arrays: bool = True,
+) -> Run:
+    """Simulate and return unlabelled columns, without importing xarray.
+
+    Arguments and errors are those of `simulate`. Without `arrays`, columns keep the core's form, which can be written
+    to a file without NumPy. Only a gas with a dew point needs NumPy.
+    """
+    require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
+    seconds = positive(duration, "s", "duration")
+    rate = positive(sample_rate, "1/s", "sample_rate")
+    samples = seconds * rate
+    if not 1.0 <= round(samples) <= MOST_SAMPLES:
+        raise CommandError(
+            f"duration = {seconds:g} s at sample_rate = {rate:g} Hz makes {samples:.3g} samples",
+            rule=f"1 to {MOST_SAMPLES:.0e} samples",
+        )
+    has_function = callable(command) or (isinstance(command, Mapping) and any(map(callable, command.values())))
+    asked = [k / rate for k in range(round(samples))] if has_function else None
+    check_tolerance(rtol)
+    if budget is not None and (isinstance(budget, bool) or not 1 <= budget <= MOST_BUDGET):
+        raise CommandError(f"budget = {budget} is out of bounds", rule=f"1 to {MOST_BUDGET:.0e} attempts at a step")
+    plans = commands.inputs(command, drive.commandable, asked)
+    core, start = ready(drive, initial)
+    watch.look()
+    try:
+        result: SimulationResult = core.simulate(
+            *(
+                [(name, list(times), list(values)) for name, (times, values) in plans],
+                seconds,
+                rate,
+                start,
+                rtol,
+                ledger,
+                budget,
+            ),
+            lambda t: watch.tell(t, seconds, "seconds simulated"),
+            **({} if arrays or drive.gas.dew_point_k is not None else {"arrays": False}),
+        )
+    except (ValueError, RuntimeError) as error:
+        raise SimulationError(str(error)) from None
+    result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.warnings(drive, result["columns"])
+    result["warnings"] += run_limits.warnings(drive, result["columns"])
+    for message in result["warnings"]:
+        warn(message)
+    by_numbers = None
+    if sensitivities:
+        from pneudrive.free.derivatives import Differentiator
+
+        differentiator = Differentiator(drive, sensitivities, command, initial, rtol)
+        values = [one.value for one in differentiator.parameters]
+        columns = [name for name in result["columns"] if name not in UNDIFFERENTIATED]
+        by_numbers = differentiator.run(values, result["columns"]["time_s"], columns, watch=watch)
+    known = {} if drive.system.names is None else _steps(*plans[0][1])
+    return Run(result["columns"], _provenance(drive, result, rtol) | known, drive.meanings, by_numbers)
+
+
+def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
+    """Return the changes of a command for the provenance, which the samples show only at the next one."""
+    found = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
+    return {"command_steps": found} if len(found) <= MOST_STEPS else {}
+
+
+def _open_ledger(ledger: dict[str, Any] | None, rtol: float) -> list[str]:
+    """Return a warning if the energy balance does not close."""
+    if ledger is None or abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):
+        return []
+    return [
+        f"energy closes only to {abs(ledger['energy_error']):.1e} of the throughput: friction or flow is not "
+        f"resolved; choose rtol below {rtol:.1e}, or bristles with less damping"
+    ]
+
+
+def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -> dict[str, Any]:
+    ledger = {} if result["ledger"] is None else {"ledger": result["ledger"]}
+    water = () if drive.gas.dew_point_k is None else humidity.SOURCES
+    return {
+        "title": drive.name,
+        "description_hash": drive.description_hash,
+        "version": __version__,
+        "solver": SOLVER,
+        "rtol": rtol,
+        "statistics": result["statistics"],
+        "warnings": [*drive.notes, *result["warnings"]],
+        "impacts": result["impacts"],
+        "citations": list(dict.fromkeys([*result["citations"], *getattr(drive, "cited", ()), *water])),
+        "assumed": drive.assumed(),
+        "labels": dict(drive.labels),
+        **({"identified": drive.to_dict()["provenance"]} if getattr(drive, "provenance", None) else {}),
+        **ledger,
+    }
+
+
+@lru_cache(maxsize=64)
+def _label(column: str, said: str | None) -> tuple[str, tuple[tuple[str, str], ...]]:
+    name, unit, long_name = meaning(column)
+    return name, (("units", unit), ("long_name", said or long_name), ("column", column))
+
+
+def require(given: object, has: str, what: str, instead: str) -> None:
+    """Raise an error for a path or a dict in place of the described object; the check does not import its class."""
+    if not hasattr(given, has):
+        raise DescriptionError(f"{what} is a {type(given).__name__}", remedy=f"Write {instead}.")
+
+
+def positive(given: str | float, si_unit: str, what: str) -> float:
+    """Read a quantity of a run that is greater than 0, such as its duration.
+
+    Raises
+    ------
+    CommandError
+        It cannot be read, or is not greater than 0.
+    """
+    try:
+        value = units.parse(given, si_unit) if isinstance(given, str) else float(given)
+    except DescriptionError as error:
+        raise CommandError(f"{what}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+    if not (math.isfinite(value) and value > 0.0):
+        raise CommandError(f"{what} = {given} is out of bounds", rule="finite and greater than 0")
+    return value
+
+
+def citations(run: xr.Dataset) -> str:
+    """Return the BibTeX entries of the laws and methods that a trajectory used.
+
+    Parameters
+    ----------
+    run : xarray.Dataset
+        From `simulate`.
+
+    Raises
+    ------
+    PneudriveError
+        The dataset has no citations, or a source is missing.
+    """
+    keys = run.attrs.get("citations")
+    if keys is None:
+        raise PneudriveError(
+            "this dataset has no list of citations", remedy="Pass a dataset that pn.simulate returned."
+        )
+    return "\n\n".join(bibtex(key) for key in keys)
