@@ -69,7 +69,7 @@ class Studies:
         out = self.out / (name if self.setup == "real" else f"{name}-{self.setup}") / study
         drive = pn.Circuit.load(EXAMPLES / f"{AXES[name]}.toml")
         of = {"out": out, "setup": self.setup, "threads": self.threads, "keep_runs": False} | self.of[study]
-        return pn.control.compare(drive, laws, along, **of)
+        return pn.control.benchmark(drive, laws, along, **of)
 
 
 def beside_rows(studies: Studies) -> Iterator[tuple[str, ...]]:

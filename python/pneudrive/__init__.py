@@ -14,7 +14,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from pneudrive.lazy import UPPER
+from pneudrive.lazy import UPPER, renamed
 from pneudrive.processor import require as require_processor
 
 __version__ = "0.1.0"
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pneudrive.datasheet.characteristics.energy import energy_balance as energy_balance
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
     from pneudrive.datasheet.linear import linearise as linearise
-    from pneudrive.datasheet.registry import characteristic as characteristic
+    from pneudrive.datasheet.registry import drive_characteristic as drive_characteristic
     from pneudrive.describe import Ambient as Ambient
     from pneudrive.describe import Circuit as Circuit
     from pneudrive.describe import Cylinder as Cylinder
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Valve as Valve
     from pneudrive.describe.files.catalogue import catalogue_folders as catalogue_folders
     from pneudrive.describe.tank import Tank as Tank
-    from pneudrive.ensemble.design import Design as Design
+    from pneudrive.ensemble.design import EnsembleDesign as EnsembleDesign
     from pneudrive.ensemble.distributions import grid as grid
     from pneudrive.ensemble.many import simulate_many as simulate_many
     from pneudrive.ensemble.sensitivity import sensitivity as sensitivity
@@ -52,18 +52,18 @@ if TYPE_CHECKING:
     from pneudrive.explore import explore as explore
     from pneudrive.fmu.c_folder import export_c as export_c
     from pneudrive.fmu.package import export_fmu as export_fmu
+    from pneudrive.friction.campaign.characteristics import campaign_friction as campaign_friction
     from pneudrive.friction.campaign.characteristics import characterise as characterise
-    from pneudrive.friction.campaign.characteristics import characteristics as characteristics
-    from pneudrive.friction.campaign.compare.comparison import compare as compare
+    from pneudrive.friction.campaign.compare.comparison import compare_campaigns as compare_campaigns
     from pneudrive.gradients.differentiable import Differentiable as Differentiable
     from pneudrive.identify import fit_any_law as fit_any_law
     from pneudrive.identify import fit_friction as fit_friction
-    from pneudrive.identify.design import design as design
+    from pneudrive.identify.design import next_measurements as next_measurements
     from pneudrive.identify.dynamic import Sensor as Sensor
     from pneudrive.identify.dynamic import identify as identify
     from pneudrive.identify.dynamic import identify_presliding as identify_presliding
     from pneudrive.identify.follow.fit import identify_motion as identify_motion
-    from pneudrive.identify.static.laws import compare_laws as compare_laws
+    from pneudrive.identify.static.laws import select_friction_law as select_friction_law
     from pneudrive.identify.static.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
     from pneudrive.signals.measuring import measure as measure
@@ -90,20 +90,20 @@ _HOME = {
     "measure": "pneudrive.signals.measuring",
     "size": "pneudrive.sizing.search",
     "save": "pneudrive.simulation.trajectory",
-    **dict.fromkeys(["characterise", "characteristics"], "pneudrive.friction.campaign.characteristics"),
-    "compare": "pneudrive.friction.campaign.compare.comparison",
-    "characteristic": "pneudrive.datasheet.registry",
+    **dict.fromkeys(["characterise", "campaign_friction"], "pneudrive.friction.campaign.characteristics"),
+    "compare_campaigns": "pneudrive.friction.campaign.compare.comparison",
+    "drive_characteristic": "pneudrive.datasheet.registry",
     "energy_balance": "pneudrive.datasheet.characteristics.energy",
     "equilibrium": "pneudrive.datasheet.equilibrium",
     "linearise": "pneudrive.datasheet.linear",
     "Differentiable": "pneudrive.gradients.differentiable",
     **dict.fromkeys(["fit_any_law", "fit_friction"], "pneudrive.identify"),
-    "compare_laws": "pneudrive.identify.static.laws",
+    "select_friction_law": "pneudrive.identify.static.laws",
     "survey": "pneudrive.identify.static.survey",
     "Tank": "pneudrive.describe.tank",
     "identify_volume": "pneudrive.identify.volume",
-    "design": "pneudrive.identify.design",
-    "Design": "pneudrive.ensemble.design",
+    "next_measurements": "pneudrive.identify.design",
+    "EnsembleDesign": "pneudrive.ensemble.design",
     "grid": "pneudrive.ensemble.distributions",
     "simulate_many": "pneudrive.ensemble.many",
     "sensitivity": "pneudrive.ensemble.sensitivity",
@@ -114,6 +114,15 @@ _HOME = {
     "validate": "pneudrive.validate",
     "validate_motion": "pneudrive.validate.motion",
     "PneudriveError": "pneudrive.errors",
+}
+#: Old name -> new name, for one release.
+_RENAMED = {
+    "characteristic": "drive_characteristic",
+    "characteristics": "campaign_friction",
+    "design": "next_measurements",
+    "Design": "EnsembleDesign",
+    "compare": "compare_campaigns",
+    "compare_laws": "select_friction_law",
 }
 # Functions that methods of lower layers forward to.
 UPPER.update(
@@ -140,6 +149,8 @@ def __getattr__(name: str) -> object:
         return value
     if name in _SUBMODULES:
         return import_module(f"pneudrive.{name}")
+    if name in _RENAMED:
+        return getattr(sys.modules[__name__], renamed(__name__, name, _RENAMED[name]))
     msg = f"module 'pneudrive' has no attribute '{name}'"
     raise AttributeError(msg)
 
@@ -156,7 +167,7 @@ class _Package(ModuleType):
     """
 
     def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _HOME and isinstance(value, ModuleType)):
+        if not ((name in _HOME or name in _RENAMED) and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
 
 

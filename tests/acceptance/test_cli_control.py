@@ -300,11 +300,11 @@ def test_a_comparison_with_other_numbers_does_not_show_the_scores_of_the_one_bef
     reference, out, cancelled = tmp_path / "a.toml", tmp_path / "out", threading.Event()
     move = 'schema = 1\nstart = "220 mm"\n[[moves]]\nat = "0.1 s"\nto = "{} mm"\nduration = "0.3 s"\n'
     reference.write_text(move.format(280))
-    pn.control.compare(axis, "inversion", str(reference), seeds=1, out=out)
+    pn.control.benchmark(axis, "inversion", str(reference), seeds=1, out=out)
     reference.write_text(move.format(290))
     cancelled.set()
     with pytest.raises(pn.errors.Cancelled):
-        pn.control.compare(axis, "inversion", str(reference), seeds=1, out=out, cancel=cancelled)
+        pn.control.benchmark(axis, "inversion", str(reference), seeds=1, out=out, cancel=cancelled)
     assert not pn.control.read_comparison(out).is_finished
 
 

@@ -200,8 +200,8 @@ def test_two_laws_of_one_file_are_not_taken_for_each_other(tmp_path, axis):
     step = "    inputs = ()\n    def step(self, t, sample, preview):\n        return {}\n"
     file.write_text(f"class A:\n{step.format(0.0)}class B:\n{step.format(1.0)}")
     told = {"references": [STEP], "seeds": 2, "out": tmp_path / "compared"}
-    found = [pn.control.compare(axis, f"{file}:{name}", **told) for name in "AB"]
-    both = pn.control.compare(axis, [f"{file}:A", f"{file}:B"], **told)
+    found = [pn.control.benchmark(axis, f"{file}:{name}", **told) for name in "AB"]
+    both = pn.control.benchmark(axis, [f"{file}:A", f"{file}:B"], **told)
     largest = [[run.score and run.score.max_error_m for run in one.runs] for one in (*found, both)]
     assert largest[0] + largest[1] == largest[2]
     assert not set(largest[0]) & set(largest[1])
@@ -217,7 +217,7 @@ def test_a_comparison_does_not_take_a_law_for_one_that_reads_something_else(tmp_
 
     def compared(gain):
         read.write_text(gain)
-        made = pn.control.compare(axis, ["pid", f"{law}:Law"], [f"{STEP}; 1 s: 220 mm in 0.3 s"], seeds=1, out=out)
+        made = pn.control.benchmark(axis, ["pid", f"{law}:Law"], [f"{STEP}; 1 s: 220 mm in 0.3 s"], seeds=1, out=out)
         return {run.law: (run.file.stat().st_mtime_ns, run.score.max_error_m) for run in made.runs}
 
     first, second = compared("0.1"), compared("2")

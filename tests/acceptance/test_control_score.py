@@ -182,8 +182,8 @@ def test_members_of_a_spread_are_the_same_for_any_number_of_threads(axis, tmp_pa
     options = ["--spread", "standard", "--members", "4", "--threads", "1", "--out", str(tmp_path / "one")]
     assert run([*command, *options]) == 0
     told = {"laws": ["pid", "inversion"], "references": [STEP], "spread": "standard"}
-    pn.control.compare(axis, **told, members=4, threads=3, out=tmp_path / "three")
-    pn.control.compare(axis, **told, members=2, threads=2, out=tmp_path / "two")
+    pn.control.benchmark(axis, **told, members=4, threads=3, out=tmp_path / "three")
+    pn.control.benchmark(axis, **told, members=2, threads=2, out=tmp_path / "two")
     tables = [pl.read_parquet(tmp_path / name / "score.parquet") for name in ("one", "three", "two")]
     clocks = [name for name in tables[0].columns if name.startswith("step_")]
     one, three, two = (table.drop(clocks) for table in tables)
@@ -201,7 +201,7 @@ def test_members_of_a_spread_are_the_same_for_any_number_of_threads(axis, tmp_pa
     lines = kept.read_text("utf-8").splitlines()
     assert len(lines) == 6  # of 8 runs: member 1 has files
     kept.write_text("\n".join([*lines[:-1], lines[-1][:40]]), "utf-8")
-    again = pn.control.compare(axis, **told, members=4, threads=1, out=tmp_path / "one")
+    again = pn.control.benchmark(axis, **told, members=4, threads=1, out=tmp_path / "one")
     assert len(kept.read_text("utf-8").splitlines()) == 7
     largest = one.filter(pl.col("law") == "pid")["max_error_m"].max()
     assert again.within("pid", pn.control.reference(STEP).text, "max_error_m", 1.0) == largest
@@ -333,7 +333,7 @@ def test_a_record_that_its_curve_misses_is_told(tmp_path, capsys, axis):
     assert words in capsys.readouterr().err
     out = tmp_path / "compared"
     with pytest.warns(PneudriveWarning, match=words):
-        pn.control.compare(axis, "inversion", {"record": path}, seeds=1, out=out)
+        pn.control.benchmark(axis, "inversion", {"record": path}, seeds=1, out=out)
     assert pn.control.read_comparison(out).about["points_missed_m"] == {"record": missed}
 
 
@@ -548,11 +548,13 @@ def test_an_object_of_another_kind_gives_one_message(message, axis):
 
 WRONG_CALLS = {
     "drive is a NoneType": lambda _: pn.control.tune(None),
-    "out is a NoneType": lambda axis: pn.control.compare(axis, "inversion", [STEP], out=None),
+    "out is a NoneType": lambda axis: pn.control.benchmark(axis, "inversion", [STEP], out=None),
     "give no repeatability": lambda _: pn.control.iso230([]),
     "seed = '3' is not a whole number": lambda axis: pn.control.run(axis, "inversion", reference=STEP, seed="3"),
     "seed = -1 is out of bounds": lambda axis: pn.control.run(axis, "inversion", reference=STEP, seed=-1),
-    "seeds = 2.0 is not a whole number": lambda axis: pn.control.compare(axis, "inversion", [STEP], out=".", seeds=2.0),
+    "seeds = 2.0 is not a whole number": lambda axis: pn.control.benchmark(
+        axis, "inversion", [STEP], out=".", seeds=2.0
+    ),
     "R1 is a standard reference": lambda _: pn.control.reference("R1"),
     "law and a tuning of inversion for controlled axis are given": lambda axis: pn.control.run(
         axis, "pid", reference=STEP, controller=pn.control.tune(axis, "inversion")
@@ -562,10 +564,10 @@ WRONG_CALLS = {
     ),
     "tuning is a str": lambda _: pn.control.export("inversion", "c", "."),
     "tuning is a NoneType": lambda _: pn.control.feasibility(None, pn.control.reference(STEP)),
-    'two references are called "220 mm"': lambda axis: pn.control.compare(
+    'two references are called "220 mm"': lambda axis: pn.control.benchmark(
         axis, "inversion", [one := pn.control.reference("220 mm"), dataclasses.replace(one, start_m=0.3)], out="."
     ),
-    "believes and a tuning of pid": lambda axis: pn.control.compare(
+    "believes and a tuning of pid": lambda axis: pn.control.benchmark(
         axis, [pn.control.tune(axis, "pid")], [STEP], out=".", believes=axis
     ),
     "the friction of the drive is lugre already": lambda axis: pn.control.run(
@@ -587,10 +589,10 @@ def test_whole_numbers_may_be_those_of_numpy(axis):
 
 def test_what_is_damaged_is_run_again_and_a_lost_law_is_drawn_as_nothing(axis, tmp_path):
     told = {"references": [STEP], "spread": "standard", "members": 3, "out": tmp_path}
-    made = pn.control.compare(axis, ["pid", "inversion"], **told)
+    made = pn.control.benchmark(axis, ["pid", "inversion"], **told)
     kept = tmp_path / "scores.jsonl"
     kept.write_bytes(b"\xff\xfe" + kept.read_bytes() + b'{"key": "1", "reason": ""}\n')
-    again = pn.control.compare(axis, ["pid", "inversion"], **told)
+    again = pn.control.benchmark(axis, ["pid", "inversion"], **told)
     assert [one.score.max_error_m for one in again.runs] == [one.score.max_error_m for one in made.runs]
     lost = tuple(one._replace(score=None) if one.law == "pid" else one for one in made.runs)
     for runs in (lost, tuple(one._replace(score=None) for one in made.runs)):
@@ -604,12 +606,12 @@ def test_what_is_damaged_is_run_again_and_a_lost_law_is_drawn_as_nothing(axis, t
 def test_a_comparison_takes_one_reference_of_any_kind(axis, tmp_path):
     read = pn.control.reference(STEP)
     for one in (STEP, read, [read]):
-        made = pn.control.compare(axis, "inversion", one, seeds=1, out=tmp_path)
+        made = pn.control.benchmark(axis, "inversion", one, seeds=1, out=tmp_path)
         assert list(made.references) == [STEP]
 
 
 def test_a_comparison_of_no_reference_is_refused(axis, tmp_path):
     for references in ({}, [], None):
         with pytest.raises(pn.errors.CommandError, match="no reference"):
-            pn.control.compare(axis, ["pid"], references, out=tmp_path / "compared")
+            pn.control.benchmark(axis, ["pid"], references, out=tmp_path / "compared")
     assert not (tmp_path / "compared").exists()

@@ -69,7 +69,7 @@ def identified(folder: Path) -> dict[str, object]:
 
 
 def campaign(folder: Path) -> dict[str, object]:
-    found = pn.characteristics(folder / "campaign")
+    found = pn.campaign_friction(folder / "campaign")
     return {
         "curves": len(found.curves),
         "friction_n": np.sum([np.sum(curve.friction_n) for curve in found.curves]),

@@ -18,7 +18,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from oracle.campaigns import AMBIENT_PA, World, gauges, random_world, write_campaign
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 
 NORMAL_95 = 1.96
 SAMPLES = {800: 400, 2000: 1200}  # of a stroke: enough, and twice as fast
@@ -57,7 +57,7 @@ def tally(world: World, seed: int) -> Tally:
     """Write one world's campaign, characterise it, and count."""
     out = Tally()
     with tempfile.TemporaryDirectory() as folder:
-        found = characteristics(write_campaign(Path(folder) / "campaign", world, seed), processes=1)
+        found = campaign_friction(write_campaign(Path(folder) / "campaign", world, seed), processes=1)
     for curve in found.curves:
         true = world.truth(curve.speed_m_s, gauges(curve.condition), curve.direction)
         hit = (curve.low_n <= true) & (true <= curve.high_n)

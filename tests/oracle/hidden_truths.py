@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from oracle.campaigns import BAR, World, gauges, write_campaign
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 
 Array = NDArray[np.float64]
 GAUGES = (
@@ -161,7 +161,7 @@ class Folder:
 def study(world: World, seed: int) -> Folder:
     """Write one campaign, characterise it, and hold it against its truth."""
     with tempfile.TemporaryDirectory() as folder:
-        found = characteristics(write_campaign(Path(folder) / "campaign", world, seed), processes=1)
+        found = campaign_friction(write_campaign(Path(folder) / "campaign", world, seed), processes=1)
     hits, widths, errors = [], [], []
     state = mean_state(world, len(found.cycles))
     for curve in found.curves:

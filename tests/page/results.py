@@ -46,6 +46,6 @@ def make_results(folder: Path) -> None:
         write_map(curves, results / name / "map.parquet")
         pn.fit_friction(curves, pressure_dependence=True).to_toml(results / name / "fit.toml")
     pn.size(folder / "push.toml", draws=8, draws_best=16, out=results / "push")
-    pn.control.compare(before, ["pid", "inversion"], ["R1"], seeds=2, out=results / "laws")
+    pn.control.benchmark(before, ["pid", "inversion"], ["R1"], seeds=2, out=results / "laws")
     run_campaign(folder / "speeds.toml", "default", folder / "campaigns" / "first")
     pn.export_fmu(before, folder / "drive.fmu")

@@ -64,7 +64,9 @@ def test_gains_are_dragged_and_laws_compared(server: Server, open_tab: Open, mon
 
     drive = pn.Drive.load(server.folder / "axis.toml")  # a comparison of fewer seeds, which the page takes up
     short = {"seeds": 2, "mismatch": "mass+30"}
-    made = pn.control.compare(drive, ["pid", "inversion"], ["R1", "R6"], **short, out=server.folder / "results" / "two")
+    made = pn.control.benchmark(
+        drive, ["pid", "inversion"], ["R1", "R6"], **short, out=server.folder / "results" / "two"
+    )
     tab = open_tab(server.address)
     page = tab.page
     page.click("ul.files >> text=results/two")

@@ -227,13 +227,13 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
 
 def test_another_comparison_in_the_folder_takes_the_scores_with_it(tmp_path: Path) -> None:
     drive = pn.Drive.load("catalogue:reference")
-    pn.control.compare(drive, ["inversion"], [STEP], seeds=1, out=tmp_path)
+    pn.control.benchmark(drive, ["inversion"], [STEP], seeds=1, out=tmp_path)
     first = pn.control.read_comparison(tmp_path)
     assert [run.law for run in first.runs] == ["inversion"]
     assert first.runs[0].columns("position_m")["position_m"][0] == pytest.approx(0.25, abs=1e-9)
     flag = type("Flag", (), {"is_set": lambda self: True})()
     with pytest.raises(Cancelled):
-        pn.control.compare(drive, ["pid"], [STEP], seeds=1, out=tmp_path, cancel=flag)
+        pn.control.benchmark(drive, ["pid"], [STEP], seeds=1, out=tmp_path, cancel=flag)
     second = pn.control.read_comparison(tmp_path)
     assert not second.is_finished
     assert {run.law for run in second.runs} <= {"pid"}  # none of the first
@@ -247,7 +247,7 @@ def test_another_comparison_in_the_folder_takes_the_scores_with_it(tmp_path: Pat
 
 
 def test_two_names_of_one_reference_keep_their_runs(tmp_path: Path) -> None:
-    made = pn.control.compare(
+    made = pn.control.benchmark(
         pn.Drive.load("catalogue:reference"), ["inversion"], {"a": STEP, "b": STEP}, seeds=2, out=tmp_path
     )
     read = pn.control.read_comparison(tmp_path)

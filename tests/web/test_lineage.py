@@ -44,7 +44,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "results" / "check").mkdir(parents=True)
     pn.validate(pn.Drive.load(folder / AFTER), folder / "monday.parquet").write(folder / "results" / "check")
     (folder / "results" / "rings").mkdir()
-    pn.control.compare(
+    pn.control.benchmark(
         before, ["pid"], ["250 mm; 0.1 s: 260 mm in 0.2 s"], seeds=1, mismatch="mass+30", out=folder / LAWS
     )
     curves = friction_map(coulomb(30.0))

@@ -17,7 +17,7 @@ from pneudrive.lazy import lazy
 
 if TYPE_CHECKING:
     from pneudrive.control.card import StoredComparison, read_comparison
-    from pneudrive.control.comparison import ControlComparison, compare, standard
+    from pneudrive.control.comparison import ControlComparison, benchmark, standard
     from pneudrive.control.controller import Controller
     from pneudrive.control.demand import Feasibility, feasibility
     from pneudrive.control.loop import run
@@ -45,8 +45,8 @@ __all__ = [
     "Suitability",
     "TunedGain",
     "Tuning",
+    "benchmark",
     "c_header",
-    "compare",
     "export",
     "feasibility",
     "iso230",
@@ -68,7 +68,7 @@ __getattr__ = lazy(
     __name__,
     {
         "card": ["StoredComparison", "read_comparison"],
-        "comparison": ["ControlComparison", "compare", "standard"],
+        "comparison": ["ControlComparison", "benchmark", "standard"],
         "controller": ["Controller"],
         "source_code": ["export"],
         "own_law": ["c_header", "signals"],
@@ -82,4 +82,5 @@ __getattr__ = lazy(
         "suited": ["Suitability", "suitability"],
         "tuning": ["LawModel", "Plant", "TunedGain", "Tuning", "laws", "tune"],
     },
+    old_names={"compare": "benchmark"},
 )

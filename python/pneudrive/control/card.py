@@ -243,7 +243,7 @@ def read_comparison(folder: str | Path) -> StoredComparison:
     >>> import pneudrive as pn
     >>> drive, steps = pn.Drive.load("catalogue:reference"), "250 mm; 0.1 s: 260 mm in 0.2 s"
     >>> made = tempfile.mkdtemp()
-    >>> _ = pn.control.compare(drive, ["pid", "inversion"], [steps], seeds=1, out=made)
+    >>> _ = pn.control.benchmark(drive, ["pid", "inversion"], [steps], seeds=1, out=made)
     >>> pn.control.read_comparison(made).best(steps)
     'inversion'
     """

@@ -138,7 +138,7 @@ def standard(drive: Drive | Circuit) -> dict[str, Reference]:
     return standard_references(plant.stroke_m, plant.speed_m_s)
 
 
-def compare(
+def benchmark(
     drive: Drive | Circuit,
     laws: str | object | Sequence[str | Path | Tuning | object] = "all",
     references: References = "standard",

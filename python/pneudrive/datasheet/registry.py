@@ -45,7 +45,7 @@ def characteristics() -> dict[str, Characteristic]:
     return {one.name: one for family in families for one in family.CHARACTERISTICS}
 
 
-def characteristic(
+def drive_characteristic(
     drive: Drive | Circuit,
     name: str,
     *,
@@ -88,7 +88,7 @@ def characteristic(
     Examples
     --------
     >>> import pneudrive as pn
-    >>> found = pn.characteristic(pn.Drive.load("catalogue:reference"), "force-speed", points=2)
+    >>> found = pn.drive_characteristic(pn.Drive.load("catalogue:reference"), "force-speed", points=2)
     >>> found.stall_force.attrs["units"], round(float(found.stall_force[0]), 1)
     ('N', 248.9)
     """

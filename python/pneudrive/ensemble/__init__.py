@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from pneudrive.lazy import lazy
 
 if TYPE_CHECKING:
-    from pneudrive.ensemble.design import Design as Design
     from pneudrive.ensemble.design import EnsembleDesign as EnsembleDesign
     from pneudrive.ensemble.distributions import Lognormal as Lognormal
     from pneudrive.ensemble.distributions import Normal as Normal
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 __getattr__ = lazy(
     __name__,
     {
-        "design": ["Design", "EnsembleDesign"],
+        "design": ["EnsembleDesign"],
         "distributions": ["Lognormal", "Normal", "Triangular", "Uniform", "grid"],
         "executors": ["DaskExecutor", "Executor", "InProcess"],
         "many": ["simulate_many"],
@@ -51,4 +50,5 @@ __getattr__ = lazy(
         ],
         "sensitivity": ["sensitivity"],
     },
+    old_names={"Design": "EnsembleDesign"},
 )

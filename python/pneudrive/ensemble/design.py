@@ -1,4 +1,4 @@
-"""Designs: the values of the members of an ensemble. `EnsembleDesign` is ``pn.Design``."""
+"""Designs: the values of the members of an ensemble."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOST_SOBOL = 1 << 30
 
 @dataclass(frozen=True, repr=False)
 class EnsembleDesign(Shown):
-    """Values of the members of an ensemble: ``pn.Design``.
+    """Values of the members of an ensemble.
 
     Made by `table`, `grid`, `sobol`, `latin_hypercube`, `random` and `posterior`. Quantities are as in the drive file
     (``"25 mm"``) or numbers in SI. Names are those that `pneudrive.identify` accepts as free, and ``initial.position``,
@@ -43,7 +43,7 @@ class EnsembleDesign(Shown):
     Examples
     --------
     >>> import pneudrive as pn
-    >>> pn.Design.sobol({"cylinder.bore": "uniform(20 mm, 30 mm)", "friction.coulomb": "normal(30 N, 10 %)"}, 1024)
+    >>> pn.EnsembleDesign.sobol({"cylinder.bore": "uniform(20 mm, 30 mm)", "friction.coulomb": "normal(30 N, 10 %)"}, 1024)
     sobol design
       cylinder.bore     uniform(20 mm, 30 mm)
       friction.coulomb  normal(30 N, 10 %)
@@ -274,7 +274,7 @@ def design_of(
             raise CommandError("a design has its own n and seed", remedy="Leave n and seed out.")
         return vary
     if not isinstance(vary, Mapping) or not vary:
-        remedy = 'Give vary={"cylinder.bore": [...]}, a distribution of each number, or a pn.Design.'
+        remedy = 'Give vary={"cylinder.bore": [...]}, a distribution of each number, or a pn.EnsembleDesign.'
         raise CommandError(f"vary is {type(vary).__name__ if vary else 'empty'}", remedy=remedy)
     each = {name: read_text(value) if isinstance(value, str) else value for name, value in vary.items()}
     for name, one in each.items():
@@ -328,6 +328,3 @@ def _said(value: object) -> str:
         return str(value)
     count = value.count or len(value.values) if isinstance(value, GridAxis) else len(value)  # type: ignore[arg-type]
     return f"{count} values"
-
-
-Design = EnsembleDesign  # pn.Design; `pneudrive.identify.design` has a class of that name

@@ -92,7 +92,7 @@ class Prior(Shown):
         Parameters
         ----------
         law : str
-            Name as in :func:`compare_laws`.
+            Name as in :func:`select_friction_law`.
         values : mapping
             Parameter -> guess, SI.
         deviations : mapping, optional
@@ -228,7 +228,7 @@ class Design(Shown):
         return "\n".join([*lines, "", "[order]", 'kind = "randomised"', ""])
 
 
-def design(
+def next_measurements(
     source: FrictionFit | Prior,
     limits: Limits,
     *,

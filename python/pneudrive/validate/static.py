@@ -195,9 +195,9 @@ def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
 
 
 def _of_campaign(drive: Drive, path: Path) -> list[FrictionCurve]:
-    from pneudrive.friction.campaign.characteristics import characteristics
+    from pneudrive.friction.campaign.characteristics import campaign_friction
 
-    found = characteristics(path)
+    found = campaign_friction(path)
     ambient = found.identity.ambient_pressure_pa
     out = []
     signed = {curve.condition for curve in found.curves if curve.direction != 0}

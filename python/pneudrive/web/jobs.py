@@ -81,7 +81,7 @@ def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob
     if isinstance(campaign := given.get("campaign"), str):
         if not workspace.folder(campaign).is_dir():
             raise CommandError(f"there is no campaign {campaign}")
-        python = f"import pneudrive as pn\n\nfound = pn.characteristics({campaign!r})\n"
+        python = f"import pneudrive as pn\n\nfound = pn.campaign_friction({campaign!r})\n"
         return AskedJob(("characterise", safe(campaign), "--out", out), out, python=python)
     is_list = isinstance(names, list) and 0 < len(names) <= MOST_RECORDINGS
     if not is_list or not all(isinstance(one, str) for one in names):

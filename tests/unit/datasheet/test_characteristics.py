@@ -50,13 +50,13 @@ def test_velocity_gain_is_that_of_choked_exhaust():
 
 
 def test_force_at_full_supply():
-    found = pn.characteristic(DRIVE, "force-speed", points=2)
+    found = pn.drive_characteristic(DRIVE, "force-speed", points=2)
     assert f"{float(found.blocked_force[0]):.3f} {float(found.stall_force[0]):.1f}" == "293.886 248.9"
 
 
 def test_pressure_gain_with_four_equal_leaks():
     leak = 0.01
-    found = pn.characteristic(with_leak(leak), "pressure-gain")
+    found = pn.drive_characteristic(with_leak(leak), "pressure-gain")
     assert f"{1e-5 * float(found.centre_pressure_a):.4f}" == "5.3005"
     # Each chamber between two equal edges, the exhaust choked: 7 bar phi(r) = p with r = p / 7 bar, so that the slope
     # over u / leak is p / (1 - phi'(r)) in a, and its negative in b.
@@ -64,7 +64,7 @@ def test_pressure_gain_with_four_equal_leaks():
     slope = 2.0 * 7.0 * r / (1.0 + (r - 0.3) / (0.49 * r))
     assert f"{slope:.4f}" == "4.7490"
     assert float(found.pressure_gain) * 1e-5 * leak == pytest.approx(slope, rel=2e-6)
-    assert math.isinf(float(pn.characteristic(DRIVE, "pressure-gain").pressure_gain))
+    assert math.isinf(float(pn.drive_characteristic(DRIVE, "pressure-gain").pressure_gain))
 
 
 def test_equilibrium_is_where_a_long_run_ends():
@@ -86,13 +86,13 @@ def test_a_shut_valve_holds_any_pressure():
 
 
 def test_stiffness_and_natural_frequency():
-    found = pn.characteristic(DRIVE, "stiffness", pressures=["3 bar abs"])
+    found = pn.drive_characteristic(DRIVE, "stiffness", pressures=["3 bar abs"])
     fast, slow = found.adiabatic_stiffness[:, 0], found.isothermal_stiffness[:, 0]
     middle = len(fast) // 2
     assert f"{float(fast[middle]):.1f} {float(slow[middle]):.1f} {float(fast[0]):.0f}" == "1525.1 1089.3 10516"
     assert float(found.largest_loss_factor) == pytest.approx(0.4 / (2.0 * math.sqrt(1.4)), rel=1e-3)
     assert f"{float(found.largest_loss_factor):.3f}" == "0.169"
-    frequency = pn.characteristic(DRIVE, "natural-frequency", pressures=["3 bar abs"]).natural_frequency[:, 0]
+    frequency = pn.drive_characteristic(DRIVE, "natural-frequency", pressures=["3 bar abs"]).natural_frequency[:, 0]
     shown = [f"{float(frequency.sel(position=x)):.{n}f}" for x, n in ((0.25, 3), (0.125, 3), (0.5, 2))]
     assert shown == ["4.395", "4.956", "11.54"]
 
@@ -100,7 +100,7 @@ def test_stiffness_and_natural_frequency():
 def test_gas_in_tubes_is_part_of_the_air_spring():
     """All of it, up to the valve: 3 m of 6 mm, without heat k p A^2 (1/V_a + 1/V_b)."""
     drive = DRIVE.replace({"tubing": {side: {"length": "3 m", "diameter": "6 mm"} for side in "ab"}})
-    found = pn.characteristic(drive, "natural-frequency", pressures=["3 bar abs"]).sel(pressure=3e5)
+    found = pn.drive_characteristic(drive, "natural-frequency", pressures=["3 bar abs"]).sel(pressure=3e5)
     x, area = found.position.values, 0.25 * math.pi * 0.025**2
     before = 1e-5 + 3.0 * 0.25 * math.pi * 0.006**2
     spring = 1.4 * 3e5 * area**2 * (1.0 / (before + area * x) + 1.0 / (before + area * (0.5 - x)))
@@ -148,14 +148,14 @@ def test_a_shut_valve_has_two_slopes_and_friction_is_the_callers_choice():
 
 
 def test_minimum_pressure_is_breakaway_over_area():
-    found = pn.characteristic(DRIVE, "minimum-pressure")
+    found = pn.drive_characteristic(DRIVE, "minimum-pressure")
     area = math.pi * 0.025**2 / 4.0
     assert f"{1e-5 * float(found.breakaway_force[0]) / area:.3f}" == "0.917"
     assert f"{1e-5 * float(found.minimum_pressure[0]):.3f}" == "0.917"
 
 
 def test_a_step_has_the_known_numbers():
-    found = pn.characteristic(DRIVE, "step-response", command=0.6, position=0.05, pressures="3 bar abs")
+    found = pn.drive_characteristic(DRIVE, "step-response", command=0.6, position=0.05, pressures="3 bar abs")
     shown = (float(found.end_speed), float(found.end_energy), 1e3 * float(found.overshoot))
     assert "{:.2f} {:.1f} {:.2f}".format(*shown) == "2.39 5.7 1.59"
 
@@ -165,14 +165,14 @@ def test_air_and_exergy_of_a_full_cycle():
     stiff = DRIVE.replace({"cylinder.end_stop": stop})
     mass = drawn_mass(HeldDrive(stiff), 1.0, FULL_S, repeats=1)
     assert f"{litres_anr(mass):.3f} {1e3 * mass / NORMAL_DENSITY_KG_M3:.3f}" == "3.566 3.268"
-    spent = pn.characteristic(stiff, "exergy")
+    spent = pn.drive_characteristic(stiff, "exergy")
     assert f"{float(spent.drawn):.1f}" == "687.3"
     assert abs(float(spent.open)) < 1e-6
     assert float(spent.lost.sum()) + float(spent.exhausted) == pytest.approx(float(spent.drawn), rel=1e-6)
 
 
 def test_the_test_stand_finds_conductance_and_ratio_again():
-    found = pn.characteristic(DRIVE, "flow")
+    found = pn.drive_characteristic(DRIVE, "flow")
     assert np.abs(found.conductance / 2e-8 - 1.0).max() < 1e-6
     assert np.abs(found.critical_ratio / 0.3 - 1.0).max() < 1e-6
 
@@ -180,7 +180,7 @@ def test_the_test_stand_finds_conductance_and_ratio_again():
 def test_intervals_of_identified_values_go_through():
     origin = {"interval": ["29 N", "31 N"], "source": "recording.csv"}
     drive = DRIVE.replace({"provenance": {"friction.coulomb": origin}})
-    found = pn.characteristic(drive, "force-speed", points=1)
+    found = pn.drive_characteristic(drive, "force-speed", points=1)
     low, high = (float(found[f"speed_{end}"][0, 0]) for end in ("low", "high"))
     by_hand = [
         pn.equilibrium(DRIVE.replace({"friction.coulomb": f"{n} N"}), 1.0, load=0.0).velocity_m_s for n in (31, 29)
@@ -196,7 +196,7 @@ def test_correlations_of_identified_values_narrow_or_widen_what_they_share():
     def width(share):
         origins = {name: {"interval": pair, "source": "one fit"} for name, pair in ends.items()}
         origins["friction.viscous"] |= {"correlation": {"friction.coulomb": share}}
-        found = pn.characteristic(DRIVE.replace({"provenance": origins}), "force-speed", points=1)
+        found = pn.drive_characteristic(DRIVE.replace({"provenance": origins}), "force-speed", points=1)
         return float(found.speed_high[0, 0] - found.speed_low[0, 0]) / 2.0
 
     against, none, along = (width(share) for share in (-0.9, 0.0, 0.9))
@@ -246,14 +246,14 @@ def test_dynamic_stiffness_is_that_of_the_springs():
 
 
 def test_frequency_responses_meet_where_they_should():
-    small = pn.characteristic(DRIVE, "bode")
+    small = pn.drive_characteristic(DRIVE, "bode")
     assert f"{float(small.velocity_gain):.2f}" == "4.06"
     assert float(small.velocity_phase[0]) == pytest.approx(0.0, abs=3.0)
-    large = pn.characteristic(DRIVE, "describing-function", amplitudes=[0.3], frequencies=[2.0])
+    large = pn.drive_characteristic(DRIVE, "describing-function", amplitudes=[0.3], frequencies=[2.0])
     assert 0.5 * 4.06 < float(large.gain[0, 0]) < 4.06  # friction takes some of a large sine
     assert -90.0 < float(large.phase[0, 0]) < 0.0
     assert 0.0 < float(large.distortion[0, 0]) < 0.3
-    ends = pn.characteristic(DRIVE, "describing-function", amplitudes=[1.0], frequencies=[0.5])
+    ends = pn.drive_characteristic(DRIVE, "describing-function", amplitudes=[1.0], frequencies=[0.5])
     assert math.isnan(float(ends.gain[0, 0]))
 
 
@@ -262,7 +262,7 @@ def test_a_load_moves_the_piston_as_its_linear_model_says_and_friction_holds_it(
 
     smooth = DRIVE.replace({"friction": {"law": "coulomb", "coulomb": "1e-6 N", "viscous": "40 N s/m"}})
     settings = {"frequencies": [1.0, 8.0], "pressures": "3 bar abs"}
-    found = pn.characteristic(smooth, "load-describing-function", amplitudes=[2.0], **settings)
+    found = pn.drive_characteristic(smooth, "load-describing-function", amplitudes=[2.0], **settings)
     linear = linear_model(HeldDrive(smooth), SIDE, 0.25, gas_at(HeldDrive(smooth), "3 bar abs"), 0.0, "sliding")
     b = linear.B[:, linear.inputs.index("cylinder.load_force_n")]
     c = linear.C[linear.outputs.index("cylinder.position_m")]
@@ -271,14 +271,14 @@ def test_a_load_moves_the_piston_as_its_linear_model_says_and_friction_holds_it(
         assert float(found.compliance[0, k]) == pytest.approx(abs(own), rel=0.01)
         assert float(found.phase[0, k]) == pytest.approx(math.degrees(np.angle(own)), abs=1.0)
     assert float(found.phase[0, 0]) > -45.0 > -135.0 > float(found.phase[0, 1])
-    rough = pn.characteristic(DRIVE, "load-describing-function", amplitudes=[20.0, 90.0], **settings)
+    rough = pn.drive_characteristic(DRIVE, "load-describing-function", amplitudes=[20.0, 90.0], **settings)
     below, above = (float(value) for value in rough.compliance[:, 0])
     assert below < 2e-5 < 2e-4 < above < float(found.compliance[0, 0])  # 20 N against bristles of 1e5 N/m, then slip
     assert float(rough.distortion[1, 0]) > float(found.distortion[0, 0])
 
 
 def test_sensitivities_are_exponents():
-    found = pn.characteristic(DRIVE, "sensitivity", numbers=["cylinder.moving_mass", "valve.conductance"])
+    found = pn.drive_characteristic(DRIVE, "sensitivity", numbers=["cylinder.moving_mass", "valve.conductance"])
     table = {name: found.sel(parameter=name) for name in found.parameter.values}
     mass, valve = table["cylinder.moving_mass"], table["valve.conductance"]
     assert float(mass.natural_frequency_sensitivity) == pytest.approx(-0.5, abs=1e-6)
@@ -299,7 +299,7 @@ def test_sensitivities_are_exponents():
     ],
 )
 def test_figures_that_makers_print_come_out_of_the_test_stands(name, most):
-    found = pn.characteristic(pn.Drive.load(f"catalogue:{name}"), "published")
+    found = pn.drive_characteristic(pn.Drive.load(f"catalogue:{name}"), "published")
     seen = {
         str(figure).partition(": ")[2].split()[0]: abs(float(d))
         for figure, d in zip(found.figure.values, found.difference, strict=True)
@@ -312,17 +312,17 @@ def test_times_of_a_switching_valve_and_what_it_cannot_have():
     tables = DRIVE.circuit.to_dict()
     tables["components"]["valve"] = {"use": "catalogue:ckd-m4ga1-r-2-position"}
     circuit = Circuit.model_validate(tables)
-    found = pn.characteristic(circuit, "valve-times")
+    found = pn.drive_characteristic(circuit, "valve-times")
     for time in (float(found.time_on), float(found.time_off)):
         assert 0.012 < time < 0.015  # 12 ms to the middle of the travel, then the outlet fills
     with pytest.raises(pn.PneudriveError, match="valve is on or off"):
-        pn.characteristic(circuit, "pressure-gain")
+        pn.drive_characteristic(circuit, "pressure-gain")
     with pytest.raises(pn.PneudriveError, match="times are those of a switching valve"):
-        pn.characteristic(DRIVE, "valve-times")
+        pn.drive_characteristic(DRIVE, "valve-times")
 
 
 def test_lines_are_those_of_the_study():
-    found = pn.characteristic(DRIVE, "lines", lengths=["1 m"], diameters=["4 mm", "6 mm"])
+    found = pn.drive_characteristic(DRIVE, "lines", lengths=["1 m"], diameters=["4 mm", "6 mm"])
     assert [f"{float(v):.3f}" for v in found.vent_speed[:, 0]] == ["2.297", "3.636"]
 
 
@@ -336,7 +336,7 @@ def test_a_cushion_brakes_less_what_is_heavier_and_does_not_touch_steady_motion(
     }
     tables["components"]["valve"] |= {"frequency": "100 Hz"}
     circuit = Circuit.model_validate(tables)
-    found = pn.characteristic(circuit, "cushion", end_speed=1.0)
+    found = pn.drive_characteristic(circuit, "cushion", end_speed=1.0)
     fast = found.sel(speed=2.0)
     assert (np.diff(fast.end_speed) > 0.0).all()
     assert (np.diff(found.peak_pressure, axis=1) > 0.0).all()
@@ -345,18 +345,18 @@ def test_a_cushion_brakes_less_what_is_heavier_and_does_not_touch_steady_motion(
     plain = pn.equilibrium(DRIVE, 0.6, load=0.0).velocity_m_s
     assert pn.equilibrium(circuit, 0.6, load=0.0).velocity_m_s == pytest.approx(plain, rel=1e-9)
     with pytest.raises(pn.PneudriveError, match="has no cushion"):
-        pn.characteristic(DRIVE, "cushion")
+        pn.drive_characteristic(DRIVE, "cushion")
 
 
 def test_tubes_with_waves_have_no_steady_state_that_a_start_takes():
     tube = {"length": "1 m", "diameter": "4 mm", "model": "distributed"}
     drive = DRIVE.replace({"tubing": {"b": tube}})
     with pytest.raises(pn.PneudriveError, match="cannot be held"):
-        pn.characteristic(drive, "stiffness")
+        pn.drive_characteristic(drive, "stiffness")
     steady = DRIVE.replace({"tubing": {"b": tube | {"model": "steady"}}})
     assert 0.0 < pn.equilibrium(steady, 1.0, load=0.0).velocity_m_s < 3.0
     control = {"conductance": "0.4 dm3/(s bar)", "throttles": "out"}
-    gain = pn.characteristic(steady.replace({"flow_control": {"b": control}}), "pressure-gain")
+    gain = pn.drive_characteristic(steady.replace({"flow_control": {"b": control}}), "pressure-gain")
     assert gain.pressure_difference[[0, -1]].to_numpy() == pytest.approx([-5.987e5, 5.987e5], rel=1e-6)
 
 
@@ -367,8 +367,10 @@ def test_printed_figures_are_those_of_the_part_whatever_it_carries():
     origin = {"load.mass": {"interval": ["4.9 kg", "5.1 kg"], "confidence": 0.95, "source": "scales"}}
     far = lifts.replace({"tubing": {"a": tube, "b": tube}, "provenance": origin})
     np.testing.assert_allclose(
-        pn.characteristic(far, "published").computed, pn.characteristic(drive, "published").computed, rtol=1e-9
+        pn.drive_characteristic(far, "published").computed,
+        pn.drive_characteristic(drive, "published").computed,
+        rtol=1e-9,
     )
-    blocked = [float(pn.characteristic(one, "force-speed", points=2).blocked_force[0]) for one in (drive, lifts)]
+    blocked = [float(pn.drive_characteristic(one, "force-speed", points=2).blocked_force[0]) for one in (drive, lifts)]
     weight = (5.0 + drive.cylinder.moving_mass_kg) * 9.80665
     assert blocked[0] - blocked[1] == pytest.approx(weight + 20.0, rel=1e-6)

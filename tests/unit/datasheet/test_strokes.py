@@ -66,8 +66,8 @@ def test_a_piston_that_does_not_follow_its_command_has_no_numbers_of_a_stroke():
 
 def test_a_drive_that_cannot_lift_its_load_says_so():
     drive = pn.Drive.load("catalogue:reference").replace({"cylinder.incline": "90 deg", "load.mass": "60 kg"})
-    step = pn.characteristic(drive, "step-response")
+    step = pn.drive_characteristic(drive, "step-response")
     assert math.isnan(step.stroke_time)
     assert math.isnan(step.end_energy)
-    square = pn.characteristic(drive, "square-response")
+    square = pn.drive_characteristic(drive, "square-response")
     assert np.isnan(square.stroke_time).all()

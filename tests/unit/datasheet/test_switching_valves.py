@@ -68,10 +68,10 @@ def switched():
 def test_a_circuit_with_a_5_2_valve_has_each_characteristic_or_says_why_not(switched, name):
     if name in NONE:
         with pytest.raises(PneudriveError, match=NONE[name]):
-            pn.characteristic(switched, name)
+            pn.drive_characteristic(switched, name)
         return
     settings: dict[str, Any] = {"load-describing-function": {"frequencies": [4.0], "amplitudes": [50.0]}}.get(name, {})
-    found = pn.characteristic(switched, name, **settings)
+    found = pn.drive_characteristic(switched, name, **settings)
     finite = [np.isfinite(found[variable]).all() for variable in found.data_vars]
     assert any(finite)
     assert found.attrs["characteristic"] == name
@@ -83,9 +83,9 @@ def test_fully_open_valves_of_three_kinds_have_the_same_steady_states(switched):
         circuit({"va": "switching-3/2", "vb": "switching-3/2"}, PAIR),
         circuit({"va": "proportional-3/2", "vb": "proportional-3/2"}, PAIR),
     ]
-    want = pn.characteristic(switched, "force-speed", points=3)
+    want = pn.drive_characteristic(switched, "force-speed", points=3)
     for other in others:
-        found = pn.characteristic(other, "force-speed", points=3)
+        found = pn.drive_characteristic(other, "force-speed", points=3)
         for name in ("speed", "blocked_force", "stall_force"):
             np.testing.assert_allclose(found[name], want[name], rtol=1e-9)
 
@@ -93,11 +93,11 @@ def test_fully_open_valves_of_three_kinds_have_the_same_steady_states(switched):
 def test_blocked_force_is_pressure_times_area_and_signs_are_those_of_the_piston(switched):
     area_a = 0.25 * math.pi * 0.032**2
     area_b = area_a - 0.25 * math.pi * 0.012**2
-    found = pn.characteristic(switched, "force-speed", points=2)
+    found = pn.drive_characteristic(switched, "force-speed", points=2)
     rod_n = 1.01325e5 * (area_a - area_b)
     want = [7.01325e5 * area_a - 1.01325e5 * area_b - rod_n, 7.01325e5 * area_b - 1.01325e5 * area_a + rod_n]
     np.testing.assert_allclose(found.blocked_force, want, rtol=1e-6)
-    out, back = (pn.characteristic(switched, "step-response", command=u) for u in (1.0, -1.0))
+    out, back = (pn.drive_characteristic(switched, "step-response", command=u) for u in (1.0, -1.0))
     assert out.position[-1] > 0.099
     assert back.position[-1] < 0.001
 
@@ -117,7 +117,7 @@ def test_air_of_a_full_cycle_is_that_of_two_fillings(switched):
     density = 287.05 * 293.15
     mass = (6e5 * filled + 1.01325e5 * (filled - dead)) / density  # a chamber at its end begins at ambient pressure
     litres = 1e3 * mass / switched.gas.anr_density_kg_m3
-    found = float(pn.characteristic(switched, "air").full)
+    found = float(pn.drive_characteristic(switched, "air").full)
     assert found == pytest.approx(litres, rel=0.02)
 
 
@@ -129,9 +129,9 @@ def test_a_chamber_that_a_spring_empties_begins_at_ambient_pressure():
         ["supply -> v.1", "v.2 -> cylinder.a"],
         head=HEAD.replace('kind = "cylinder/single-rod"\n', spring),
     )
-    found = pn.characteristic(single, "step-response")
+    found = pn.drive_characteristic(single, "step-response")
     np.testing.assert_allclose([found.pressure_a[0], found.pressure_b[0]], 1.01325e5, rtol=1e-6)
-    assert list(pn.characteristic(single, "flow").path.to_numpy()) == ["supply to a", "exhaust of a"]
+    assert list(pn.drive_characteristic(single, "flow").path.to_numpy()) == ["supply to a", "exhaust of a"]
 
 
 def test_partial_commands_of_a_switching_valve_are_refused(switched):

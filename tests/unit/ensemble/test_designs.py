@@ -27,7 +27,7 @@ def rows_of(design):
     return design.rows(Variation(DRIVE, design.names))
 
 
-@pytest.mark.parametrize("make", [pn.Design.sobol, pn.Design.latin_hypercube, pn.Design.random])
+@pytest.mark.parametrize("make", [pn.EnsembleDesign.sobol, pn.EnsembleDesign.latin_hypercube, pn.EnsembleDesign.random])
 def test_rows_do_not_depend_on_the_chunk_in_which_they_are_asked_for(make):
     rows = rows_of(make(TWO, 10_000, seed=3, correlation={("cylinder.bore", "friction.coulomb"): 0.6}))
     whole = rows.take(0, 10_000)
@@ -44,7 +44,7 @@ def test_rows_do_not_depend_on_the_chunk_in_which_they_are_asked_for(make):
 def test_threads_that_take_rows_at_once_do_not_disturb_each_other():
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
-    rows = rows_of(pn.Design.sobol(TWO, 1 << 14))
+    rows = rows_of(pn.EnsembleDesign.sobol(TWO, 1 << 14))
     whole = rows.take(0, 1 << 14)
     firsts = list(range(0, 1 << 14, 16))
     try:
@@ -56,14 +56,16 @@ def test_threads_that_take_rows_at_once_do_not_disturb_each_other():
 
 
 def test_a_hypercube_has_one_member_in_each_share_and_sobol_fills_evenly():
-    for design, per_share in ((pn.Design.latin_hypercube(TWO, 100), 1), (pn.Design.sobol(TWO, 128), 2)):
+    for design, per_share in ((pn.EnsembleDesign.latin_hypercube(TWO, 100), 1), (pn.EnsembleDesign.sobol(TWO, 128), 2)):
         bore = rows_of(design).take(0, design.members)[:, 0]
         shares = np.floor((bore - 0.02) / 0.01 * (design.members // per_share)).astype(int)
         assert np.bincount(shares).tolist() == [per_share] * (design.members // per_share)
 
 
 def test_a_grid_has_all_combinations_the_last_number_fastest():
-    rows = rows_of(pn.Design.grid({"cylinder.bore": pn.grid("20 mm .. 30 mm", 3), "load.mass": pn.grid(1.0, 2.0)}))
+    rows = rows_of(
+        pn.EnsembleDesign.grid({"cylinder.bore": pn.grid("20 mm .. 30 mm", 3), "load.mass": pn.grid(1.0, 2.0)})
+    )
     assert rows.size == 6
     expected = [[0.02, 1.0], [0.02, 2.0], [0.025, 1.0], [0.025, 2.0], [0.03, 1.0], [0.03, 2.0]]
     np.testing.assert_allclose(rows.take(0, 6), expected)
@@ -119,7 +121,7 @@ def test_the_posterior_of_a_fit_has_its_values_and_its_covariance():
         sensors={},
         start=DRIVE,
     )
-    rows = rows_of(pn.Design.posterior(fit, 4096))
+    rows = rows_of(pn.EnsembleDesign.posterior(fit, 4096))
     values = rows.take(0, 4096)
     np.testing.assert_allclose(values.mean(axis=0), [31.0, 50.0, 0.02], rtol=2e-3)
     np.testing.assert_allclose(np.cov(values.T), fit.covariance, rtol=0.1, atol=1e-4)
@@ -129,14 +131,14 @@ def test_the_posterior_of_a_fit_has_its_values_and_its_covariance():
 
 def test_the_posterior_of_a_friction_fit_takes_its_names_and_those_of_it_that_are_asked_for():
     fit = read_fit(ROOT / "tests/old_files/f77d3a3/map-fit.toml")
-    some = pn.Design.posterior(fit, 64, names=["coulomb"])
+    some = pn.EnsembleDesign.posterior(fit, 64, names=["coulomb"])
     assert some.names == ["friction.coulomb"]
     low, high = fit.intervals["coulomb"]
     spread = rows_of(some).take(0, 64).std()
     assert spread == pytest.approx(fit.standard_errors["coulomb"], rel=0.1)
     assert low < fit.values["coulomb"] < high
     with pytest.raises(CommandError, match="no covariance of speed"):
-        pn.Design.posterior(fit, 64, names=["speed"])
+        pn.EnsembleDesign.posterior(fit, 64, names=["speed"])
 
 
 def test_correlations_that_contradict_each_other_are_refused():
@@ -144,9 +146,9 @@ def test_correlations_that_contradict_each_other_are_refused():
     names = list(three)
     pairs = {(names[0], names[1]): 0.9, (names[1], names[2]): 0.9, (names[0], names[2]): -0.9}
     with pytest.raises(CommandError, match="contradict"):
-        rows_of(pn.Design.sobol(three, 4, correlation=pairs))
+        rows_of(pn.EnsembleDesign.sobol(three, 4, correlation=pairs))
     with pytest.raises(CommandError, match="does not vary"):
-        rows_of(pn.Design.sobol(TWO, 4, correlation={("cylinder.bore", "load.mass"): 0.1}))
+        rows_of(pn.EnsembleDesign.sobol(TWO, 4, correlation={("cylinder.bore", "load.mass"): 0.1}))
 
 
 @pytest.mark.parametrize(
@@ -157,9 +159,9 @@ def test_a_share_of_what_does_not_count_from_zero_is_refused(name, mean, sd):
     """10 % of 20 degC are 2 K to one and 29 K to another."""
     for word in ("normal", "lognormal"):
         with pytest.raises(CommandError, match="where its scale begins"):
-            rows_of(pn.Design.random({name: f"{word}({mean}, 10 %)"}, 4))
-    assert rows_of(pn.Design.random({name: f"normal({mean}, {sd})"}, 4)).size == 4
-    assert rows_of(pn.Design.random({"supply.pressure": "normal(7 bar abs, 10 %)"}, 4)).size == 4
+            rows_of(pn.EnsembleDesign.random({name: f"{word}({mean}, 10 %)"}, 4))
+    assert rows_of(pn.EnsembleDesign.random({name: f"normal({mean}, {sd})"}, 4)).size == 4
+    assert rows_of(pn.EnsembleDesign.random({"supply.pressure": "normal(7 bar abs, 10 %)"}, 4)).size == 4
 
 
 def test_the_posterior_of_a_value_next_to_nothing_stays_as_small_as_it_is_known():
@@ -173,7 +175,7 @@ def test_the_posterior_of_a_value_next_to_nothing_stays_as_small_as_it_is_known(
     fit = pn.fit_friction(table.assign(recording=("row", [f"r{k}" for k in range(n)])), law="coulomb")
     assert fit.values["viscous"] < fit.standard_errors["viscous"]
     drive = fit.apply(DRIVE)
-    design = pn.Design.posterior(fit, 1024)
+    design = pn.EnsembleDesign.posterior(fit, 1024)
     rows = dict(zip(design.names, design.rows(Variation(drive, design.names)).take(0, 1024).T, strict=True))
     error = fit.standard_errors["viscous"]
     assert rows["friction.viscous"].min() >= 0.0

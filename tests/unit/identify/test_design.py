@@ -9,7 +9,7 @@ from pneudrive import _core
 from pneudrive.errors import FitError
 from pneudrive.estimate.design import DesignSpace, exchange, information, prediction_variance
 from pneudrive.identify import fit_friction
-from pneudrive.identify.design import Limits, Prior, design, expected_half_widths
+from pneudrive.identify.design import Limits, Prior, expected_half_widths, next_measurements
 from pneudrive.identify.static.model import at_conditions
 
 RANGE = (1e-3, 0.45)
@@ -88,7 +88,7 @@ def test_next_points_of_a_fit_narrow_what_is_open(make_map, truth, friction_of):
     speeds = np.geomspace(0.015, 0.45, 14)  # nothing below vs: Fs and vs are not separable
     noise = 0.3 * np.random.default_rng(1).standard_normal(14)
     fit = fit_friction(make_map(speeds, friction_of(speeds) + noise, 0.3))
-    proposed = design(fit, Limits(RANGE), points=6)
+    proposed = next_measurements(fit, Limits(RANGE), points=6)
     slow = sum(p.repeats for p in proposed.points if p.speed_m_s < 0.012)
     assert slow >= 3, "the remedy that the fit states in words, in numbers"
     assert proposed.half_widths_then["breakaway"] < 0.3 * proposed.half_widths_now["breakaway"]
@@ -104,8 +104,8 @@ def test_next_points_of_a_fit_narrow_what_is_open(make_map, truth, friction_of):
 
 
 def test_a_prior_spreads_the_points(truth):
-    sure = design(Prior.of_law("stribeck gaussian", truth), Limits(RANGE), points=12, noise_n=0.5)
-    unsure = design(
+    sure = next_measurements(Prior.of_law("stribeck gaussian", truth), Limits(RANGE), points=12, noise_n=0.5)
+    unsure = next_measurements(
         Prior.of_law("stribeck gaussian", truth, {"stribeck_velocity": 0.7}), Limits(RANGE), points=12, noise_n=0.5
     )
     assert len(unsure.points) > len(sure.points)
@@ -114,7 +114,9 @@ def test_a_prior_spreads_the_points(truth):
 def test_i_optimal_predicts_its_range_better(truth):
     prior = Prior.of_law("stribeck gaussian", truth)
     range_of_use = Limits((0.1, 0.45))
-    plans = {c: design(prior, Limits(RANGE), points=8, criterion=c, over=range_of_use, noise_n=0.5) for c in "DI"}
+    plans = {
+        c: next_measurements(prior, Limits(RANGE), points=8, criterion=c, over=range_of_use, noise_n=0.5) for c in "DI"
+    }
     at = np.geomspace(0.1, 0.45, 50)
     g = prior.model.value_and_jacobian(prior.draws[0], at_conditions(at, 0 * at, 0 * at))[1]
 
@@ -129,7 +131,7 @@ def test_i_optimal_predicts_its_range_better(truth):
 def test_pressures_are_taken_at_the_corners(truth):
     slopes = {f"{f}_{c}": 1e-5 for f in ("coulomb", "breakaway") for c in "ab"}
     gauges = tuple((a, b) for a in (0.0, 2e5, 4e5, 6e5) for b in (0.0, 2e5, 4e5, 6e5))
-    plan = design(
+    plan = next_measurements(
         Prior.of_law("stribeck gaussian", truth | slopes, chambers=("a", "b")),
         Limits(RANGE, gauges),
         points=24,
@@ -140,9 +142,9 @@ def test_pressures_are_taken_at_the_corners(truth):
 
 def test_time_counts(truth):
     prior, limits = Prior.of_law("stribeck gaussian", truth), Limits(RANGE, stroke_m=0.1, strokes=2)
-    plan = design(prior, limits, seconds=1800.0, noise_n=0.5)
+    plan = next_measurements(prior, limits, seconds=1800.0, noise_n=0.5)
     assert 900.0 < plan.seconds <= 1800.0
-    free = design(prior, limits, points=sum(p.repeats for p in plan.points), noise_n=0.5)
+    free = next_measurements(prior, limits, points=sum(p.repeats for p in plan.points), noise_n=0.5)
     assert free.seconds > plan.seconds, "a slow point takes 400 s and is taken less often where time counts"
 
 
@@ -164,7 +166,7 @@ def test_the_core_gives_the_gradients(truth):
 )
 def test_messages(truth, change, said):
     with pytest.raises(FitError, match=said):
-        design(Prior.of_law("stribeck gaussian", truth), Limits(RANGE), **({"noise_n": 0.5} | change))
+        next_measurements(Prior.of_law("stribeck gaussian", truth), Limits(RANGE), **({"noise_n": 0.5} | change))
 
 
 def test_a_prior_needs_all_guesses(truth):

@@ -10,7 +10,7 @@ from pneudrive import Drive, _core
 from pneudrive.errors import FitError
 from pneudrive.estimate.losses import LOSSES
 from pneudrive.identify import FrictionFit, fit_friction
-from pneudrive.identify.static.laws import compare_laws
+from pneudrive.identify.static.laws import select_friction_law
 from pneudrive.identify.static.model import FrictionModel, Observations
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
@@ -156,7 +156,7 @@ def test_a_law_that_is_a_plainer_one_for_these_values_is_not_listed_twice(make_m
     gauge_a, gauge_b = np.repeat([0.0, 2e5, 4e5], 2), np.tile([0.0, 3e5], 3)
     friction = 20.0 + 1e-5 * gauge_a + 1e-5 * gauge_b + 0.1 * np.random.default_rng(2).standard_normal(6)
     curves = make_map(np.full(6, 0.01), friction, 0.1, gauge_a=gauge_a, gauge_b=gauge_b)
-    found = compare_laws(curves, hold_out="pressure", pressure=["linear", "quadratic"])
+    found = select_friction_law(curves, hold_out="pressure", pressure=["linear", "quadratic"])
     assert [row.title for row in found.rows] == ["coulomb, linear in pressure"]
     assert any("coulomb represents stribeck gaussian" in said for said in found.statements)
     assert any("linear represents quadratic in pressure" in said for said in found.statements)

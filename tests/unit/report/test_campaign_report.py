@@ -10,7 +10,7 @@ import pytest
 
 from oracle.campaigns import BAR, World, write_campaign
 from oracle.stop_campaigns import StopWorld, write_stops
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 from pneudrive.report.campaign.page import write_campaign_report
 
 PRESSURES = ((0.0, 0.0), (1.0 * BAR, 1.0 * BAR))
@@ -35,7 +35,7 @@ def whole(tmp_path_factory):
     durations = (1.0, 10.0, 100.0)
     write_stops(folder / "s", StopWorld(gauges_pa=PRESSURES, durations_s=durations, repeats=3, samples=600), 1)
     append(folder / "c", folder / "s")
-    found = characteristics(folder / "c", processes=1)
+    found = campaign_friction(folder / "c", processes=1)
     (folder / "out").mkdir()
     return found, write_campaign_report(found, folder / "out")
 
@@ -82,7 +82,7 @@ def test_campaigns_without_some_parts_are_reported_too(tmp_path):
     for folder in (sweeps, stops):
         out = tmp_path / f"{folder.name}-out"
         out.mkdir()
-        page = write_campaign_report(characteristics(folder, processes=1), out).read_text(encoding="utf-8")
+        page = write_campaign_report(campaign_friction(folder, processes=1), out).read_text(encoding="utf-8")
         if folder is sweeps:
             assert "synthetic" not in text_of(page).lower().replace("friction of", "")
             assert 'id="stops"' not in page

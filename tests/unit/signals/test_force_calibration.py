@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from oracle.campaigns import World, write_campaign
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError, LayoutError
 from pneudrive.friction.reduction.budget import systematic_budget
 from pneudrive.friction.reduction.side import DirectionMeans
@@ -40,7 +40,7 @@ def shown_by(folder: Path, sensor, **curve) -> Path:
 
 
 def curves(folder: Path) -> dict[int, np.ndarray]:
-    found = characteristics(folder, processes=1)
+    found = campaign_friction(folder, processes=1)
     return {c.direction: c.friction_n[c.measured] for c in found.curves}
 
 
@@ -72,7 +72,7 @@ def test_hysteresis_is_half_the_loop_in_each_direction_however_many_cycles(tmp_p
     straight = curves(write_campaign(tmp_path / "straight", World(**plan), 3))
     looped = write_campaign(tmp_path / "looped", World(**plan), 3)
     shown_by(looped, lambda f, direction: f - 0.5 * h * direction, hysteresis_n=h)
-    found = characteristics(looped, processes=1)
+    found = campaign_friction(looped, processes=1)
     for curve in found.curves:
         m = curve.measured
         off = curve.friction_n[m] - straight[curve.direction]
@@ -144,4 +144,4 @@ def test_what_is_no_calibration_is_refused_with_its_place(lines, words):
 def test_rig_json_is_checked_too(tmp_path):
     folder = shown_by(write_campaign(tmp_path / "c", World(**QUICK), 3), lambda f, _: f, gain=-1.0)
     with pytest.raises(CampaignError, match="shows -1 N per N"):
-        characteristics(folder, processes=1)
+        campaign_friction(folder, processes=1)

@@ -26,7 +26,7 @@ ANY_PROTOCOL = 'schema = 1\nname = "any"\n[speed]\nlist = ["1 mm/s"]\n'
 
 
 def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes: int = 1) -> Limits:
-    """Return the speeds that a rig can hold, and its pressures on a grid, for `pn.design`.
+    """Return the speeds that a rig can hold, and its pressures on a grid, for `pn.next_measurements`.
 
     Parameters
     ----------

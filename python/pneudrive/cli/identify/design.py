@@ -44,7 +44,7 @@ def design(
     from pneudrive.campaign.running.live import duration
     from pneudrive.cli.output import write_text
     from pneudrive.errors import CommandError
-    from pneudrive.identify.design import design as designed
+    from pneudrive.identify.design import next_measurements as designed
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.rig.loading import load_rig
 

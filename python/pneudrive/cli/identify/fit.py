@@ -96,7 +96,7 @@ def fit(
 def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, CampaignCharacteristics | None]:
     """Read a map, or make one. The second result contains the other measurements of a single campaign."""
     from pneudrive.errors import CommandError, PneudriveError
-    from pneudrive.friction.campaign.characteristics import characteristics
+    from pneudrive.friction.campaign.characteristics import campaign_friction
     from pneudrive.friction.friction_map import read_map
     from pneudrive.friction.recording.characterisation import characterise_recordings
 
@@ -111,7 +111,7 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
             remedy="First make a map of the recordings: pneudrive characterise.",
         )
     if finished:
-        found = [characteristics(one) if one.is_dir() else None for one in finished]
+        found = [campaign_friction(one) if one.is_dir() else None for one in finished]
         maps = [read_map(one) if own is None else own.friction_map for one, own in zip(finished, found, strict=True)]
         if len(maps) == 1:
             return maps[0], found[0]
@@ -231,7 +231,7 @@ def _fitted(
     """Compare several laws and fit the recommended one; fit a single law directly."""
     from pneudrive.errors import FitError
     from pneudrive.identify.static.fit import fit_friction
-    from pneudrive.identify.static.laws import CANDIDATES, compare_laws
+    from pneudrive.identify.static.laws import CANDIDATES, select_friction_law
 
     forms = None if not pressure else () if pressure == "none" else (pressure,)
     comparison: LawComparison | None = None
@@ -240,7 +240,7 @@ def _fitted(
     shown = on_terminal().tell
     if len(names) > 1 or forms is None or hold_out:
         try:
-            comparison = compare_laws(
+            comparison = select_friction_law(
                 curves, names, pressure=forms, hold_out=hold_out or None, loss=loss, progress=shown, **options
             )
         except FitError as problem:

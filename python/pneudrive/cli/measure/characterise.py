@@ -85,7 +85,7 @@ def characterise(
 def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: SampleChoice, law: str) -> None:
     """Characterise one campaign folder."""
     from pneudrive.errors import CommandError
-    from pneudrive.friction.campaign.characteristics import characteristics
+    from pneudrive.friction.campaign.characteristics import campaign_friction
     from pneudrive.friction.campaign.files import write_characteristics
     from pneudrive.friction.campaign.fits import ALL, fit_campaign
     from pneudrive.report.campaign.page import write_campaign_report
@@ -98,7 +98,7 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
             remedy="To compare two campaigns: pneudrive compare A B.",
         )
     with _output(out) as folder:
-        found = characteristics(recordings[0], choice, progress=on_terminal().tell)
+        found = campaign_friction(recordings[0], choice, progress=on_terminal().tell)
         written = write_characteristics(found, folder)
         fits, problems = fit_campaign(found)
         written += _write_fits(fits, law, folder, whole=ALL if len(fits) != 1 else next(iter(fits)))

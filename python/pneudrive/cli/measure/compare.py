@@ -33,8 +33,8 @@ def compare(
     Two drive files, or two fits of one kind, are compared value by value; nothing is written.
     """
     from pneudrive.errors import CommandError
-    from pneudrive.friction.campaign.characteristics import characteristics
-    from pneudrive.friction.campaign.compare.comparison import compare as compared
+    from pneudrive.friction.campaign.characteristics import campaign_friction
+    from pneudrive.friction.campaign.compare.comparison import compare_campaigns as compared
     from pneudrive.friction.campaign.files import write_comparison
     from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
     from pneudrive.report.campaign.compare import write_comparison_report
@@ -45,7 +45,7 @@ def compare(
     choice = one_of("--protocol", protocol, SAMPLE_CHOICES)
     if first.resolve() == second.resolve():
         raise CommandError("a campaign cannot be compared with itself", value=str(first), remedy="Give two folders.")
-    found = [characteristics(folder, choice(), progress=on_terminal().tell) for folder in (first, second)]
+    found = [campaign_friction(folder, choice(), progress=on_terminal().tell) for folder in (first, second)]
     comparison = compared(found[0], found[1])
     folder = writable_folder(out)
     written = [write_comparison(comparison, folder / "comparison.toml"), write_comparison_report(comparison, folder)]

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 STEPS = 3  # cycles, models, stops
 
 
-def characteristics(
+def campaign_friction(
     campaign: Campaign | str | Path,
     protocol: SampleChoice | None = None,
     processes: int | None = None,
@@ -123,7 +123,7 @@ def characterise(
         If a file, recording or folder cannot be used.
     """
     if isinstance(recordings, str | Path) and Path(recordings).is_dir():
-        return characteristics(recordings, protocol).friction_map
+        return campaign_friction(recordings, protocol).friction_map
     from pneudrive.friction.recording.characterisation import characterise_recordings
 
     return characterise_recordings(recordings, layout, protocol).friction_map

@@ -146,7 +146,7 @@ class LawComparison(Shown):
         return "\n".join(lines + [f"- {said}" for said in self.statements])
 
 
-def compare_laws(
+def select_friction_law(
     friction_map: xr.Dataset,
     laws: Sequence[str] = tuple(CANDIDATES),
     *,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise import SourcePaper, characterise_recordings
-from pneudrive.characteristics import BOTH, characteristics
+from pneudrive.characteristics import BOTH, campaign_friction
 from pneudrive.friction.campaign.samples import recording_of
 from pneudrive.friction.reduction.settling import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge
@@ -103,8 +103,8 @@ def figure_6(run: Experiment) -> PaperFigure:
         Columns over speed: the sensor's force by the paper's protocol, the seal's friction with its 95 % band, the
         truth of each cycle, and the force of the air.
     """
-    (paper,) = _shares(characteristics(run.campaign, SourcePaper()))
-    settled = characteristics(run.campaign)
+    (paper,) = _shares(campaign_friction(run.campaign, SourcePaper()))
+    settled = campaign_friction(run.campaign)
     (share,) = _shares(settled)
     curve = next(c for c in settled.curves if c.direction == BOTH)
     low_n, high_n = (values[curve.measured] for values in (curve.low_n, curve.high_n))
@@ -115,7 +115,7 @@ def figure_6(run: Experiment) -> PaperFigure:
     biggest = float(speed[int(np.argmax(by_paper))])
     error = by_paper - (truth + air)
     worst = int(np.argmax(np.abs(error)))
-    (whole,) = _shares(characteristics(run.campaign, SourcePaper(dropped_share=0.0)))
+    (whole,) = _shares(campaign_friction(run.campaign, SourcePaper(dropped_share=0.0)))
     undropped = float(np.max(np.abs(whole["total_n"] - (truth + air))))
     lowest = int(np.argmin(by_paper))
     scatter = float(np.max(high_n - low_n))
@@ -173,7 +173,7 @@ def figure_8(run: Experiment) -> PaperFigure:
         Columns: speeds (m,) and gauge pressures (k,). The sensor's force, its parts from air and seal, and the seal's
         truth have shape (k, m). The depth of the dip of the sensor's force has shape (k,).
     """
-    found = characteristics(run.campaign, SourcePaper(average_samples=1))
+    found = campaign_friction(run.campaign, SourcePaper(average_samples=1))
     shares = _shares(found)
     gauge = np.array([share.condition.pressure_a_pa for share in _by_pressure(found)])
     gauge -= run.campaign.identity.ambient_pressure_pa

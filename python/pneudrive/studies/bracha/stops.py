@@ -39,7 +39,7 @@ def figure_9(run: Experiment) -> PaperFigure:
     CampaignError
         If a stop cannot be read.
     """
-    found = pn.characteristics(run.campaign)
+    found = pn.campaign_friction(run.campaign)
     if found.skipped:
         raise CampaignError("a stop could not be read", where=str(run.campaign.path), value=str(found.skipped[0]))
     speeds = np.array(sorted({stop.speed_m_s for stop in found.stops}))

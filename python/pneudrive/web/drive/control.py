@@ -363,7 +363,7 @@ def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bo
     options.append(f"{'members' if texts['spread'] else 'seeds'}={count}")
     asked = ", ".join(repr(one[0]) if one in (["all"], ["standard"]) else repr(one) for one in lists)
     python = f"import pneudrive as pn\n\ndrive = pn.{kind}.load({texts['drive']!r})\n"
-    python += f"card = pn.control.compare(drive, {asked}, {', '.join(options)}, out={out!r})\n"
+    python += f"card = pn.control.benchmark(drive, {asked}, {', '.join(options)}, out={out!r})\n"
     return AskedJob(tuple(words), out, is_new=is_new, python=python)
 
 

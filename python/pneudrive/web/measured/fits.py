@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError
 from pneudrive.friction.friction_map import read_map
-from pneudrive.identify.design import design
+from pneudrive.identify.design import next_measurements
 from pneudrive.identify.determined import shown_in
 from pneudrive.identify.files import read_fit
 from pneudrive.identify.static.result import FrictionFit
@@ -137,13 +137,13 @@ def next_points(workspace: Workspace, path: str, asked: str) -> dict[str, Any]:
     points = int(asked) if asked else None
     fit = FrictionFit.from_toml(workspace.path(path, (".toml",)))
     rig = load_rig(RIG)
-    plan = design(fit, limits_of(fit, rig.identity(), rig.limits()), points=points)
+    plan = next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points=points)
     scales = {name: shown_in(fit.units[name]) for name in plan.half_widths_then}
     python = (
         "import pneudrive as pn\nfrom pneudrive.campaign.planning.next_points import limits_of\n"
         "from pneudrive.identify.static.result import FrictionFit\nfrom pneudrive.rig import load_rig\n\n"
         f"fit, rig = FrictionFit.from_toml({path!r}), load_rig({RIG!r})\n"
-        f"plan = pn.design(fit, limits_of(fit, rig.identity(), rig.limits()), points={points})\nprint(plan)\n"
+        f"plan = pn.next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points={points})\nprint(plan)\n"
     )
     return {
         "points": [vars(one) for one in plan.points],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from oracle.campaigns import Friction, World, write_campaign
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def measured(tmp_path):
         folder = write_campaign(tmp_path / f"campaign-{len(list(tmp_path.iterdir()))}", world, seed)
         if spoil is not None:
             spoil(folder)
-        return characteristics(folder, processes=1)
+        return campaign_friction(folder, processes=1)
 
     return run
 

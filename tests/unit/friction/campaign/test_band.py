@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from oracle.campaigns import AMBIENT_PA, BAR, LAWS, Friction, World, gauges, hits, write_campaign
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 
 CAMPAIGNS = 8
 RIGS = {
@@ -68,7 +68,7 @@ def tally(tmp_path_factory):
         for number in range(CAMPAIGNS):
             world = World(friction=drawn(kind, number), **({"samples": 300} | changes))
             folder = write_campaign(tmp_path_factory.mktemp("world") / "campaign", world, number)
-            found = characteristics(folder, processes=1)
+            found = campaign_friction(folder, processes=1)
             for curve in found.curves:
                 curves[kind, curve.direction] += hits(world, curve).tolist()
                 if curve.direction == 0:

@@ -9,23 +9,23 @@ import pytest
 
 from oracle.campaigns import BAR, Friction, World, write_campaign
 from oracle.stop_campaigns import StopWorld, write_stops
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 from pneudrive.cli.main import run
 from pneudrive.friction.campaign.compare import curves
-from pneudrive.friction.campaign.compare.comparison import compare
+from pneudrive.friction.campaign.compare.comparison import compare_campaigns
 from pneudrive.friction.campaign.compare.curves import compare_curves
 
 SMALL = World(speeds_m_s=tuple(np.geomspace(2e-3, 0.3, 6)), samples=300, repeats=3, sentinel_every=6, correlated_n=0.2)
 
 
 def campaign(folder, world, seed):
-    return characteristics(write_campaign(folder / f"c{seed}", world, seed), processes=1)
+    return campaign_friction(write_campaign(folder / f"c{seed}", world, seed), processes=1)
 
 
 def test_equal_campaigns_are_not_called_different(tmp_path):
     # 250 pairs, measured once: 3 to 7 % are called different under drift, more scatter, fewer cycles, two pressures.
     called = [
-        compare(campaign(tmp_path, SMALL, 10 + 2 * i), campaign(tmp_path, SMALL, 11 + 2 * i)).different
+        compare_campaigns(campaign(tmp_path, SMALL, 10 + 2 * i), campaign(tmp_path, SMALL, 11 + 2 * i)).different
         for i in range(3)
     ]
     assert sum(called) <= 1
@@ -33,7 +33,7 @@ def test_equal_campaigns_are_not_called_different(tmp_path):
 
 def test_a_difference_is_found_with_its_size_and_where_it_is(tmp_path):
     other = replace(SMALL, friction=Friction(coulomb=28.0, breakaway=42.0))
-    found = compare(campaign(tmp_path, SMALL, 3), campaign(tmp_path, other, 4))
+    found = compare_campaigns(campaign(tmp_path, SMALL, 3), campaign(tmp_path, other, 4))
     assert found.different
     assert next(t for t in found.tests if t.what == "friction over speed").different
     assert "friction over speed" in repr(found)  # the name alone shows the tests, and not every sample
@@ -78,7 +78,7 @@ def test_an_effect_of_pressure_that_changed_is_found(tmp_path):
     worlds = [
         replace(SMALL, gauges_pa=pressures, repeats=2, friction=Friction(lip_a=lip, lip_b=lip)) for lip in (0.5, 2.5)
     ]
-    found = compare(*(campaign(tmp_path, w, i) for i, w in enumerate(worlds)))
+    found = compare_campaigns(*(campaign(tmp_path, w, i) for i, w in enumerate(worlds)))
     assert next(t for t in found.tests if t.what == "relative effect of pressure").different
 
 
@@ -87,26 +87,27 @@ def test_slopes_of_breakaway_are_compared(tmp_path):
     worlds = [StopWorld(law=law, durations_s=durations, repeats=3, samples=400) for law in ("log", "stretched", "log")]
     seeds = (0, 1, 3)  # of equal pairs one in twenty differs by chance: 0 and 2 is one
     found = [
-        characteristics(write_stops(tmp_path / f"s{i}", w, i), processes=1) for i, w in zip(seeds, worlds, strict=True)
+        campaign_friction(write_stops(tmp_path / f"s{i}", w, i), processes=1)
+        for i, w in zip(seeds, worlds, strict=True)
     ]
-    differ = {t.what: t for t in compare(found[0], found[1]).tests}
+    differ = {t.what: t for t in compare_campaigns(found[0], found[1]).tests}
     slope = differ["slope of breakaway per decade of stop"]
     assert slope.different
     assert slope.difference.low <= worlds[1].mean_slope((0, 0)) - worlds[0].mean_slope((0, 0)) <= slope.difference.high
     assert differ["breakaway after a stop"].beyond_repeatability
-    assert not compare(found[0], found[2]).different
+    assert not compare_campaigns(found[0], found[2]).different
 
 
 def test_what_cannot_be_compared_is_said(tmp_path):
     folder = write_campaign(tmp_path / "soft", replace(SMALL, repeats=1), 5)
     identity = json.loads((folder / "rig.json").read_text())
     (folder / "rig.json").write_text(json.dumps(identity | {"stiffness_n_m": 2e4, "chambers": "open"}))
-    found = compare(campaign(tmp_path, replace(SMALL, repeats=1), 6), characteristics(folder, processes=1))
+    found = compare_campaigns(campaign(tmp_path, replace(SMALL, repeats=1), 6), campaign_friction(folder, processes=1))
     unlike = {check.what for check in found.checks if not check.comparable}
     assert unlike == {"stiffness", "chambers"}
     assert any("Stiffness differs" in s.text and not s.carried for s in found.statements)
     slower = replace(SMALL, repeats=1, speeds_m_s=(1e-3, 3.3e-3), sentinel_every=0)
-    nothing = compare(campaign(tmp_path, SMALL, 7), campaign(tmp_path, slower, 8))
+    nothing = compare_campaigns(campaign(tmp_path, SMALL, 7), campaign(tmp_path, slower, 8))
     assert nothing.curves is None
     assert any("cannot be compared" in s.text for s in nothing.statements)
 
@@ -133,6 +134,6 @@ def test_from_the_command_line(tmp_path, capsys):
 @pytest.mark.parametrize("cycles", [0, 1])
 def test_campaigns_of_almost_nothing_end_in_a_sentence(tmp_path, cycles):
     few = World(speeds_m_s=(1e-2, 1e-1)[: cycles + 1], repeats=1, sentinel_every=0, tare=False, samples=200)
-    found = compare(campaign(tmp_path, few, 1), campaign(tmp_path, few, 2))
+    found = compare_campaigns(campaign(tmp_path, few, 1), campaign(tmp_path, few, 2))
     assert not found.different
     assert found.statements

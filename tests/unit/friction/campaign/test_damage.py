@@ -10,7 +10,7 @@ import pytest
 
 import pneudrive as pn
 from oracle.campaigns import World, hits, write_campaign
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError
 
 
@@ -84,7 +84,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     pl.read_parquet(files[2]).drop("force_n").write_parquet(
         files[2], metadata={"pneudrive": pl.read_parquet_metadata(files[2])["pneudrive"]}
     )
-    found = characteristics(folder)
+    found = campaign_friction(folder)
     assert {s.file.removeprefix("cycles/") for s in found.skipped} == {f.name for f in files[:3]}
     assert found.curves
 
@@ -117,7 +117,7 @@ def test_a_folder_that_is_no_campaign(tmp_path):
     for path in (folder / "cycles").glob("*.parquet"):
         path.unlink()
     with pytest.raises(CampaignError, match="no cycle that can be used"):
-        pn.characteristics(folder)
+        pn.campaign_friction(folder)
 
 
 MISTAKES = {

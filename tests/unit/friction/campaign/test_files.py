@@ -11,7 +11,7 @@ import pytest
 import pneudrive as pn
 from oracle.campaigns import BAR, Friction, World, write_campaign
 from pneudrive.characterise import read_map
-from pneudrive.characteristics import characteristics, fit_campaign, write_characteristics
+from pneudrive.characteristics import campaign_friction, fit_campaign, write_characteristics
 from pneudrive.describe.files.toml import tomllib
 
 TRUE = Friction(coulomb=20.0, breakaway=32.0, stribeck_m_s=0.012, viscous=40.0, lip_a=2.0)
@@ -26,7 +26,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(folder):
-    return characteristics(folder, processes=1)
+    return campaign_friction(folder, processes=1)
 
 
 def test_the_map_is_a_friction_map_with_its_band_and_its_levels(found, folder, tmp_path):
@@ -78,7 +78,7 @@ def test_a_law_is_fitted_to_the_map(found):
 
 def test_a_band_that_does_not_hold_the_drift_says_that_it_is_not_complete(found, tmp_path):
     plan = {"friction": TRUE, "samples": 300, "repeats": 1, "sentinel_every": 0, "drift_share": -0.1}
-    blind = characteristics(write_campaign(tmp_path / "blind", World(order="ascending", **plan), 1), processes=1)
+    blind = campaign_friction(write_campaign(tmp_path / "blind", World(order="ascending", **plan), 1), processes=1)
     for one, complete in ((found, True), (blind, False)):
         write_characteristics(one, tmp_path)
         table = pl.read_parquet(tmp_path / "curves.parquet")

@@ -10,7 +10,7 @@ import pytest
 from campaign.fake_rig import QUICK, protocol
 from oracle.campaigns import BAR, hits
 from pneudrive.campaign.run import run_campaign
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 from pneudrive.rig import load_rig
 
 ACCURACY_PA = 400.0
@@ -69,7 +69,7 @@ def test_a_zero_that_no_accuracy_explains_is_said_and_not_taken_off(measured, qu
 def test_the_zeros_of_a_simulated_rig_are_told_apart(tmp_path):
     run_campaign(protocol(), load_rig("default", seed=3), tmp_path / "c", options=QUICK)
     true = {t["key"]: t for t in (json.loads(path.read_text()) for path in (tmp_path / "c/truth").iterdir())}
-    found = characteristics(tmp_path / "c", processes=1)
+    found = campaign_friction(tmp_path / "c", processes=1)
     rows = found.friction_map
     for side in ("a", "b"):
         pressure = [true[key][f"pressure_{side}_pa"] for key in rows["recording"].to_numpy()]

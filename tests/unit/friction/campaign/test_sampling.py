@@ -8,7 +8,7 @@ import pytest
 from oracle.campaigns import write_campaign
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import SourcePaper
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 from pneudrive.friction.campaign.reading import read_campaign
 from pneudrive.friction.reduction.settling import Settled
 
@@ -35,7 +35,7 @@ def test_cycles_of_different_settled_ways_are_brought_to_one(measured, quick):
 def test_the_source_papers_protocol_keeps_the_ramps(quick, tmp_path):
     world = quick(**QUIET, acceleration_m_s2=2.0)
     folder = write_campaign(tmp_path / "campaign", world, 1)
-    settled, paper = characteristics(folder), characteristics(folder, SourcePaper())
+    settled, paper = campaign_friction(folder), campaign_friction(folder, SourcePaper())
     assert paper.protocol == "source-paper"
     fast, slow = -1, 0
     true = world.truth(settled.curves[0].speed_m_s, (0.0, 0.0))
@@ -48,9 +48,9 @@ def test_worker_processes_give_the_same(quick, tmp_path, monkeypatch):
     from pneudrive.friction.campaign import reading
 
     folder = write_campaign(tmp_path / "campaign", quick(), 1)
-    here = characteristics(folder, processes=1)
+    here = campaign_friction(folder, processes=1)
     monkeypatch.setattr(reading, "WORTH_WORKERS", 1)
-    there = characteristics(folder, processes=2)
+    there = campaign_friction(folder, processes=2)
     for a, b in zip(here.curves, there.curves, strict=True):
         np.testing.assert_array_equal(a.friction_n, b.friction_n)
         np.testing.assert_array_equal(a.high_n, b.high_n)
@@ -61,9 +61,9 @@ def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkey
 
     world = quick(repeats=6, cycle_share=0.01, drift_share=0.02)
     folder = write_campaign(tmp_path / "campaign", world, 3)
-    whole = characteristics(folder, processes=1)
+    whole = campaign_friction(folder, processes=1)
     monkeypatch.setattr(points, "MOST_CYCLES", 30)
-    condensed = characteristics(folder, processes=1)
+    condensed = campaign_friction(folder, processes=1)
     assert condensed.friction_map.sizes == whole.friction_map.sizes
     for a, b in zip(whole.curves, condensed.curves, strict=True):
         reach = (a.high_n - a.low_n) / 2.0
@@ -82,11 +82,11 @@ def test_many_blocks_and_speeds_are_joined_so_that_models_stay_small(quick, tmp_
     )
     folder = write_campaign(tmp_path / "campaign", world, 4)
     points = module.points_of(read_campaign(Campaign.open(folder), Settled(), 1))
-    whole = characteristics(folder, processes=1)
+    whole = campaign_friction(folder, processes=1)
     monkeypatch.setattr(module, "MOST_CYCLES", 60)
     monkeypatch.setattr(module, "MOST_CELLS", 50)
     assert len(module.condensed(points)) <= 50 + 60 < len(points)
-    joined = characteristics(folder, processes=1)
+    joined = campaign_friction(folder, processes=1)
     for name, share in (("within", 0.3), ("between", 0.5)):
         one, other = (getattr(found.repeatability, name).value for found in (whole, joined))
         assert other == pytest.approx(one, rel=share)

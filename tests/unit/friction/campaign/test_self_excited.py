@@ -10,7 +10,7 @@ import pytest
 
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import Head, create, write_cycle
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 from pneudrive.rig import Hold, Move, Samples, Sampling, load_rig
 
 SWINGING = (3e-3, 5e-3, 8e-3)  # inside the self-excited range of the rig "soft", from 2 to 13 mm/s
@@ -40,7 +40,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(folder):
-    return characteristics(folder)
+    return campaign_friction(folder)
 
 
 def test_swinging_points_are_shown_and_not_counted(found):

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.characteristics import characteristics
+from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.stops.breakaway import find_breakaway
@@ -249,7 +249,7 @@ def test_damaged_cycles_cost_only_themselves(tmp_path):
     frame = pl.read_parquet(files[1]).with_columns(force_n=pl.lit(float("nan")))
     frame.write_parquet(files[1], metadata={"pneudrive": head})
     files[2].write_bytes(files[2].read_bytes()[:2000])
-    result = characteristics(folder, processes=1)
+    result = campaign_friction(folder, processes=1)
     assert len(result.stops) == 9
     assert len(result.skipped) == 3
     assert result.dwell[0].slope is not None

@@ -116,7 +116,7 @@ class Comparison(Shown):
         return text
 
 
-def compare(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Comparison:
+def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Comparison:
     """Compare two campaigns.
 
     Parameters
