@@ -30,7 +30,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    """Return `campaign_friction` under its old name, or raise an error; for a removed function, with its replacement."""
+    """Return `campaign_friction` by its old name, or raise an error; for a removed function, with its replacement."""
     if name == "characteristics":
         return globals()[renamed(__name__, name, "campaign_friction")]
     if name in ("without_swings", "Contact"):

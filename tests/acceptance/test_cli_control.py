@@ -341,7 +341,7 @@ def _scores(folder):
 
 def test_a_comparison_goes_on_after_a_kill(tmp_path, capsys):
     killed, whole = tmp_path / "killed", tmp_path / "whole"
-    command = [sys.executable, "-m", "pneudrive", "control", "compare", str(AXIS), *COMPARE, "--out", str(killed)]
+    command = [sys.executable, "-m", "pneudrive", "control", "benchmark", str(AXIS), *COMPARE, "--out", str(killed)]
     process = subprocess.Popen(command, env=os.environ, stderr=subprocess.DEVNULL)
     runs = killed / "runs"
     while len(list(runs.glob("[!.]*.parquet")) if runs.is_dir() else []) < 3:
@@ -352,7 +352,7 @@ def test_a_comparison_goes_on_after_a_kill(tmp_path, capsys):
     before = {path: path.stat().st_mtime_ns for path in runs.glob("[!.]*.parquet")}
     assert 3 <= len(before) < 16
     for folder in (killed, whole):
-        assert run(["control", "compare", str(AXIS), *COMPARE, "--out", str(folder)]) == 0
+        assert run(["control", "benchmark", str(AXIS), *COMPARE, "--out", str(folder)]) == 0
     assert "simulated" in capsys.readouterr().out
     assert {path: path.stat().st_mtime_ns for path in before} == before  # finished runs were not run again
     assert _scores(killed).equals(_scores(whole))

@@ -185,7 +185,7 @@ def test_a_comparison_keeps_a_law_that_fails_as_lost(folder, axis, capsys, monke
         "--out",
         "compared",
     ]
-    assert run(["control", "compare", str(AXIS), *compared]) == 0
+    assert run(["control", "benchmark", str(AXIS), *compared]) == 0
     table = pl.read_csv("compared/score.csv")
     reasons = dict(zip(table["law"], table["reason"], strict=True))
     assert not reasons["inversion"]

@@ -178,7 +178,7 @@ def test_another_gas_has_its_own_volume_and_exergy(axis):
 
 
 def test_members_of_a_spread_are_the_same_for_any_number_of_threads(axis, tmp_path, capsys):
-    command = ["control", "compare", str(AXIS), "--laws", "pid,inversion", "--references", STEP]
+    command = ["control", "benchmark", str(AXIS), "--laws", "pid,inversion", "--references", STEP]
     options = ["--spread", "standard", "--members", "4", "--threads", "1", "--out", str(tmp_path / "one")]
     assert run([*command, *options]) == 0
     told = {"laws": ["pid", "inversion"], "references": [STEP], "spread": "standard"}
@@ -525,7 +525,7 @@ def test_wrong_spreads_give_one_message(case, tmp_path, capsys, monkeypatch):
     Path("given.toml").write_text('schema = 1\nmoving_mass = "1.6 .. 1"\n')
     options, said = SPREADS[case]
     said = "the first end lies below" if said == "LOW .. HIGH" else said
-    assert run(["control", "compare", str(AXIS), "--laws", "inversion", *options, "--out", "out"]) == 2
+    assert run(["control", "benchmark", str(AXIS), "--laws", "inversion", *options, "--out", "out"]) == 2
     error = capsys.readouterr().err
     assert error.count("Error:") == 1
     assert said in error

@@ -295,7 +295,7 @@ def test_another_recording_is_not_shown_with_the_spectrum_of_the_last_one(server
 
 
 def test_a_comparison_of_another_process_is_followed_to_its_end(server: Server, open_tab: Open) -> None:
-    words = ["control", "compare", "axis.toml", "--laws", "pid,inversion", "--references", "R1,R3", "--seeds", "6"]
+    words = ["control", "benchmark", "axis.toml", "--laws", "pid,inversion", "--references", "R1,R3", "--seeds", "6"]
     out = server.folder / "results" / "laws"
     running = subprocess.Popen(
         [sys.executable, "-m", "pneudrive", *words, "--out", "results/laws"],

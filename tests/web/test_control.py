@@ -191,7 +191,7 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     assert len(each) == 12
     assert so_far.items() <= each.items()
     assert not (served.folder / "results" / "laws" / "so-far.jsonl").exists()
-    assert card["command"].startswith("pneudrive control compare axis.toml --laws inversion,pid")
+    assert card["command"].startswith("pneudrive control benchmark axis.toml --laws inversion,pid")
     monkeypatch.chdir(served.folder)
     names: dict = {}
     exec(card["python"], names)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 #: Options under their old names, which are accepted for one release.
-RENAMED = {"--into": "--out", "--beside": "--compare-with", "--patience": "--timeout", "--pace": "--speed"}
+RENAMED_OPTIONS = {"--into": "--out", "--beside": "--compare-with", "--patience": "--timeout", "--pace": "--speed"}
 
 
 class RenamedOptions(TyperCommand):
@@ -28,7 +28,7 @@ class RenamedOptions(TyperCommand):
         known = {name for parameter in self.params for name in parameter.opts}
         for place, argument in enumerate(args):
             old, equals, value = argument.partition("=")
-            new = RENAMED.get(old)
+            new = RENAMED_OPTIONS.get(old)
             if new in known and old not in known:
                 warnings.warn(f"{old} is now {new}", PneudriveWarning, stacklevel=2)
                 args[place] = f"{new}{equals}{value}"
@@ -44,6 +44,7 @@ class LazyGroup(TyperGroup):
     table: ClassVar[Mapping[str, str]] = {}
     sections: ClassVar[Mapping[str, Sequence[str]]] = {}
     hidden_names: ClassVar[frozenset[str]] = frozenset()
+    old_names: ClassVar[Mapping[str, str]] = {}
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401
         """Parse the arguments of the group; without arguments, show its help."""
@@ -86,6 +87,9 @@ class LazyGroup(TyperGroup):
         CommandError
             The command does not exist; the message gives the nearest name.
         """
+        if args and args[0] in self.old_names:
+            old, args = args[0], [self.old_names[args[0]], *args[1:]]
+            warnings.warn(f"the command {old} is now {args[0]}", PneudriveWarning, stacklevel=2)
         if args and not args[0].startswith("-") and args[0] not in self.table:
             shown = [name for name in self.table if name not in self.hidden_names]
             path = f"{ctx.command_path} {args[0]}".removeprefix("pneudrive ")
@@ -110,6 +114,7 @@ def group(
     hidden: frozenset[str] = frozenset(),
     *,
     sections: Mapping[str, Sequence[str]] | None = None,
+    old_names: Mapping[str, str] | None = None,
     completion: bool = False,
 ) -> typer.Typer:
     """Return a group of lazily imported commands.
@@ -122,6 +127,8 @@ def group(
         Commands that the help leaves out.
     sections : mapping, optional
         Title -> commands, for the help of the group.
+    old_names : mapping, optional
+        Old name of a command -> its name; the old one is accepted for one release.
     completion : bool
         Offer ``--install-completion`` and ``--show-completion``; only for the root.
 
@@ -129,7 +136,8 @@ def group(
     -------
     typer.Typer
     """
-    kind = type("Group", (LazyGroup,), {"table": table, "hidden_names": hidden, "sections": sections or {}})
+    fields = {"table": table, "hidden_names": hidden, "sections": sections or {}, "old_names": old_names or {}}
+    kind = type("Group", (LazyGroup,), fields)
     return typer.Typer(
         cls=kind,
         pretty_exceptions_enable=False,

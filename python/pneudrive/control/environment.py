@@ -75,8 +75,8 @@ class PositionEnv(gymnasium.Env):
         Times ahead at which the reference is observed; numbers are in s.
     spread : Mismatch, str, path-like or callable, optional
         The drive of an episode, where laws and observer believe in `drive`: ``"standard"`` or a TOML file with ranges
-        as for `pneudrive.control.benchmark`, of which each reset draws a member that is in no comparison; ``"mass+30"``,
-        ..., the same for each episode; or ``spread(drive, random)``, which returns it; `random` is a
+        as for `pneudrive.control.benchmark`, of which each reset draws a member that is in no comparison;
+        ``"mass+30"``, ..., the same for each episode; or ``spread(drive, random)``, which returns it; `random` is a
         ``numpy.random.Generator``.
         `reset` tells what was drawn as ``info["truth"]``.
     law : str, optional

@@ -43,10 +43,10 @@ class EnsembleDesign(Shown):
     Examples
     --------
     >>> import pneudrive as pn
-    >>> pn.EnsembleDesign.sobol({"cylinder.bore": "uniform(20 mm, 30 mm)", "friction.coulomb": "normal(30 N, 10 %)"}, 1024)
+    >>> pn.EnsembleDesign.sobol({"cylinder.bore": "uniform(20 mm, 30 mm)", "friction.coulomb": "normal(30 N, 9 %)"}, 64)
     sobol design
       cylinder.bore     uniform(20 mm, 30 mm)
-      friction.coulomb  normal(30 N, 10 %)
+      friction.coulomb  normal(30 N, 9 %)
     """
 
     method: str

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from pneudrive.simulation.simulate import Run
 
 control = group(
-    dict.fromkeys(("tune", "run", "compare", "reference", "export", "header"), "pneudrive.cli.control.control")
+    dict.fromkeys(("tune", "run", "benchmark", "reference", "export", "header"), "pneudrive.cli.control.control"),
+    old_names={"compare": "benchmark"},
 )
 
 SetupOption = Annotated[
@@ -202,7 +203,7 @@ def run(
     tell([out, plot])
 
 
-def compare(
+def benchmark(
     drive: Described,
     out: Annotated[Path, typer.Option(help="Folder for scores, runs and report; one that is begun is resumed.")],
     laws: Annotated[

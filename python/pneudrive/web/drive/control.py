@@ -351,7 +351,7 @@ def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bo
     for along in lists[1]:
         _reference(workspace, along)
     _ready(workspace, texts["setup"], ready_setups(), "setup")
-    words = ["control", "compare", safe(texts["drive"]), "--laws", ",".join(map(safe, lists[0]))]
+    words = ["control", "benchmark", safe(texts["drive"]), "--laws", ",".join(map(safe, lists[0]))]
     words += [f"--references={','.join(lists[1])}", "--setup", safe(texts["setup"])]
     for name in ("mismatch", "spread"):
         if texts[name]:

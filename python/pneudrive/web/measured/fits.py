@@ -143,7 +143,8 @@ def next_points(workspace: Workspace, path: str, asked: str) -> dict[str, Any]:
         "import pneudrive as pn\nfrom pneudrive.campaign.planning.next_points import limits_of\n"
         "from pneudrive.identify.static.result import FrictionFit\nfrom pneudrive.rig import load_rig\n\n"
         f"fit, rig = FrictionFit.from_toml({path!r}), load_rig({RIG!r})\n"
-        f"plan = pn.next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points={points})\nprint(plan)\n"
+        f"plan = pn.next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points={points})\n"
+        "print(plan)\n"
     )
     return {
         "points": [vars(one) for one in plan.points],
