@@ -14,7 +14,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from pneudrive.lazy import UPPER, renamed
+from pneudrive.lazy_names import UPPER, renamed
 from pneudrive.processor import require as require_processor
 
 __version__ = "0.1.0"
@@ -67,10 +67,10 @@ if TYPE_CHECKING:
     from pneudrive.identify.static.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
     from pneudrive.signals.measuring import measure as measure
-    from pneudrive.simulation.lines import lines as lines
     from pneudrive.simulation.simulate import citations as citations
     from pneudrive.simulation.simulate import simulate as simulate
     from pneudrive.simulation.trajectory import save as save
+    from pneudrive.simulation.tube_study import lines as lines
     from pneudrive.sizing.search import size as size
     from pneudrive.validate import validate as validate
     from pneudrive.validate.motion import validate_motion as validate_motion
@@ -86,7 +86,7 @@ _HOME = {
     "explore": "pneudrive.explore",
     "export_c": "pneudrive.fmu.c_folder",
     "export_fmu": "pneudrive.fmu.package",
-    "lines": "pneudrive.simulation.lines",
+    "lines": "pneudrive.simulation.tube_study",
     "measure": "pneudrive.signals.measuring",
     "size": "pneudrive.sizing.search",
     "save": "pneudrive.simulation.trajectory",

@@ -9,7 +9,7 @@ from pneudrive.friction.campaign.fits import fit_campaign
 from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve, CycleResult
 from pneudrive.friction.reduction.condition import BOTH, Condition, Skipped
 from pneudrive.friction.sentences import Statement
-from pneudrive.lazy import renamed
+from pneudrive.lazy_names import renamed
 
 __all__ = [
     "BOTH",

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
-from pneudrive.show import Card, html_of, text_of
+from pneudrive.progress import Watch
+from pneudrive.repr_tables import Card, html_of, text_of
 from pneudrive.simulation.simulate import run, simulate
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.numbers import plain, with_u
-from pneudrive.show import Card
+from pneudrive.repr_tables import Card
 from pneudrive.units import readable
 
 if TYPE_CHECKING:

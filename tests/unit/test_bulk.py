@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from pneudrive.bulk import in_advance
+from pneudrive.batching import in_advance
 
 
 def test_results_come_in_turn_and_little_is_done_that_nobody_takes():

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive import show, units
+from pneudrive import repr_tables, units
 from pneudrive.describe.base import Described
 from pneudrive.errors import DescriptionError
 from pneudrive.identify.files import read_fit
@@ -91,8 +91,8 @@ def test_a_card_is_short_and_escaped():
 
 
 def test_long_lists_are_cut_and_say_so():
-    card = show.Card("t", rows=[(str(n), "x") for n in range(1000)], notes=["n"] * 100)
-    text = show.text_of(card)
+    card = repr_tables.Card("t", rows=[(str(n), "x") for n in range(1000)], notes=["n"] * 100)
+    text = repr_tables.text_of(card)
     assert len(text.splitlines()) < 50
     assert "970 more" in text
     assert "92 more" in text
@@ -121,12 +121,12 @@ def results():
 def test_public_results_show_a_card():
     found = set(results())
     assert len(found) > 15
-    assert not [kind for kind in found if not issubclass(kind, show.Shown)]
+    assert not [kind for kind in found if not issubclass(kind, repr_tables.Shown)]
 
 
 def test_arrays_are_shown_by_their_shape():
-    made = show.brief(np.zeros((1000, 2)))
+    made = repr_tables.brief(np.zeros((1000, 2)))
     assert made == "array (1000, 2)"
-    assert len(show.brief({str(k): np.zeros(3) for k in range(999)})) < 100
-    assert (show.brief(17), show.brief(True)) == ("17", "True")
-    assert show.brief(units.UnitFloat(0.025, "m", "mm")) == "25 mm"
+    assert len(repr_tables.brief({str(k): np.zeros(3) for k in range(999)})) < 100
+    assert (repr_tables.brief(17), repr_tables.brief(True)) == ("17", "True")
+    assert repr_tables.brief(units.UnitFloat(0.025, "m", "mm")) == "25 mm"

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneudrive.progress import UNWATCHED
 from pneudrive.simulation.trajectory import save_columns
-from pneudrive.watch import UNWATCHED
 from pneudrive.web.measured.recordings import OpenRecording, Recordings
 from pneudrive.web.measured.tiles import BLOCK, Pyramid
 from pneudrive.web.workspace import Workspace

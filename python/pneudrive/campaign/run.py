@@ -25,15 +25,15 @@ from pneudrive.campaign.storage.folder_plan import plan_of
 from pneudrive.campaign.storage.journal import Journal
 from pneudrive.campaign.storage.lock import FolderLock, now
 from pneudrive.errors import CampaignError, RigError
+from pneudrive.repr_tables import Shown
 from pneudrive.rig.plain_data import plain
-from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from pneudrive.campaign.running.prompt import Prompt
+    from pneudrive.progress import Flag
     from pneudrive.rig.interface import Identity, Rig
-    from pneudrive.watch import Flag
 
 #: Ends of a run without an error.
 DONE, ENDED = "done", "ended"

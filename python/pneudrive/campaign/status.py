@@ -10,7 +10,7 @@ from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem
 from pneudrive.campaign.storage.folder_plan import plan_of
 from pneudrive.campaign.storage.lock import Holder, holder
 from pneudrive.errors import CampaignError, ProtocolError
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from pathlib import Path

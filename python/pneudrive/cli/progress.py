@@ -7,7 +7,7 @@ import os
 import sys
 import time
 
-from pneudrive.watch import Watch
+from pneudrive.progress import Watch
 
 FIRST_S = 1.0  # s; shorter work shows nothing
 LINE_EVERY_S = 10.0  # s; between lines if stderr is a file

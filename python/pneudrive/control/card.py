@@ -15,7 +15,7 @@ from pneudrive.errors import CommandError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.tables import open_table
 from pneudrive.files.writing import open_to_append
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import read_columns, whole
 
 if TYPE_CHECKING:

@@ -44,9 +44,9 @@ from pneudrive.files.content import read_json
 from pneudrive.files.tables import open_table
 from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.own_code import split
-from pneudrive.show import Card, Shown
+from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import save_columns, write_frame
-from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from pneudrive.control.motion import Reference
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.watch import Flag
+    from pneudrive.progress import Flag
 
     References = str | Path | Reference | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]
 
@@ -193,7 +193,7 @@ def benchmark(
     allow_code : str, optional
         SHA-256 of the file of a law of one's own that only a controller's file names.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
 
     Raises
     ------

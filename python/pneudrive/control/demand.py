@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from pneudrive import _core
 from pneudrive.control.motion import rounded_up
 from pneudrive.control.references import beyond_stroke
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.simulate import require
 
 if TYPE_CHECKING:

@@ -20,10 +20,10 @@ from pneudrive.control.tuning import Tuning, alone, tune
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, SimulationError, warn
+from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation.simulate import SOLVER, Run, positive, require
 from pneudrive.simulation.start import check_tolerance
 from pneudrive.simulation.trajectory import meaning
-from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
-    from pneudrive.watch import Flag
+    from pneudrive.progress import Flag
 
 MOST_SAMPLES = 20_000_000
 MOST_SEED = 2**63 - 1
@@ -130,7 +130,7 @@ def run(
     allow_code : str, optional
         SHA-256 of the file of a law of one's own that only the controller's file names.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
 
     Returns
     -------

@@ -13,7 +13,7 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO
 from pneudrive.control.motion import ReferenceMove, moves_of, ways_of
 from pneudrive.describe.tables.parts import anr_density_kg_m3
 from pneudrive.errors import CommandError
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import attributes
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import _core, units
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

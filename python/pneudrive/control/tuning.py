@@ -30,7 +30,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
 from pneudrive.errors import CommandError, DescriptionError, nearest, warn
 from pneudrive.own_code import COMPILED, split
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.trajectory import whole
 

@@ -12,7 +12,7 @@ from pneudrive import units
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.errors import CommandError, DescriptionError, SimulationError
 from pneudrive.numbers import plain
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.watch import Watch
+    from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
+    from pneudrive.progress import Watch
     from pneudrive.validate.signals import Signals
     from pneudrive.validate.validation import RecordResult
-    from pneudrive.watch import Watch
 
     Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from pneudrive.datasheet.equilibrium import number_of
 from pneudrive.datasheet.intervals import with_intervals
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.errors import CommandError, nearest
-from pneudrive.watch import Watch
+from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pneudrive.datasheet.characteristic import Characteristic
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.watch import Flag
+    from pneudrive.progress import Flag
 
 
 @cache
@@ -65,7 +65,7 @@ def drive_characteristic(
     intervals : bool
         Whether intervals of identified values of the drive go through to the results.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
     **settings
         Settings of the characteristic, such as ``pressures=["3 bar abs"]``.
 

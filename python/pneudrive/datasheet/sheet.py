@@ -15,8 +15,8 @@ from pneudrive.datasheet.registry import characteristics, found_under
 from pneudrive.datasheet.words import written_value
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
-from pneudrive.show import Card, Shown
-from pneudrive.watch import UNWATCHED
+from pneudrive.progress import UNWATCHED
+from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.watch import Watch
+    from pneudrive.progress import Watch
 
 #: Characteristics of a sheet, in its order.
 OF_A_SHEET = (

@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import CommandError
 from pneudrive.numbers import plain
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.motion import straight_line
 from pneudrive.simulation.trajectory import columns as columns_of
 

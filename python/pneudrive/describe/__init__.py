@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.lazy import lazy
+from pneudrive.lazy_names import lazy
 
 if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit

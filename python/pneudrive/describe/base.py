@@ -14,7 +14,7 @@ from pydantic_core import core_schema
 from pneudrive import units
 from pneudrive.errors import DescriptionError, nearest, together
 from pneudrive.files.bounds import beyond
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

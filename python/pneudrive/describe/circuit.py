@@ -25,9 +25,9 @@ from pneudrive.describe.tables import end_stops
 from pneudrive.describe.tables.parts import Ambient, Gas
 from pneudrive.describe.tables.starts import PRESSURE, Starts, start_values
 from pneudrive.errors import DescriptionError, Problems, together, warn
-from pneudrive.lazy import upper
+from pneudrive.lazy_names import upper
 from pneudrive.references import entries as references
-from pneudrive.show import Card
+from pneudrive.repr_tables import Card
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from pneudrive.describe.files.sourced import Value
     from pneudrive.describe.tables.signal import Signal
     from pneudrive.errors import PneudriveError
+    from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
     from pneudrive.simulation.session import Session
-    from pneudrive.watch import Flag
 
 STOP_KEYS = ("stiffness", "damping", "damping_depth")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")

@@ -25,9 +25,9 @@ from pneudrive.describe.tables.parts import Ambient, Cylinder, EndStop, Gas, Ini
 from pneudrive.describe.tables.starts import read_initial, start_state
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import Problems
-from pneudrive.lazy import upper
+from pneudrive.lazy_names import upper
 from pneudrive.references import entries as references
-from pneudrive.show import Card
+from pneudrive.repr_tables import Card
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

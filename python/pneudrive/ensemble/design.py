@@ -17,7 +17,7 @@ from pneudrive.identify.determined import names_of
 from pneudrive.identify.dynamic.transforms import transforms_of
 from pneudrive.identify.static.model import PRESSURE_NAMES
 from pneudrive.identify.static.result import slope_key
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -21,10 +21,10 @@ from pneudrive.ensemble.store import ChunkStore
 from pneudrive.ensemble.study import Chunk, ChunkResult, EnsembleStudy
 from pneudrive.ensemble.variation import INITIAL, Variation, Varied, all_numbers
 from pneudrive.errors import CommandError, SimulationError, warn
+from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import SOLVER, require
 from pneudrive.simulation.start import check_tolerance, ready, start
 from pneudrive.simulation.trajectory import meaning, save, write_frame
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.executors import Executor
     from pneudrive.ensemble.outputs import Output, Reduction
     from pneudrive.ensemble.plans import MemberPlans
+    from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
-    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def simulate_many(
     threads : int, optional
         Default: all processors, or one for each chunk with an executor.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
 
     Returns
     -------

@@ -13,7 +13,7 @@ from pneudrive.ensemble.many import results, study_of
 from pneudrive.ensemble.rows import SampledRows, TableRows
 from pneudrive.errors import CommandError, nearest, warn
 from pneudrive.estimate.sensitivity import elementary_effects, morris_points, sobol_indices, sobol_points
-from pneudrive.watch import Watch
+from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.executors import Executor
     from pneudrive.ensemble.outputs import Output
     from pneudrive.ensemble.study import EnsembleStudy
+    from pneudrive.progress import Flag
     from pneudrive.simulation import command as commands
-    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.bulk import in_advance
+from pneudrive.batching import in_advance
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files import child, formats, seal
 from pneudrive.files.bounds import VARIABLE, bound

@@ -12,7 +12,7 @@ from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.fmu.binary import PLATFORMS, binary_path, try_plan
 from pneudrive.fmu.description import IDENTIFIER, description
 from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.start import check_tolerance
 from pneudrive.simulation.trajectory import check_target, whole

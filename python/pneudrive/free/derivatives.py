@@ -9,9 +9,9 @@ import numpy as np
 
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.free.parameters import family_of, find
+from pneudrive.progress import UNWATCHED
 from pneudrive.simulation import command as commands
 from pneudrive.simulation.start import ready
-from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
     from pneudrive.free.parameters import Parameter
-    from pneudrive.watch import Watch
+    from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from pneudrive.estimate.estimates import student
 from pneudrive.identify.determined import SIMULATED, Intervals, Undetermined, names_of, shown_in, whole_interval
 from pneudrive.identify.fit_file import check_shape
 from pneudrive.identify.identified import Identified, joined
-from pneudrive.lazy import upper
+from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:

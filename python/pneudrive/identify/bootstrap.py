@@ -13,7 +13,7 @@ from pneudrive.estimate.levels import SAME_SPEED
 from pneudrive.identify.determined import Intervals
 from pneudrive.identify.static.robust import estimate
 from pneudrive.identify.static.survey import pressure_levels
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

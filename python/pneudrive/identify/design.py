@@ -14,7 +14,7 @@ from pneudrive.identify.determined import shown_in
 from pneudrive.identify.static.laws import CANDIDATES
 from pneudrive.identify.static.model import FrictionModel, at_conditions, unit_of
 from pneudrive.identify.static.result import FrictionFit
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -32,9 +32,9 @@ from pneudrive.identify.dynamic.states import SegmentStarts
 from pneudrive.identify.dynamic.uncertainty import Solved, information, profile
 from pneudrive.identify.volume_result import VolumeFit
 from pneudrive.numbers import plain
+from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
 from pneudrive.units import readable
-from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe.tank import Tank
+    from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
-    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ def identify_volume(
     layout : Layout or path, optional
         Layout of files.
     progress, cancel
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
 
     Returns
     -------

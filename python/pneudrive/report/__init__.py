@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.lazy import lazy, upper
+from pneudrive.lazy_names import lazy, upper
 
 if TYPE_CHECKING:
     from pneudrive.report.campaign.page import write_campaign_report as write_campaign_report

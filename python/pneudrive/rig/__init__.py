@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.lazy import lazy
+from pneudrive.lazy_names import lazy
 from pneudrive.rig.interface import (
     Changeable,
     Envelope,

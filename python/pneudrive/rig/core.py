@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.constants import LEAK_CRITICAL_RATIO
 from pneudrive.errors import SimulationError
-from pneudrive.simulation.dragged import AMBIENT, Dragged
+from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

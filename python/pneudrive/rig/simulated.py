@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import CommandError, SimulationError
+from pneudrive.repr_tables import Shown
 from pneudrive.rig.core import core_friction, core_rig, steady_friction_n
 from pneudrive.rig.description import DEFAULT, RigDescription, read_description
 from pneudrive.rig.motion import Limits, Motion, cycles
-from pneudrive.show import Shown
 from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 from pneudrive.errors import RecordingError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.signals.impossible import QUANTILES, refuse_pressure
 from pneudrive.signals.layout import Layout, SampledLayout, stem
 from pneudrive.signals.load import aligned, convert, find_layout, layout_beside, read_raw

@@ -13,7 +13,7 @@ from pneudrive.describe.base import wrong
 from pneudrive.describe.files import toml
 from pneudrive.errors import LayoutError, Problems, nearest
 from pneudrive.files.packed import COMPRESSIONS
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.signals.layout_tables import CHANNELS, SIGNS, GeometryTable, LayoutTables
 
 if TYPE_CHECKING:

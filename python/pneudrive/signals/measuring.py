@@ -11,7 +11,7 @@ import numpy as np
 
 from pneudrive.errors import CommandError, LayoutError, RecordingError
 from pneudrive.files.content import exists
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.channels import first_fall, open_channels, pairs
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import find_layout, load_drive_motion, load_recording

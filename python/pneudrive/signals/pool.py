@@ -11,7 +11,7 @@ import tempfile
 import time
 from typing import IO, TYPE_CHECKING, TypeVar
 
-from pneudrive.bulk import many_objects
+from pneudrive.batching import many_objects
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files import child
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 import sys
 
-from pneudrive.bulk import many_objects
+from pneudrive.batching import many_objects
 from pneudrive.errors import PneudriveError
 from pneudrive.signals.pool import EXIT_INTERRUPTED
 

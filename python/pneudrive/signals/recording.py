@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RecordingError
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, nearest
-from pneudrive.show import Shown
+from pneudrive.progress import Watch
+from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import meaning
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pneudrive._core import Session as CoreSession
-    from pneudrive.watch import Flag
+    from pneudrive.progress import Flag
 
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
 _RULE, _ENDED = ": it must be ", "the session cannot go on"
@@ -188,7 +188,7 @@ class Session:
         until : float
             A time of the session in s, not a duration, and not before the present one (`time`).
         progress, cancel : optional
-            See `pneudrive.watch.Watch`. A cancelled session has a time before `until` and can continue.
+            See `pneudrive.progress.Watch`. A cancelled session has a time before `until` and can continue.
 
         Raises
         ------

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__, units
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, warn
-from pneudrive.lazy import upper
+from pneudrive.lazy_names import upper
+from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.references import bibtex
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.simulation import command as commands
 from pneudrive.simulation import humidity, run_limits
 from pneudrive.simulation.start import check_tolerance, ready
 from pneudrive.simulation.trajectory import meaning
-from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Drive, Initial
     from pneudrive.describe.circuit import Circuit
     from pneudrive.free.derivatives import Sensitivities
-    from pneudrive.watch import Flag
+    from pneudrive.progress import Flag
 
 MOST_SAMPLES = 50_000_000  # rows; such a trajectory takes about 6 GB
 MOST_BUDGET = 10**15
@@ -143,7 +143,7 @@ def simulate(
         and 100 for each entry of the command. It is larger below rtol = 1e-6, and falls to one half above 11 states.
         Ordinary drives take 200 to 10,000 attempts for each second.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`: a callback that gets the number of simulated seconds, and a flag that ends the
+        See `pneudrive.progress.Watch`: a callback that gets the number of simulated seconds, and a flag that ends the
         run.
 
     Returns

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.lazy import upper
+from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import whole
 from pneudrive.sizing.answer import sentence, taken, yearly
 from pneudrive.sizing.choices import SLOTS

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import Cancelled, CommandError
+from pneudrive.progress import Watch
 from pneudrive.sizing.answer import RETURN_SHARES, TUBE_SHARE, Saving
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
 from pneudrive.sizing.checks import machine_checks
@@ -28,15 +29,14 @@ from pneudrive.sizing.spreads import sized
 from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, points, run_all
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune, tune_all
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from pneudrive.progress import Flag
     from pneudrive.sizing.choices import PartChoice
     from pneudrive.sizing.shortage import Shortage
     from pneudrive.sizing.sized_drive import Provisional, SizedDrive
-    from pneudrive.watch import Flag
 
 #: Draws of each leader, and of those that may be the best.
 DRAWS, DRAWS_BEST = 256, 1024
@@ -93,7 +93,7 @@ def size(
     threads : int, optional
         Default: all processors.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`. A search that is cancelled, or ended by Ctrl-C, after the provisional ranking
+        See `pneudrive.progress.Watch`. A search that is cancelled, or ended by Ctrl-C, after the provisional ranking
         returns its results so far (`complete` is false).
     provisional : callable, optional
         Called with the provisional ranking as soon as it is known.

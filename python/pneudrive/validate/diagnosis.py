@@ -22,12 +22,12 @@ import numpy as np
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
-from pneudrive.show import Shown
+from pneudrive.progress import Watch
+from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
 from pneudrive.validate.balance import Scene, Values, half_support
 from pneudrive.validate.causes import Cause, causes
 from pneudrive.validate.residuals import BALANCES, Residuals, residuals
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
+    from pneudrive.progress import Flag
     from pneudrive.validate.signals import Signals
-    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 
@@ -258,7 +258,7 @@ def diagnose(
     signals : sequence of Signals
         Signals of recordings.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
 
     Returns
     -------

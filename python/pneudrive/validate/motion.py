@@ -15,18 +15,18 @@ from pneudrive.identify.follow.doubts import check_readings, open_recordings, ot
 from pneudrive.identify.follow.driven import DrivenCircuit
 from pneudrive.identify.follow.fit import FollowFit, FollowRecord, follow_record, hold_values, record_line
 from pneudrive.identify.follow.motion import driven_recordings
-from pneudrive.show import Card, Shown
+from pneudrive.progress import Watch
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import whole
 from pneudrive.validate.closure import Closure, close_balance
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from pneudrive.identify.follow.problem import FollowSolution
+    from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.recording import Recording
-    from pneudrive.watch import Flag
 
 PRESSURE, CLOSURE = 0.01, 0.01  # targets: shares of the ranges of pressure and force (assumed)
 LATE_S = 0.05  # delay of the pressures that is named as a difference of clocks, if its interval excludes 0
@@ -88,7 +88,7 @@ class MotionValidation(Shown):
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml and report.html with its figures into an existing folder."""
-        from pneudrive.lazy import upper
+        from pneudrive.lazy_names import upper
 
         tables: dict[str, Any] = {
             "kind": "motion-validation",
@@ -131,7 +131,7 @@ def validate_motion(
     recordings : iterable of path or Recording
     layout : Layout or path, optional
     progress, cancel
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
 
     Returns
     -------

@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.identify.static.friction_curve import steady_friction
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import columns_in
 from pneudrive.validate.metrics import Metrics, metrics
 

@@ -13,7 +13,8 @@ from pneudrive import __version__
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.base import sections
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.show import Card, Shown
+from pneudrive.progress import Watch
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
 from pneudrive.simulation.trajectory import save_columns, whole
 from pneudrive.validate.breakaway import RecordedBreakaway, breakaways
@@ -22,7 +23,6 @@ from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cro
 from pneudrive.validate.sensors import corrected
 from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import ModelRun, run_model
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
+    from pneudrive.progress import Flag
     from pneudrive.signals.drive_recording import DriveRecording, Given
     from pneudrive.signals.layout import Layout
     from pneudrive.validate.diagnosis import Diagnosis
-    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 
@@ -290,7 +290,7 @@ def validate(
         ``{"offset": "0.02 bar"}``, gain; for the command its delay. Values of a fit apply to its own recordings; a new
         recording gets their mean.
     progress : callable, optional
-        Called as ``progress(done, total, task)``, see `pneudrive.watch.Watch`.
+        Called as ``progress(done, total, task)``, see `pneudrive.progress.Watch`.
     cancel : object with ``is_set()``, optional
         Once set, the call ends with `Cancelled`.
 

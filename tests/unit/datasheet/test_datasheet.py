@@ -13,10 +13,10 @@ from pneudrive.cli.main import run
 from pneudrive.datasheet import sheet
 from pneudrive.datasheet.measured import MeasuredBeside, beside, response_of
 from pneudrive.datasheet.sheet import build
+from pneudrive.progress import UNWATCHED
 from pneudrive.report.datasheet.page import write_datasheet
 from pneudrive.simulation.trajectory import columns
 from pneudrive.validate.validation import validate
-from pneudrive.watch import UNWATCHED
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "case_a.npz"
 DRIVE = pn.Drive.load("catalogue:reference")

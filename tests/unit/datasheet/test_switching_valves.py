@@ -16,7 +16,7 @@ from pneudrive.datasheet.plant import actuation_of
 from pneudrive.datasheet.registry import characteristics
 from pneudrive.datasheet.sheet import build
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.watch import UNWATCHED
+from pneudrive.progress import UNWATCHED
 
 HEAD = """
 [components.supply]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from pneudrive.bulk import many_objects
+from pneudrive.batching import many_objects
 from pneudrive.campaign.planning.order import ordered_blocks, ordered_cells
 from pneudrive.campaign.planning.planned import BYTES_PER_SAMPLE, Plan, Planned, size_of
 from pneudrive.campaign.planning.points import (

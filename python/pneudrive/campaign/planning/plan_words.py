@@ -6,7 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from pneudrive.campaign.running.live import duration
-from pneudrive.show import aligned
+from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

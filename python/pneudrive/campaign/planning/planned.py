@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Move
-from pneudrive.show import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

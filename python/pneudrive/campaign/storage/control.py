@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import FrameType
 
-    from pneudrive.watch import Flag
+    from pneudrive.progress import Flag
 
 FOLDER = "control"
 #: Files there that are no requests: what the campaign does now, written by itself.

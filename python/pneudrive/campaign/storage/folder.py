@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.bulk import many_objects
+from pneudrive.batching import many_objects
 from pneudrive.campaign.motion import steps_from_motion
 from pneudrive.campaign.storage.control import FOLDER as CONTROL
 from pneudrive.campaign.storage.files import PART, clear_errors, make_folder, write_whole
@@ -30,9 +30,9 @@ from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.files.tables import read_columns, read_texts
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.rig.interface import CHANNELS, Identity, Samples
 from pneudrive.rig.plain_data import identity_of, plain
-from pneudrive.show import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence

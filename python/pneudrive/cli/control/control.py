@@ -12,7 +12,7 @@ import typer
 from pneudrive.cli.groups import group
 from pneudrive.cli.options import CatalogueFolders, Described, check_used, names_in
 from pneudrive.cli.output import show_table, tell
-from pneudrive.show import aligned
+from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
     from pneudrive.control.comparison import ControlComparison

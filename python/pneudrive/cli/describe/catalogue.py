@@ -10,7 +10,7 @@ import typer
 from pneudrive.cli.options import CatalogueFolders
 from pneudrive.cli.output import write_text
 from pneudrive.errors import CommandError
-from pneudrive.show import aligned
+from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
     from pneudrive.describe.files.catalogue import Entry

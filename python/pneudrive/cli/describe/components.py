@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneudrive.show import aligned
+from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -9,7 +9,7 @@ import typer
 
 from pneudrive.cli.options import CatalogueFolders, names_in
 from pneudrive.cli.output import tell
-from pneudrive.show import aligned
+from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,8 +41,8 @@ def lines(
     from pneudrive.describe.files.load import load_described
     from pneudrive.report.lines_figure import plot_lines
     from pneudrive.report.written import PICTURES
-    from pneudrive.simulation.lines import study
     from pneudrive.simulation.trajectory import check_target
+    from pneudrive.simulation.tube_study import study
 
     for path, suffixes in ((out, TABLES), (plot, PICTURES)):
         if path is not None:

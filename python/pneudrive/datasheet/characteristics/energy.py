@@ -10,17 +10,17 @@ from pneudrive.datasheet.characteristics.air import losses
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.errors import PneudriveWarning
 from pneudrive.numbers import plain
-from pneudrive.show import Card, Shown
+from pneudrive.progress import Watch
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.simulate import run
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.describe import Drive, Initial
     from pneudrive.describe.circuit import Circuit
+    from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
-    from pneudrive.watch import Flag
 
 _JOULE = " [J]"
 _KIND = "reservoir"
@@ -84,7 +84,7 @@ def energy_balance(
     drive, command, duration, initial, rtol
         As for `pneudrive.simulate`; the accounts are those of `pneudrive.simulate` with ``ledger=True``.
     cancel : optional
-        Flag that ends the call; see `pneudrive.watch.Watch`.
+        Flag that ends the call; see `pneudrive.progress.Watch`.
 
     Returns
     -------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.datasheet.characteristic import Characteristic, ResultValue
-from pneudrive.simulation.lines import DIAMETERS, LENGTHS, lines
+from pneudrive.simulation.tube_study import DIAMETERS, LENGTHS, lines
 
 if TYPE_CHECKING:
     from pneudrive.datasheet.plant import HeldDrive

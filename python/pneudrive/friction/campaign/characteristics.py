@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.bulk import many_objects
+from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.curves.curves import curves_of, fit_points
@@ -30,7 +30,7 @@ from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.campaign.table import friction_map
 from pneudrive.friction.reduction.loop import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.reduction.settling import SAMPLE_CHOICES, Settled
-from pneudrive.watch import Watch
+from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.recording.characterisation import Characterisation
     from pneudrive.friction.reduction.settling import SampleChoice
+    from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.recording import Recording
-    from pneudrive.watch import Flag
 
 STEPS = 3  # cycles, models, stops
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.bulk import many_objects
+from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import CycleFile, read_samples
 from pneudrive.errors import CampaignError, PneudriveError
 from pneudrive.friction.campaign.samples import plan_of, read_or_skip, read_standing, recording_of

@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.friction.reduction.condition import BOTH, PA_PER_BAR
 from pneudrive.numbers import plain
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.views import ShownCurve, ShownValue, View
 
 if TYPE_CHECKING:

@@ -29,21 +29,21 @@ from pneudrive.friction.reduction.level import Level, RecordingResult, extract
 from pneudrive.friction.reduction.settling import SampleChoice, Settled
 from pneudrive.friction.reduction.stroke_use import StrokeUse, stroke_notes
 from pneudrive.friction.sentences import sentence
-from pneudrive.show import Card, Shown
+from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.cycles import Cycles, find_cycles, read_cycles
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import RecordingFile, find_long, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.signals.trajectories import from_run, is_run
 from pneudrive.views import ShownValue, View
-from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     import xarray as xr
 
-    from pneudrive.watch import Flag
+    from pneudrive.progress import Flag
 
 KEPT_IN_FULL = 300  # recordings; the samples of a larger campaign are not kept
 SHOWN = 24  # number of recordings of a larger campaign whose curves are kept
@@ -165,7 +165,7 @@ def characterise_recordings(
     protocol
         Selection of samples: ``Settled()`` (default) or ``SourcePaper()``.
     progress, cancel
-        As for `pneudrive.watch.Watch`.
+        As for `pneudrive.progress.Watch`.
 
     Returns
     -------

@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.estimate.estimates import Estimate
 from pneudrive.friction.reduction.condition import group_of
 from pneudrive.friction.sentences import sentence
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

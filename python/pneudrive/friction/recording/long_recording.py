@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.bulk import in_advance
+from pneudrive.batching import in_advance
 from pneudrive.errors import RecordingError
 from pneudrive.friction.reduction.level import RecordingResult, result_of, window_of
 from pneudrive.friction.reduction.motion import RecordedMotion
 from pneudrive.friction.reduction.strokes import StrokeFriction, stroke_frictions
+from pneudrive.progress import UNWATCHED
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.samples import clean
-from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from pneudrive.friction.reduction.level import Level
     from pneudrive.friction.reduction.motion import SampleChoice
     from pneudrive.friction.reduction.pairing import Grid
+    from pneudrive.progress import Watch
     from pneudrive.signals.load import LongFile
     from pneudrive.signals.motion import Stroke
-    from pneudrive.watch import Watch
 
 LONG_SAMPLES = 4_000_000  # samples above which a recording is read part by part
 PART_SAMPLES = 1_000_000

@@ -13,7 +13,7 @@ from pneudrive.friction.reduction.condition import ALL_RECORDINGS as ALL_RECORDI
 from pneudrive.friction.reduction.condition import group_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable

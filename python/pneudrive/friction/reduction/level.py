@@ -25,7 +25,7 @@ from pneudrive.friction.reduction.spread import Spread, spread_of
 from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT, StickSlip
 from pneudrive.friction.reduction.stroke_use import StrokeUse
 from pneudrive.friction.reduction.strokes import StrokeFriction, mean_of_strokes, stroke_frictions
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke, middle, straight_line
 from pneudrive.signals.recording import Recording

@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.estimate.groups import levels
 from pneudrive.friction.reduction.motion import balance_of
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.friction.reduction.reversal import median
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.signals.motion import find_strokes, local_slope, middle, noise_level, quantiles
 
 if TYPE_CHECKING:

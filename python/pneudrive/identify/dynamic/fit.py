@@ -20,8 +20,8 @@ from pneudrive.identify.dynamic.states import measured_starts, observed, white_n
 from pneudrive.identify.dynamic.transforms import transforms_of
 from pneudrive.identify.dynamic.uncertainty import Solved, information
 from pneudrive.identify.dynamic.undetermined import unresolved_damping
+from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
-from pneudrive.watch import UNWATCHED, Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.dynamic.shooting import Recorded
+    from pneudrive.progress import Flag
     from pneudrive.signals.drive_recording import DriveRecording
-    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from pneudrive.identify.determined import SIMULATED, FittedData, Undetermined
 from pneudrive.identify.dynamic.states import white_noise
 from pneudrive.identify.dynamic.undetermined import LARGEST_REACH, unresolved_damping
 from pneudrive.identify.identified import apply_identified
-from pneudrive.simulation.dragged import Dragged
+from pneudrive.simulation.bench_circuit import Dragged
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

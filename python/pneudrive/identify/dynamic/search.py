@@ -16,7 +16,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.problem import Iterate
-from pneudrive.watch import UNWATCHED
+from pneudrive.progress import UNWATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pneudrive.identify.dynamic.problem import FitProblem
     from pneudrive.identify.dynamic.shooting import Shot
-    from pneudrive.watch import Watch
+    from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.watch import UNWATCHED
+from pneudrive.progress import UNWATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pneudrive._core import Shooting
     from pneudrive._core import Shot as CoreShot
     from pneudrive.free.parameters import DriveFamily
-    from pneudrive.watch import Watch
+    from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.sensors import Channel
     from pneudrive.identify.dynamic.shooting import Shooter
+    from pneudrive.progress import Watch
     from pneudrive.signals.drive_recording import DriveRecording
-    from pneudrive.watch import Watch
 
     Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from pneudrive.errors import FitError, nearest
 from pneudrive.identify.export.structured_text import spline_of, structured_text
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:

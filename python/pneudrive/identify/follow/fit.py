@@ -17,9 +17,9 @@ from pneudrive.identify.follow.driven import GROUPS, SIDES, DrivenCircuit
 from pneudrive.identify.follow.motion import driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, solve_follow
 from pneudrive.numbers import plain
-from pneudrive.show import Card, Shown
+from pneudrive.progress import Watch
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import whole
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
     from pneudrive.identify.follow.motion import DrivenRecording
     from pneudrive.identify.follow.problem import FollowSolution
+    from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.recording import Recording
-    from pneudrive.watch import Flag
 
     Array = NDArray[np.float64]
 
@@ -201,7 +201,7 @@ class FollowFit(Shown):
 
     def report(self, folder: str | Path) -> Path:
         """Write the page of the fit into a folder."""
-        from pneudrive.lazy import upper
+        from pneudrive.lazy_names import upper
 
         return upper("follow_page")(self, folder)
 
@@ -251,7 +251,7 @@ def identify_motion(
     rivals : bool
         Whether to fit other models too: walls, leaks, held start. They take most of the time.
     progress, cancel
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
 
     Returns
     -------

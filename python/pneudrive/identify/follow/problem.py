@@ -16,7 +16,7 @@ from scipy.stats import t as student
 
 from pneudrive.errors import FitError
 from pneudrive.identify.follow.driven import SIDES
-from pneudrive.watch import UNWATCHED
+from pneudrive.progress import UNWATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pneudrive.identify.follow.driven import DrivenCircuit, Number
     from pneudrive.identify.follow.motion import DrivenRecording
-    from pneudrive.watch import Watch
+    from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]
 

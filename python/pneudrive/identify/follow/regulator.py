@@ -20,7 +20,7 @@ from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.numbers import plain
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.simulation.trajectory import whole
 

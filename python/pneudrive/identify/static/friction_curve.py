@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.describe.base import Described, Quantity
 from pneudrive.describe.files.provenance import values
 from pneudrive.errors import DescriptionError, FitError
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -27,7 +27,7 @@ from pneudrive.estimate.splines import integrated_wiener
 from pneudrive.identify.static.fit import fit_values
 from pneudrive.identify.static.model import FrictionModel, at_conditions
 from pneudrive.identify.static.result import Prediction
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -18,8 +18,8 @@ from pneudrive.identify.static.model import PRESSURE_FORMS, FrictionModel
 from pneudrive.identify.static.observations import observations
 from pneudrive.identify.static.support import as_it_is, with_knee
 from pneudrive.identify.static.survey import pressure_levels, row_labels
-from pneudrive.show import Shown
-from pneudrive.watch import Watch
+from pneudrive.progress import Watch
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from pneudrive.identify.static.model import Observations
     from pneudrive.identify.static.result import FrictionFit
-    from pneudrive.watch import Flag
+    from pneudrive.progress import Flag
 
     Array = NDArray[np.float64]
 
@@ -179,7 +179,7 @@ def select_friction_law(
     probability : float
         Probability of the prediction intervals.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
 
     Returns
     -------

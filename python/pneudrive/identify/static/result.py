@@ -21,7 +21,7 @@ from pneudrive.identify.static.friction_curve import (
 )
 from pneudrive.identify.static.model import PRESSURE_NAMES, FrictionModel, at_conditions, unit_of
 from pneudrive.identify.static.sliding_fit import SlidingFit
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

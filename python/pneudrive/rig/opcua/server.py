@@ -11,7 +11,7 @@ from concurrent.futures import Future, wait
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.bulk import many_objects
+from pneudrive.batching import many_objects
 from pneudrive.errors import RigError
 from pneudrive.rig.job_thread import JobThread
 from pneudrive.rig.opcua.access import Protection, opcua, protect

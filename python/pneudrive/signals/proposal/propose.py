@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import PneudriveError, RecordingError
+from pneudrive.progress import UNWATCHED
 from pneudrive.signals.cycles import find_cycles, read_cycles
 from pneudrive.signals.drive_recording import read_drive_recordings, read_volume_recordings
 from pneudrive.signals.layout import Layout
@@ -18,15 +19,14 @@ from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.proposal.guesses import Guess, Roles, guess_columns
 from pneudrive.signals.proposal.propose_text import layout_text
 from pneudrive.signals.tables.raw_table import read_raw_table
-from pneudrive.watch import UNWATCHED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.progress import Watch
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
     from pneudrive.signals.tables.sniff import FileForm
-    from pneudrive.watch import Watch
 
 STAGES = 3
 

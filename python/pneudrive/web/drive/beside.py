@@ -14,9 +14,9 @@ from pydantic import Field, StrictStr, field_validator
 
 from pneudrive.describe.tables.geometry import chamber_sizes
 from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.progress import Watch
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
-from pneudrive.watch import Watch
 from pneudrive.web.drive.run_request import RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.requests import WRONG_REQUEST, PageRequest

@@ -23,7 +23,7 @@ from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.watch import Watch
+from pneudrive.progress import Watch
 from pneudrive.web.drive.run_request import MOST_SAMPLES, RunLimit, described_at
 from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.measured.tiles import drawn_columns

@@ -31,7 +31,7 @@ def datasheet_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     out = f"{RESULTS}/{folder_name(given.get('name'))}/{REPORT}"
     loaded = (
         "from pneudrive.datasheet.sheet import build\nfrom pneudrive.describe.files.load import load_described\n"
-        "from pneudrive.watch import Watch\n\n"
+        "from pneudrive.progress import Watch\n\n"
     )
     python = f"{loaded}sheet = build(load_described({drive!r}), [], None, Watch())\n"
     return AskedJob(("datasheet", safe(drive), "--out", out), out, python=python)

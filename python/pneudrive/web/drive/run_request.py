@@ -17,8 +17,8 @@ from pneudrive.describe.drive import Drive
 from pneudrive.describe.files.load import described_in
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.errors import CommandError
+from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import positive, run
-from pneudrive.watch import Watch
 from pneudrive.web.requests import PageRequest, Pixels, Value
 from pneudrive.web.workspace import COMMANDS, is_in_catalogue, safe
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pneudrive.describe.circuit import Circuit
+    from pneudrive.progress import Flag
     from pneudrive.simulation.simulate import Run
-    from pneudrive.watch import Flag
     from pneudrive.web.workspace import Workspace
 
 Found = TypeVar("Found")

@@ -15,6 +15,7 @@ import numpy as np
 
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.files.content import unreadable
+from pneudrive.progress import Watch
 from pneudrive.signals.channels import open_channels, pairs
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.measuring import motion_of, nearest_sample, strokes_in
@@ -22,7 +23,6 @@ from pneudrive.signals.samples import find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.signals.trajectories import is_trajectory
 from pneudrive.simulation.trajectory import SUFFIXES
-from pneudrive.watch import Watch
 from pneudrive.web.cache import cache_folder
 from pneudrive.web.measured.samples import KeptSamples
 from pneudrive.web.measured.tiles import BLOCK, Pyramid, TileWindow

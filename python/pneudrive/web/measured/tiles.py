@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.watch import Watch
+    from pneudrive.progress import Watch
     from pneudrive.web.measured.samples import KeptSamples
 
     Array = NDArray[Any]

@@ -19,7 +19,7 @@ from pneudrive.friction.campaign.compare.checks import Check, checks_of
 from pneudrive.friction.campaign.compare.curves import SAME_PRESSURE_PA, CurveComparison, compare_curves, holm
 from pneudrive.friction.campaign.sensors import stated_gain
 from pneudrive.friction.sentences import capitalised, say
-from pneudrive.show import Card, Shown
+from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -18,7 +18,7 @@ from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 from pneudrive.estimate.splines import centred_walk
 from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.curves.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,7 +11,7 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
 from pneudrive.friction.campaign.stops.dwell_forms import FORMS, DwellForm
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,7 +15,7 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.estimate.groups import levels
 from pneudrive.friction.campaign.stops.dwell_curve import SAME_DURATION
-from pneudrive.show import Shown
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

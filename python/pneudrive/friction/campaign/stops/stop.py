@@ -26,8 +26,8 @@ from pneudrive.friction.campaign.stops.running import (
     strokes_of,
 )
 from pneudrive.friction.reduction.condition import Skipped
+from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Move
-from pneudrive.show import Shown
 from pneudrive.signals.motion import noise_level
 from pneudrive.signals.pool import share_out
 

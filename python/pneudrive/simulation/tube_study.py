@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.errors import CommandError, DescriptionError, PneudriveWarning
+from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import simulate
-from pneudrive.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.describe import Drive
-    from pneudrive.watch import Flag
+    from pneudrive.progress import Flag
 
 LENGTHS, DIAMETERS = ("0.5 m", "1 m", "2 m", "5 m"), ("4 mm", "6 mm", "8 mm")
 SAMPLES = 1000.0  # m/s; gives the expected time of a stroke
@@ -65,7 +65,7 @@ def lines(
     lengths, diameters : sequence of str or float
         Quantities, or numbers in m.
     progress, cancel : optional
-        See `pneudrive.watch.Watch`.
+        See `pneudrive.progress.Watch`.
 
     Returns
     -------
