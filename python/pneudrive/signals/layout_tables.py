@@ -227,6 +227,7 @@ class ParallelTable(Described):
     """``[[force]]``: a force in parallel with the rig's, such as that of a hydraulic ram, from measured pressures.
 
     The force is ``area (pressure - against)``; without `against` the ambient pressure acts on the other side.
+    ``area_accuracy`` is a relative standard uncertainty, as all accuracies of a layout are.
     """
 
     table_name: ClassVar[str] = "force"

@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
-from pneudrive.identify.follow.doubts import check_readings, open_recordings, other_readings, poor_fit
+from pneudrive.identify.follow.doubts import POOR, check_readings, open_recordings, other_readings, poor_fit
 from pneudrive.identify.follow.driven import DrivenCircuit
 from pneudrive.identify.follow.fit import FollowFit, FollowRecord, follow_record, hold_values, record_line
 from pneudrive.identify.follow.motion import driven_recordings
@@ -167,5 +167,5 @@ def _late(records: tuple[FollowRecord, ...]) -> list[str]:
         f"{r.name}: the pressures come {abs(r.delay_s[0]):.3f} ± {r.delay_s[1]:.3f} s "
         f"{'after' if r.delay_s[0] > 0 else 'before'} the position: the clocks of the loggers differ"
         for r in records
-        if abs(r.delay_s[0]) > max(LATE_S, r.delay_s[1])
+        if abs(r.delay_s[0]) > max(LATE_S, r.delay_s[1]) and max(r.rms) < POOR
     ]

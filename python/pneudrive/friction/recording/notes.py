@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from pneudrive.estimate.estimates import changed
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
 from pneudrive.friction.recording.pressure_line import CONFOUNDED
+from pneudrive.friction.reduction.budget import COVERAGE_FACTOR
+from pneudrive.friction.reduction.condition import group_of
 from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:
@@ -69,6 +72,45 @@ def _doubts(levels: list[Level]) -> list[str]:
     return notes
 
 
+LEAST_SPEEDS = 3  # speed levels of a direction that make its friction a curve over speed
+NEAR = 0.1  # speeds within this ratio are compared
+
+
+def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
+    """Return which recordings of one assembly, each with several speeds, differ in friction."""
+    notes = []
+    for first, second in combinations(results, 2):
+        if group_of(first.recording.labels) != group_of(second.recording.labels):
+            continue
+        found = [_difference(*pair, way) for way in (1, -1) for pair in _near(first.levels, second.levels, way)]
+        off, values = max(found, key=lambda one: one[0], default=(0.0, {}))
+        if off > 1.0:
+            names = {"first": first.recording.name, "second": second.recording.name}
+            notes.append(sentence("note.differ", **names, **values))
+    return notes
+
+
+def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list[tuple[Level, Level]]:
+    """Return the pairs of levels with about the same speed in a direction; none without curves over speed."""
+    ours, others = ([one for one in levels if way in one.sides] for levels in (first, second))
+    if min(len(ours), len(others)) < LEAST_SPEEDS:
+        return []
+    pairs = [(one, min(others, key=lambda other: abs(other.speed_m_s - one.speed_m_s))) for one in ours]
+    return [(a, b) for a, b in pairs if abs(a.speed_m_s - b.speed_m_s) < NEAR * a.speed_m_s]
+
+
+def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, float | str]]:
+    """Return the difference over its U, and its values. A source that both levels share errs alike in both."""
+    shares = [
+        {e.source: e.friction_n if len(level.sides) == 2 else e.offset_n for e in level.budget}
+        for level in (one, other)
+    ]
+    apart = [shares[0].get(source, 0.0) - shares[1].get(source, 0.0) for source in shares[0] | shares[1]]
+    half = COVERAGE_FACTOR * float(np.linalg.norm([one.stderr_n, other.stderr_n, *apart]))
+    values = {"first_n": one.friction_n, "second_n": other.friction_n, "speed_mm_s": 1e3 * one.speed_m_s}
+    return abs(one.friction_n - other.friction_n) / half, {**values, "way": "+x" if way > 0 else "-x", "half_n": half}
+
+
 def notes_of(
     results: tuple[RecordingResult, ...],
     points: tuple[FrictionPoint, ...],
@@ -93,6 +135,7 @@ def notes_of(
         "larger_offset": [level.recording for level in levels if abs(level.offset_n) > level.friction_n],
     }
     notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(found))) for key, found in doubts.items() if found]
+    notes += _differences(results)
     notes += [line.statement for line in lines]
     notes += [_stick_slip_note(level) for level in levels if "stick_slip" in level.flags]
     return [*notes, *([] if closures else [sentence("note.no_closure")])]

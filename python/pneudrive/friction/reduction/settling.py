@@ -9,12 +9,16 @@ import numpy as np
 
 from pneudrive.friction.reduction.motion import SampleChoice as SampleChoice
 from pneudrive.friction.reduction.pairing import bin_means
+from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from pneudrive.friction.reduction.motion import RecordedMotion
+    from pneudrive.signals.motion import Stroke
 
 LEVEL_BINS = 40  # bins over the travel for the balance of one direction
 END_TRAVELS = 2.0  # of the way from the stroke's end at which its speed falls below the share: excluded
@@ -25,7 +29,7 @@ LEAST_SWING = 0.5  # of its median: limit of the variation of friction over posi
 class Settled:
     """Samples after the reversal's transient, without need of a controlled speed.
 
-    A stroke settles in two ways, and the longer one counts. First, its speed must reach ``speed_share`` of its own
+    A stroke settles in two ways, and the longer one counts. First, its speed must reach ``speed_share`` of its
     middle speed. ``speed_travels`` times the travel to that point is left out. Second, the balance must complete
     ``force_share`` of its swing from the level of the opposite direction. ``force_travels`` times that travel is left
     out.
@@ -33,7 +37,9 @@ class Settled:
     A higher share would depend on friction that varies over position.
     At the end, twice the distance in which the axis brakes below the speed fraction is dropped.
     The whole swing is a line through both directions' difference over the middle 60 % of the travel. Neither speed nor
-    force needs to be constant.
+    force needs to be constant. The swing is that of the stroke's speed class, because
+    slow strokes never reach the friction of fast ones. It is at most the swing of all strokes, because the friction of
+    fast strokes may still grow along their way.
     """
 
     speed_share: float = 0.8
@@ -47,7 +53,7 @@ class Settled:
         """Return the mask of settled samples and the unchanged balance."""
         position_m, balance_n = motion.position_m, motion.balance_n
         velocity = motion.velocity_m_s
-        levels = _levels(motion)
+        levels = _levels_of_strokes(motion)
         mask = np.zeros(position_m.size, dtype=bool)
         for stroke in motion.strokes:
             part = stroke.samples
@@ -56,8 +62,9 @@ class Settled:
             if not fast.any():
                 continue
             begin = self.speed_travels * travelled[int(np.argmax(fast))]
-            if levels is not None:
-                risen = levels.share_risen(position_m[part], balance_n[part], stroke.direction) >= self.force_share
+            level = levels.get(stroke.index)
+            if level is not None:
+                risen = level.share_risen(position_m[part], balance_n[part], stroke.direction) >= self.force_share
                 if risen.any():
                     begin = max(begin, self.force_travels * travelled[int(np.argmax(risen))])
             ahead = np.abs(stroke.to_m - position_m[part])
@@ -119,7 +126,25 @@ class _Levels:
         return direction * (balance_n - start) / (self.swing_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))
 
 
-def _levels(motion: RecordedMotion) -> _Levels | None:
+def _levels_of_strokes(motion: RecordedMotion) -> dict[int, _Levels | None]:
+    """Return for each stroke the levels of its speed class, or those of all strokes if their swing is smaller.
+
+    A direction without strokes in the class is that of all strokes.
+    """
+    strokes = motion.strokes
+    whole, classes = _levels(motion, strokes), speed_levels(list(strokes))
+    if whole is None or len(classes) == 1:
+        return {s.index: whole for s in strokes}
+    found: dict[int, _Levels | None] = {}
+    for members in classes:
+        ways = {s.direction for s in members}
+        own = _levels(motion, [*members, *(s for s in strokes if s.direction not in ways)])
+        slow = own is not None and abs(own.swing_n) < abs(whole.swing_n)
+        found |= {s.index: own if slow else whole for s in members}
+    return found
+
+
+def _levels(motion: RecordedMotion, strokes: Sequence[Stroke]) -> _Levels | None:
     """Return the levels of both directions; None if one is missing, or they do not differ."""
     ends = [value for stroke in motion.strokes for value in (stroke.from_m, stroke.to_m)]
     low, high = min(ends), max(ends)
@@ -127,7 +152,7 @@ def _levels(motion: RecordedMotion) -> _Levels | None:
     centres = (edges[:-1] + edges[1:]) / 2
     position, balance, means = {}, {}, {}
     for direction in (1, -1):
-        parts = [stroke.samples for stroke in motion.strokes if stroke.direction == direction]
+        parts = [stroke.samples for stroke in strokes if stroke.direction == direction]
         if not parts:
             return None
         means[direction] = bin_means(motion.position_m, motion.balance_n, edges, parts)

@@ -25,6 +25,8 @@ LEAST_LEVEL = 0.3  # of the ambient pressure: a closed chamber below it is read 
 TOGETHER = 0.5  # least correlation of a pressure with the position that counts
 BETTER = 0.8  # another reading is named if its residuals are below this ratio
 POOR = 0.03  # of the range: larger residuals mean that the model or the reading is wrong
+NEAR_AMBIENT = 0.1  # of the ambient pressure: largest distance of an open chamber from it (assumed)
+OPEN_TOGETHER = 0.2  # least correlation of an open chamber's pressure with the rate of its volume that counts (assumed)
 
 
 def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[str]:
@@ -45,18 +47,22 @@ def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) ->
                 where=record.name,
                 remedy="check unit and zero of the position in the layout, or the stroke of the circuit",
             )
+        small = ""
         if high - low < LEAST_TRAVEL * stroke:
-            doubts.append(
-                f"{record.name}: the piston moves over {1e3 * (high - low):.3g} mm of {1e3 * stroke:.4g} mm: check the "
-                "unit of the position"
+            small = (
+                f"the piston moves over {1e3 * (high - low):.3g} mm of {1e3 * stroke:.4g} mm: check the unit of the "
+                "position"
             )
+            doubts.append(f"{record.name}: {small}")
         if open_recordings(driven, [record]):
+            doubts += [f"{record.name}: {text}" for text in _open_doubts(driven, record)]
             continue
         lowest = record.pressures_pa.min(axis=1)
         for side, change in zip(SIDES, record.ranges_pa, strict=True):
             if change == 0.0:
                 rule = "both pressures of a driven piston are measured"
-                raise RecordingError(f"the pressure of chamber {side} is constant", where=record.name, rule=rule)
+                what = f"the pressure of chamber {side} is constant"
+                raise RecordingError(what, where=record.name, rule=rule, remedy=small or None)
         for side, value in zip(SIDES, lowest, strict=True):
             if value < LEAST_LEVEL * STANDARD_ATMOSPHERE_PA:
                 raise RecordingError(
@@ -83,6 +89,29 @@ def _refuse_swapped(record: DrivenRecording) -> None:
             rule="chamber a grows with the position, chamber b shrinks",
             remedy="swap pressure_a and pressure_b in the layout, or turn the position: scale = -1, with an offset",
         )
+
+
+def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
+    """Return doubts on open chambers: they have the ambient pressure, and a little less while their gas expands."""
+    ambient = float(driven.form["ambient"]["pressure_pa"])
+    means = record.pressures_pa.mean(axis=1)
+    far = {side: float(mean) for side, mean in zip(SIDES, means, strict=True)
+           if abs(mean - ambient) > NEAR_AMBIENT * ambient}  # fmt: skip
+    found = []
+    if far:
+        twice = all(abs(mean - 2.0 * ambient) < NEAR_AMBIENT * ambient for mean in means)
+        shown = " and ".join(f"{mean / 1e5:.4g} bar in {side}" for side, mean in far.items())
+        cause = "the pressures are read as gauge, but seem to be absolute" if twice else "check the unit"
+        found.append(f"the chambers are open, but have {shown} at {ambient / 1e5:.4g} bar of the ambient air: {cause}")
+    speed = np.gradient(record.positions_m, record.grid_s)
+    moving = [side for side, p, way in zip(SIDES, record.pressures_pa, (1.0, -1.0), strict=True)
+              if np.ptp(p) > 0.0 and np.corrcoef(p, way * speed)[0, 1] > OPEN_TOGETHER]  # fmt: skip
+    if moving:
+        found.append(
+            f"the pressure of the open chamber {' and '.join(moving)} rises while its gas expands: pressure_a and "
+            "pressure_b seem to be swapped"
+        )
+    return found
 
 
 def open_recordings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[DrivenRecording]:
@@ -128,7 +157,8 @@ def other_readings(solution: FollowSolution) -> list[str]:
             size = _size(solve_follow(other, FollowPoint(solution.point.shared, solution.point.local), passes=1))
         except FitError:
             continue
-        if size < BETTER * base:
+        # A reading is the cause only if the model fits with it. A wrong model says nothing about sensors.
+        if size < min(BETTER * base, POOR):
             found.append(
                 f"the pressures are {words}: with {'+' if shift > 0 else '-'}{ambient / 1e5:.4g} bar the residuals "
                 f"fall to {100 * size / base:.0f} %; check gauge and abs in the layout"
@@ -142,8 +172,9 @@ def poor_fit(solution: FollowSolution) -> list[str]:
     if worst < POOR:
         return []
     return [
-        f"the model does not fit: residuals of {100 * worst:.2g} % of the range. Check the unit of the position, areas "
-        "and stroke of the circuit, the gas, and whether the chambers are closed"
+        f"the model does not fit: residuals of {100 * worst:.2g} % of the range. Identify volumes and heat transfer "
+        "first. Else check areas and stroke of the circuit, the gas, whether the chambers are closed, the unit of the "
+        "position, and gauge or abs of the pressures"
     ]
 
 

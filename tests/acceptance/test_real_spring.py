@@ -1,0 +1,108 @@
+"""A real gas spring: all speed levels, against the mean of the raw columns, and wrong layouts that are named.
+
+The other route reads the raw columns with NumPy and averages between two positions. It finds no strokes and chooses no
+samples. The ambient air presses on the rod, which leaves through chamber b.
+"""
+
+import runpy
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.characterise import characterise_recordings, load_recordings
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT / "data" / "measurements" / "mbari-2022-gas-spring"
+FILES = {name: DATA / f"{name}.exp.xz" for name in ("charged", "vented")}
+LAYOUT = DATA / "layout.toml"
+
+
+@pytest.fixture(scope="module")
+def found():
+    return characterise_recordings([*FILES.values()], LAYOUT)
+
+
+@pytest.fixture(scope="module")
+def independent():
+    balance = runpy.run_path(str(ROOT / "tools" / "real_drives.py"))["independent_balance"]
+    return {name: np.array(balance(path)) for name, path in FILES.items()}
+
+
+def extension(found, name):
+    return [level for level in found.levels if level.recording == name and 1 in level.sides]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_all_extension_levels_agree_with_the_mean_of_the_raw_columns(found, independent, name):
+    levels = extension(found, name)
+    speeds, means = independent[name][independent[name][:, 0] > 0.0].T
+    assert len(levels) == len(speeds) == 12
+    for level, mean in zip(levels, means[np.argsort(speeds)], strict=True):
+        assert level.friction_n == pytest.approx(mean, rel=0.10)
+
+
+def test_the_interval_contains_five_percent_of_ram_area_and_30_ms(found):
+    for recording in load_recordings([*FILES.values()], LAYOUT):
+        (ram,) = recording.parallel
+        wider = replace(recording, parallel=(ram._replace(force_n=1.05 * ram.force_n),))
+        late = {
+            f"pressure_{side}_pa": np.interp(recording.time_s - 0.03, recording.time_s, values)
+            for side, values in (("a", recording.pressure_a_pa), ("b", recording.pressure_b_pa))
+        }
+        for changed in (wider, replace(recording, **late)):
+            others = extension(characterise_recordings([changed]), recording.name)
+            for level, other in zip(extension(found, recording.name), others, strict=True):
+                assert abs(other.friction_n - level.friction_n) < level.expanded_n
+
+
+def test_recordings_of_one_machine_that_differ_are_reported(found):
+    (note,) = (note for note in found.notes if "different friction" in note)
+    assert "charged and vented" in note
+    assert "does not predict" in note
+    (recording,) = load_recordings([FILES["vented"]], LAYOUT)
+    again = replace(recording, name="again", force_n=recording.force_n + 1.0)
+    same = characterise_recordings([recording, again])
+    assert not any("different friction" in note for note in same.notes)
+
+
+TRADED = (("UpperSpring", "other"), ("LowerSpring", "UpperSpring"), ("other", "LowerSpring"))
+NO_RAM = "a force in parallel that the layout lacks"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ((), ""),
+        ((('"psi abs"', '"psi gauge"'),), "read as gauge, but seem to be absolute"),
+        ((('"psi abs"', '"bar abs"'),), "check the unit"),
+        (TRADED, "seem to be swapped"),
+        ((('"lbf", positive = "+x"', '"lbf", positive = "-x"'),), "the force has the other sign"),
+        ((), NO_RAM),
+    ],
+)
+@pytest.mark.filterwarnings("ignore")
+def test_a_wrong_layout_of_the_vented_recording_is_named(tmp_path, changes, words):
+    text = LAYOUT.read_text(encoding="utf-8")
+    if words == NO_RAM:
+        text = text.partition("[[force]]")[0]
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    layout = tmp_path / "layout.toml"
+    layout.write_text(text, encoding="utf-8")
+    shown = str(pn.validate_motion(DATA / "spring.toml", [FILES["vented"]], layout=layout))
+    if words:
+        assert words in shown
+    else:
+        assert not any(word in shown for word in ("seem", "check", "lacks", "other sign"))
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_model_that_is_not_identified_blames_no_sensor():
+    """The start values of the circuit miss by 12 % of the range: that says nothing about gauge, clocks or sensors."""
+    shown = str(pn.validate_motion(DATA / "spring.toml", [FILES["charged"]], layout=LAYOUT))
+    assert "Identify volumes and heat transfer first" in shown
+    assert not any(words in shown for words in ("seem to be", "clocks of the loggers differ"))
