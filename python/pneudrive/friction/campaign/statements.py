@@ -34,6 +34,7 @@ SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assu
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
 LAST_SHARE = 0.25  # of the campaign's time: last part over which friction still changes
 LEAVES = 2.0  # quantiles of 95 % beyond which a cycle differs from its curve
+ROUNDING = 1e-12  # of the friction: least scatter, because data without noise have none
 KIND_TOLD = 0.05  # least probability for a statement on the form of scatter
 
 
@@ -162,7 +163,8 @@ def _left(fits: Fits) -> Iterator[Said]:
     pure, points = pure_scatter(fits), fits.points
     if pure is not None:
         data = fits.friction.data
-        off = np.abs(fits.rest()) / np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
+        scatter = np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
+        off = np.abs(fits.rest()) / np.maximum(scatter, ROUNDING * np.abs(points.reduced.friction_n).max())
         far = np.flatnonzero(off > student(pure.estimate.degrees_of_freedom) * LEAVES)
         if far.size:
             cycles = points.cycles(points.use)

@@ -2,7 +2,6 @@
 
 Measurand: friction, half the difference of the mean force balance in +x and in -x at equal positions. Terms are
 independent, so standard uncertainties add in squares; the expanded uncertainty has k = 2.
-
 A row of a recording, one speed level:
 
     stderr_n        type A   `chance_n`: scatter of the strokes' means, at least the noise within the strokes
@@ -21,7 +20,7 @@ and known weights replace some of them by measured values (``campaign/sensors.py
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -80,14 +79,12 @@ def systematic_budget(
 
     Parameters
     ----------
-    recording
+    recording : Recording
         Its ``accuracy`` entries are standard uncertainties.
-    up, down
+    up, down : DirectionMeans
         Means in +x and -x over the window.
-    offset_slope_n_m
-        Change of offset over position, which a skew between channels turns into friction.
-    sample_interval_s
-        Channels are simultaneous within this interval.
+    offset_slope_n_m, sample_interval_s : float
+        Change of offset over position, and interval within which channels are simultaneous: a skew makes friction.
     """
     skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.velocity_m_s) + abs(down.velocity_m_s)) / 2
     turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
@@ -115,52 +112,51 @@ def _parallel_entries(recording: Recording, up: DirectionMeans, down: DirectionM
 
 
 def _sensor_entries(
-    name: str, unit: str, known: tuple[float, str, str], newton_per_unit: float, change: float, reference: float
+    recording: Recording, channel: str, name: str, means: tuple[DirectionMeans, DirectionMeans], assumed: _Assumed
 ) -> list[BudgetEntry]:
     """Return the entries of a common error and of hysteresis. A pair keeps only the change with direction.
 
-    ``known`` is the standard uncertainty with its basis and a note. ``change`` is half the difference of the mean
-    readings of both directions. ``reference`` is the reading at which the whole accuracy may be an error of gain.
+    The layout states the standard uncertainty of the channel, and may mark it as assumed. At the largest value of the
+    sensor, the whole accuracy may be an error of gain.
     """
-    u, basis, note = known
-    common = u * newton_per_unit
+    u, basis, note = assumed.accuracy, "assumed", assumed.words
+    if channel in recording.accuracy:
+        u, note = recording.accuracy[channel], recording.calibration.get(channel, "")
+        basis = "assumed" if note.lower().startswith("assumed") else "layout"
+    limits = recording.limits.get(channel)
+    reference = max(abs(limit - assumed.zero) for limit in limits) if limits else assumed.largest
+    change, common = abs(getattr(means[0], channel) - getattr(means[1], channel)) / 2, u * assumed.newton_per_unit
     left = common * change / reference if reference else 0.0
     hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
     note = f"{note}; cancels in the pair except for the change of the reading with direction".lstrip("; ")
     turns, lost = "a third of the accuracy is assumed to change with direction", u * ASSUMED_DIRECTION_SHARE
     return [
-        BudgetEntry(f"{name}: common error", u, unit, basis, "B", left, common, note),
-        BudgetEntry(f"{name}: hysteresis", lost, unit, "assumed", "B", hysteresis, hysteresis, turns),
+        BudgetEntry(f"{name}: common error", u, assumed.unit, basis, "B", left, common, note),
+        BudgetEntry(f"{name}: hysteresis", lost, assumed.unit, "assumed", "B", hysteresis, hysteresis, turns),
     ]
 
 
-def _accuracy(recording: Recording, channel: str, assumed: float, words: str) -> tuple[float, str, str]:
-    """Return the standard uncertainty of a channel, its basis and a note; the layout itself may mark it as assumed."""
-    if channel not in recording.accuracy:
-        return assumed, "assumed", words
-    text = recording.calibration.get(channel, "")
-    return recording.accuracy[channel], ("assumed" if text.lower().startswith("assumed") else "layout"), text
+class _Assumed(NamedTuple):
+    """A sensor without statements in the layout: standard uncertainty, its reason, largest reading and its zero."""
 
-
-def _reference(recording: Recording, channel: str, otherwise: float, zero: float = 0.0) -> float:
-    """Return the largest value of the sensor, if the layout states it."""
-    if channel not in recording.limits:
-        return otherwise
-    return max(abs(limit - zero) for limit in recording.limits[channel])
+    unit: str
+    newton_per_unit: float
+    accuracy: float
+    words: str
+    largest: float
+    zero: float = 0.0
 
 
 def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
-    channel = f"pressure_{side}_pa"
+    channel, area = f"pressure_{side}_pa", getattr(recording, f"area_{side}_m2")
     values, ambient = getattr(recording, channel), recording.ambient_pressure_pa
     if np.ptp(values) == 0 and channel not in recording.accuracy and abs(values[0] - ambient) < 1.0:
         return []  # open to ambient: not measured, no force
     largest = float(np.max(np.abs(values - ambient)))
     span = USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)] if largest <= USUAL_RANGES_PA[-1] else largest
-    words = f"0.5 % of a {span / 1e5:g} bar range, rectangular"
-    known = _accuracy(recording, channel, float(span * ASSUMED_PRESSURE_OF_RANGE), words)
-    change = abs(getattr(up, channel) - getattr(down, channel)) / 2
-    reference = _reference(recording, channel, float(span), ambient)
-    return _sensor_entries(f"pressure {side}", "Pa", known, getattr(recording, f"area_{side}_m2"), change, reference)
+    words, u = f"0.5 % of a {span / 1e5:g} bar range, rectangular", float(span * ASSUMED_PRESSURE_OF_RANGE)
+    assumed = _Assumed("Pa", area, u, words, float(span), ambient)
+    return _sensor_entries(recording, channel, f"pressure {side}", (up, down), assumed)
 
 
 def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
@@ -171,40 +167,34 @@ def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMean
             BudgetEntry(f"force: {name}", u, "N", "layout", "B", friction, offset, known.words())
             for name, (u, friction, offset) in found.items()
         ]
-    largest = float(np.max(np.abs(recording.force_n)))
-    words = "0.2 % of the largest force, rectangular"
-    known = _accuracy(recording, "force_n", largest * ASSUMED_FORCE_OF_LARGEST, words)
-    reference = _reference(recording, "force_n", largest)
-    change = abs(up.force_n - down.force_n) / 2
-    return _sensor_entries("force", "N", known, 1.0, change, reference)
+    largest, words = float(np.max(np.abs(recording.force_n))), "0.2 % of the largest force, rectangular"
+    assumed = _Assumed("N", 1.0, largest * ASSUMED_FORCE_OF_LARGEST, words, largest)
+    return _sensor_entries(recording, "force_n", "force", (up, down), assumed)
 
 
 def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
-    full = max(recording.area_a_m2, recording.area_b_m2)
-    bore = np.sqrt(4 * full / np.pi)
-    if "area" in recording.accuracy:
-        relative, basis, shown, unit = recording.accuracy["area"], "layout", recording.accuracy["area"], ""
-    elif "bore_m" in recording.accuracy and bore > 0:
-        relative, basis = 2 * recording.accuracy["bore_m"] / bore, "layout"
-        shown, unit = recording.accuracy["bore_m"], "m"
+    bore = np.sqrt(4 * max(recording.area_a_m2, recording.area_b_m2) / np.pi)
+    accuracy, basis, unit = recording.accuracy, "layout", "m"
+    if "area" in accuracy:
+        relative, shown, unit = accuracy["area"], accuracy["area"], ""
+    elif "bore_m" in accuracy and bore > 0:
+        relative, shown = 2 * accuracy["bore_m"] / bore, accuracy["bore_m"]
     else:
-        relative, basis, shown, unit = 2 * ASSUMED_BORE, "assumed", ASSUMED_BORE * bore, "m"
+        relative, shown, basis = 2 * ASSUMED_BORE, ASSUMED_BORE * bore, "assumed"
     ambient = recording.ambient_pressure_pa
     half_difference = half_sum = 0.0
-    for side, sign in (("a", 1.0), ("b", -1.0)):
-        area = getattr(recording, f"area_{side}_m2")
+    for side, area in (("a", recording.area_a_m2), ("b", -recording.area_b_m2)):
         p_up, p_down = (getattr(m, f"pressure_{side}_pa") - ambient for m in (up, down))
-        half_difference += sign * area * (p_up - p_down) / 2
-        half_sum += sign * area * (p_up + p_down) / 2
-    bore_note = "" if basis == "layout" else "0.2 % of the bore"
+        half_difference += area * (p_up - p_down) / 2
+        half_sum += area * (p_up + p_down) / 2
+    note = "" if basis == "layout" else "0.2 % of the bore"
     friction, offset = abs(relative * half_difference), abs(relative * half_sum)
-    angle, known = recording.accuracy.get("alignment_rad"), "layout"
-    if angle is None:
-        angle, known = float(ASSUMED_ALIGNMENT_RAD), "assumed"
+    angle = accuracy.get("alignment_rad", float(ASSUMED_ALIGNMENT_RAD))
+    known = "layout" if "alignment_rad" in accuracy else "assumed"
     turned, shared = (abs(up.force_n + sign * down.force_n) / 2 * angle**2 / 2 for sign in (-1, 1))
-    words = "cosine error; a side load's own friction is friction of the rig and stays in the result"
+    words = "cosine error; the friction of a side load is friction of the rig and stays in the result"
     return [
-        BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, bore_note),
+        BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, note),
         BudgetEntry("alignment of the force axis", angle, "rad", known, "B", turned, shared, words),
     ]
 
@@ -218,13 +208,11 @@ def chance_n(
     ----------
     spreads, rows : mapping
         Direction -> spread of its strokes' means; present direction -> balance of each stroke in each bin.
-    bins : ndarray of bool
-        Bins that enter the mean.
-    profile : Profile
-        Friction over position: the only information if no direction has two strokes.
+    bins, profile : ndarray of bool, Profile
+        Bins of the mean, and friction over position: the only information if no direction has two strokes.
     """
     if len(rows) == 1:
-        only = next(iter(rows))
+        (only,) = rows
         stderr = spreads[only].stderr_n
         return stderr if np.isfinite(stderr) else profile_stderr(rows[only][0][bins])
     stderr = pair_stderr(spreads[1], spreads[-1])
@@ -245,8 +233,7 @@ class SharedTerms:
     position_n : ndarray
         Friction over the part of the stroke that the mean does not cover.
     state_n : ndarray
-        Difference between friction in another state of the campaign and in its mean state. It is not part of the
-        uncertainty of the mean curve, but of a single cycle.
+        Friction in another state of the campaign than the mean one: part of a single cycle, not of the mean curve.
     zero_n : ndarray
         Zero of the force sensor, only for one direction.
     """
@@ -272,10 +259,8 @@ class CycleTerms(SharedTerms):
 
     Attributes
     ----------
-    noise_n : ndarray
-        Noise within the cycle.
-    cycle_n, block_n : ndarray
-        Scatter from cycle to cycle, and of blocks or days.
+    noise_n, cycle_n, block_n : ndarray
+        Noise within the cycle, scatter from cycle to cycle, and of blocks or days.
     offset_n : ndarray
         Half the sum of both directions, only for one direction.
     """
@@ -322,17 +307,12 @@ def stated_shares(
 ) -> dict[str, float | bool | dict[str, float]]:
     """Divide the budget of a cycle into the parts that campaigns separate, by the fields of `CycleData`.
 
-    Many cycles share their sensors. Parts proportional to friction, constant parts, and parts that zero runs remove act
-    on a curve in different ways.
+    Cycles share their sensors: parts proportional to friction, constant ones, and those that zero runs remove differ.
     """
     entries = systematic_budget(recording, up, down)
     # Hysteresis needs a reading that changes with direction: a constant pressure has none.
-    moves = {
-        f"pressure {c}: hysteresis": abs(getattr(up, f"pressure_{c}_pa") - getattr(down, f"pressure_{c}_pa"))
-        * getattr(recording, f"area_{c}_m2")
-        / 2.0
-        for c in ("a", "b")
-    }
+    turns = {c: abs(getattr(up, f"pressure_{c}_pa") - getattr(down, f"pressure_{c}_pa")) for c in "ab"}
+    moves = {f"pressure {c}: hysteresis": turns[c] * getattr(recording, f"area_{c}_m2") / 2.0 for c in "ab"}
     constant = ("hysteresis", "linearity")
     changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith(constant)]
     shared = [e for e in entries if not e.source.endswith("hysteresis")]
@@ -344,14 +324,14 @@ def stated_shares(
         "bore (area)": 1.0,
         **dict.fromkeys(("force: gain", "force: linearity", "force: creep"), 1.0),
     }
-    known = recording.force_calibration is not None
+    named = entries if recording.force_calibration is not None else []
     offsets = {e.source: e.offset_n * readings.get(e.source, 0.0) for e in shared}
     return {
         "u_gain_n": _root(e.friction_n for e in shared if not e.source.endswith(constant)),
         "u_hysteresis_n": _root(changing),
         "u_offset_n": _root(offsets.values()),
         "u_pressures_n": {c: offsets.get(f"pressure {c}: common error", 0.0) for c in ("a", "b")},
-        "u_force_n": {e.source: e.friction_n for e in entries if known and e.source.startswith("force: ")},
+        "u_force_n": {e.source: e.friction_n for e in named if e.source.startswith("force: ")},
         "u_air_n": _root(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
         "assumed": any(e.source == "force: common error" and e.basis == "assumed" for e in entries),
     }

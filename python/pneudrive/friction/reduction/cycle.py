@@ -1,8 +1,8 @@
 """One cycle over bins of position: force balance of each direction, means, sliding, uncertainties.
 
 A cycle is a recording with a plan: one speed, set pressures. A speed level of a recording is a cycle without a plan.
-Samples may be unevenly spaced. Inside a bin they are weighted by their duration, and bins have equal weight. A burst
-around a reversal therefore has only the weight of its travel.
+Samples may be unevenly spaced: bins have equal weight, so a burst around a reversal has only the weight of its travel.
+Means and breakaway of a direction are those of ``strokes.py``, as for a speed level.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
 from pneudrive.friction.reduction.budget import stated_shares
-from pneudrive.friction.reduction.motion import RecordedMotion, mean_speed
-from pneudrive.friction.reduction.pairing import pair
-from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway, find_reversal_peaks
+from pneudrive.friction.reduction.motion import RecordedMotion
+from pneudrive.friction.reduction.pairing import bin_means, pair
+from pneudrive.friction.reduction.reversal import ReversalPeak, find_reversal_peaks
 from pneudrive.friction.reduction.side import Side
 from pneudrive.friction.reduction.stick_slip import ripple_of
-from pneudrive.friction.reduction.strokes import by_direction, stroke_grid, stroke_rows
+from pneudrive.friction.reduction.strokes import by_direction, side_values, stroke_grid, stroke_rows, window_means
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -236,54 +236,34 @@ def check_speed(motion: RecordedMotion) -> None:
 
 
 def _side(motion: RecordedMotion, direction: int, edges_m: Array) -> CycleSide | None:
-    """Combine the strokes of one direction; return None without settled samples."""
+    """Combine the strokes of one direction; return None without settled samples in a whole bin."""
     recording, settled, balance_n = motion.recording, motion.settled, motion.balance_n
     strokes = [s for s in motion.strokes if s.direction == direction and settled[s.samples].sum() >= MINIMUM_SAMPLES]
-    if not strokes:
+    window = (float(edges_m[0]), float(edges_m[-1]))
+    found = [means for s in strokes if (means := window_means(recording, s, settled, window)) is not None]
+    if not found:
         return None
-    of_stroke = [np.flatnonzero(settled[s.samples]) + s.start for s in strokes]
-    index = np.concatenate(of_stroke)
-    stands = np.gradient(motion.time_s)[index]
-    place = np.floor((motion.position_m[index] - edges_m[0]) / (edges_m[1] - edges_m[0])).astype(np.int64)
-    inside = (place >= 0) & (place < edges_m.size - 1)
-    if not inside.any():
-        return None
-    index, stands, place = index[inside], stands[inside], place[inside]
-    bins = edges_m.size - 1
-    weight = np.bincount(place, weights=stands, minlength=bins)
-    covered = _covered(motion.position_m[index], edges_m) & (weight > 0)
+
+    def binned(values: Array) -> Array:
+        return bin_means(motion.position_m, values, edges_m, [s.samples for s in strokes], settled)
+
+    means = binned(balance_n)
+    reached = motion.position_m[np.concatenate([np.flatnonzero(settled[s.samples]) + s.start for s in strokes])]
+    covered = _covered(reached, edges_m) & np.isfinite(means)
     if not covered.any():
         return None  # the settled part is shorter than a bin
     ambient = recording.ambient_pressure_pa
     air = (recording.pressure_a_pa - ambient) * recording.area_a_m2
     air -= (recording.pressure_b_pa - ambient) * recording.area_b_m2
-
-    def binned(values: Array) -> Array:
-        total = np.bincount(place, weights=stands * values[index], minlength=bins)
-        return np.where(covered, total / np.where(weight > 0, weight, 1.0), np.nan)
-
-    def mean(values: Array) -> float:
-        return float(stands @ values[index] / stands.sum())
-
-    speeds = [mean_speed(recording, here, float("nan")) for here in of_stroke]
     slipping, slips = ripple_of(recording, balance_n, strokes)
-    squares = np.bincount(place, weights=stands * balance_n[index] ** 2, minlength=bins)
-    means = binned(balance_n)
-    inside_bins = np.where(covered, squares / np.where(weight > 0, weight, 1.0) - means**2, np.nan)
-    scatter = float(np.sqrt(max(np.nanmean(inside_bins), 0.0)))
+    squares = (binned(balance_n**2) - means**2)[covered]
     return CycleSide(
-        balance_n=means,
-        air_n=binned(air),
-        velocity_m_s=float(np.mean(speeds)),
-        pressure_a_pa=mean(recording.pressure_a_pa),
-        pressure_b_pa=mean(recording.pressure_b_pa),
-        force_n=mean(recording.force_n),
-        samples=index.size,
-        strokes=len(strokes),
+        **side_values(found, _peaks(motion, strokes), strokes),
+        balance_n=np.where(covered, means, np.nan),
+        air_n=np.where(covered, binned(air), np.nan),
         strokes_recorded=sum(s.direction == direction for s in motion.strokes),
-        scatter_n=scatter,
+        scatter_n=float(np.sqrt(max(squares.mean(), 0.0))),
         stick_slip=slipping,
-        **_breakaway(motion, strokes),
         **slips,
     )
 
@@ -295,15 +275,13 @@ def _covered(position_m: Array, edges_m: Array) -> NDArray[np.bool_]:
     return (edges_m[:-1] >= position_m.min() - slack) & (edges_m[1:] <= position_m.max() + slack)
 
 
-def _breakaway(motion: RecordedMotion, strokes: list[Stroke]) -> dict[str, float]:
-    """Return the breakaway after the reversals before these strokes."""
-    peaks: list[ReversalPeak] = []
-    if any(s.index > 0 for s in strokes):  # the first stroke has no reversal before it
-        position = motion.position_m
-        low, high = float(position.min()), float(position.max())
-        window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
-        grid = stroke_grid(position, motion.strokes, window)
-        rows = stroke_rows(position, motion.raw_balance_n, motion.settled, motion.strokes, grid)
-        profile = pair(grid, by_direction(motion.strokes, rows))
-        peaks = find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, profile)
-    return breakaway(peaks, strokes)
+def _peaks(motion: RecordedMotion, strokes: list[Stroke]) -> list[ReversalPeak]:
+    """Return the peaks after the reversals before these strokes."""
+    if not any(s.index > 0 for s in strokes):
+        return []  # the first stroke has no reversal before it
+    low, high = float(motion.position_m.min()), float(motion.position_m.max())
+    window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
+    grid = stroke_grid(motion.position_m, motion.strokes, window)
+    rows = stroke_rows(motion.position_m, motion.raw_balance_n, motion.settled, motion.strokes, grid)
+    profile = pair(grid, by_direction(motion.strokes, rows))
+    return find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, profile)

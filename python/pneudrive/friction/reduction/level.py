@@ -19,12 +19,12 @@ from pneudrive.friction.reduction.budget import (
 from pneudrive.friction.reduction.motion import RecordedMotion, SampleChoice
 from pneudrive.friction.reduction.pairing import Grid, Profile, pair, stroke_means
 from pneudrive.friction.reduction.plausible import doubts_of
-from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway
+from pneudrive.friction.reduction.reversal import ReversalPeak
 from pneudrive.friction.reduction.side import RowValue, Side, row_of
 from pneudrive.friction.reduction.spread import Spread, spread_of
 from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT, StickSlip
 from pneudrive.friction.reduction.stroke_use import StrokeUse
-from pneudrive.friction.reduction.strokes import StrokeFriction, mean_of_strokes, stroke_frictions
+from pneudrive.friction.reduction.strokes import StrokeFriction, side_values, stroke_frictions
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke, middle, straight_line
@@ -250,13 +250,9 @@ def _level(
 def _side(strokes: Sequence[StrokeFriction], recorded: int) -> LevelSide:
     """Combine the used strokes of one direction."""
     means = [s.inside for s in strokes if s.inside]
-    peaks = [s.peak for s in strokes if s.peak]
     return LevelSide(
-        **vars(mean_of_strokes(means)),
-        samples=sum(s.samples for s in means),
-        strokes=len(strokes),
+        **side_values(means, [s.peak for s in strokes if s.peak], [s.stroke for s in strokes]),
         strokes_recorded=recorded,
-        **breakaway(peaks, [s.stroke for s in strokes]),
         pressure_moves_n=float(np.median([s.pressure_moves_n for s in means])),
     )
 

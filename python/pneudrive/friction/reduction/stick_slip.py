@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -199,7 +199,7 @@ def _slips(
 
 def ripple_of(
     recording: Recording, balance_n: NDArray[np.float64], strokes: Sequence[Stroke]
-) -> tuple[bool, dict[str, float]]:
+) -> tuple[bool, dict[str, Any]]:
     """Return the stick-slip in the middle 80 % of the strokes, on evenly spaced samples.
 
     The axis may run evenly while the piston behind a soft force sensor does not. If the stiffness is known, the

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.friction.reduction.budget import CLOCK_S
 from pneudrive.friction.reduction.motion import mean_speed
 from pneudrive.friction.reduction.pairing import Grid, bin_means, grid_over, pair
-from pneudrive.friction.reduction.reversal import ReversalPeak, find_reversal_peaks
+from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway, find_reversal_peaks
 from pneudrive.friction.reduction.side import DirectionMeans
 from pneudrive.friction.reduction.stick_slip import StickSlip, stick_slip_of
 from pneudrive.signals.motion import thinned
@@ -114,7 +114,7 @@ def stroke_frictions(
                 first=grid.first,
                 balance_n=row,
                 mean_n=float(counts.mean()) if ok else float("nan"),
-                inside=_window_means(recording, stroke, motion.settled, window) if ok else None,
+                inside=window_means(recording, stroke, motion.settled, window) if ok else None,
                 peak=peak_of.get(stroke.index),
                 stick_slip=stick_slip_of(stroke, recording.time_s, recording.position_m) if ok else None,
             )
@@ -148,12 +148,15 @@ def by_direction(strokes: Sequence[Stroke], rows: Sequence[Array]) -> dict[int, 
     }
 
 
-def _window_means(
+def window_means(
     recording: Recording, stroke: Stroke, settled: NDArray[np.bool_], window: tuple[float, float]
-) -> StrokeMeans:
+) -> StrokeMeans | None:
+    """Average the settled samples of a stroke between two positions; return None without any."""
     position = recording.position_m[stroke.samples]
     inside = (position >= window[0]) & (position <= window[1]) & settled[stroke.samples]
     index = np.flatnonzero(inside) + stroke.start
+    if not index.size:
+        return None
     pressure_a, pressure_b = recording.pressure_a_pa[index], recording.pressure_b_pa[index]
     return StrokeMeans(
         force_n=float(recording.force_n[index].mean()),
@@ -176,10 +179,17 @@ def _gas_rate(recording: Recording, index: NDArray[np.intp]) -> float:
     return float(np.diff(gas)[0]) / seconds if seconds > 0.0 else 0.0
 
 
-def mean_of_strokes(strokes: Sequence[StrokeMeans]) -> DirectionMeans:
-    """Average the strokes of one direction with equal weight."""
+def side_values(
+    means: Sequence[StrokeMeans], peaks: Sequence[ReversalPeak], strokes: Sequence[Stroke]
+) -> dict[str, Any]:
+    """Return the values of one direction by the fields of `Side`: its strokes have equal weight."""
     names = [one.name for one in fields(DirectionMeans)]
-    return DirectionMeans(**{name: float(np.mean([getattr(s, name) for s in strokes])) for name in names})
+    return {
+        **{name: float(np.mean([getattr(s, name) for s in means])) for name in names},
+        "samples": sum(s.samples for s in means),
+        "strokes": len(strokes),
+        **breakaway(peaks, strokes),
+    }
 
 
 def _usual_range(values: Array) -> float:

@@ -245,8 +245,7 @@ def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_
         ends = [float(channel[max(i - 20, 0) : i + 20].mean()) for i in (begin, at_peak)]
         noise = noise_level(channel, quantisation=False) / np.sqrt(20.0)
         moved += max(abs(ends[1] - ends[0]) - 3.0 * noise, 0.0) * getattr(recording, f"area_{side}_m2")
-    # A force of the air measured in the chambers is corrected. It spoils the result only if it is as large as the
-    # result.
+    # A force of the air measured in the chambers is corrected. It spoils a result that is not larger.
     if moved > (1.0 if in_chamber else SPOILS) * size:
         yield "pressure_transient"
     if stop.inertia_n > SPOILS * size:
