@@ -19,8 +19,9 @@ from pneudrive.report.provenance import reference
 from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.result import SizingResult
-from pneudrive.sizing.search import size, sized
+from pneudrive.sizing.search import size
 from pneudrive.sizing.sized_drive import SAME_AIR
+from pneudrive.sizing.spreads import sized
 from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, points
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune
@@ -190,7 +191,7 @@ def test_a_search_that_was_interrupted_goes_on(tmp_path, found: SizingResult):
 
     def stop(done: float, _total: float, _task: str) -> None:
         seen.append(done)
-        if done >= 4:
+        if done >= 2:
             flag.set()
 
     part = size(TASK, **DRAWS, out=tmp_path / "s", progress=stop, cancel=flag)

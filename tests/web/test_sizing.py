@@ -26,7 +26,7 @@ mass = "2 kg"
 stroke = "100 mm"
 time = "0.38 s"
 return_time = "0.6 s"
-impact_energy = "0.25 J"
+impact_energy = "0.26 J"
 exclude = [
   "parker*", "pneumax*", "smc-c[my]*", "ckd*", "festo-[dm]*", "smc-sy[79]*", "smc-tu0[48]*", "smc-tu1*",
   "festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4", "smc-cd8*", "smc-cp*", "smc-c5*", "smc-mg*",

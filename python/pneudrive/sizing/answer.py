@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe.files.catalogue import entries
@@ -19,30 +19,6 @@ if TYPE_CHECKING:
 #: compressors with 6 to 7.5 kW for a cubic metre in a minute, without leaks of the mains).
 KWH_PER_M3 = (0.10, 0.11, 0.125)
 LITRES_PER_M3 = 1e3
-#: Shares of the gauge pressure that the way back is tried with, and of the length of the tubes.
-RETURN_SHARES, TUBE_SHARE = (0.5, 0.7), 0.5
-
-
-class Saving(NamedTuple):
-    """A change that keeps the task and saves air.
-
-    Attributes
-    ----------
-    change : str
-    share : float
-        Share of the air that it saves; 0 where the change does not keep the task.
-    is_kept : bool
-        Whether the task is met with the change.
-    """
-
-    change: str
-    share: float
-    is_kept: bool
-
-    def __str__(self) -> str:
-        if not self.is_kept:
-            return f"{self.change}: the task is not met"
-        return f"{self.change}: saves {100.0 * self.share:.3g} % of the air"
 
 
 def named(parts: Mapping[str, str]) -> dict[str, str]:
@@ -127,3 +103,25 @@ def yearly(drive: SizedDrive, task: SizingTask) -> list[str]:
         said += f"), {usual} {task.currency} ({low_} … {high_} {task.currency}"
     said += f"). A compressor takes {KWH_PER_M3[0]:.3g} … {KWH_PER_M3[2]:.3g} kWh for a cubic metre (assumed)."
     return [said]
+
+
+def notes(task: SizingTask, most: int | None, interrupted: bool) -> list[str]:
+    """Return remarks on a search.
+
+    Parameters
+    ----------
+    task : SizingTask
+    most : int or None
+        Tuned choices that ended it; None if it came to its end.
+    interrupted : bool
+    """
+    said = []
+    if interrupted:
+        said.append("The search was interrupted: the ranking is that of the results so far.")
+    elif most is not None:
+        said.append(f"The search ended after {most} tuned choices: raise `most` to look at all that may rank.")
+    if task.end_speed_m_s is None and task.impact_energy_j is None:
+        said.append("The task limits neither speed nor energy at the ends: look at them before ordering.")
+    if task.cycles is not None:
+        said.append("Life is held against B10 where a part of the catalogue states it; most sheets do not.")
+    return said

@@ -17,12 +17,13 @@ from pneudrive.sizing.choices import NO_FLOW_CONTROL, DriveChoice, PartChoice
 from pneudrive.sizing.judge import PROBABILITY
 from pneudrive.sizing.sized_drive import Provisional, rank_of
 from pneudrive.sizing.strokes import DriveStrokes, Setting, StrokeRuns
-from pneudrive.sizing.tune import HOPELESS, NEVER, Tuned, cases
+from pneudrive.sizing.tune import NEVER, Tuned, cases, is_worth_more
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pneudrive.sizing.sized_drive import SizedDrive
+    from pneudrive.sizing.spreads import Hardest, Spread
     from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask
 
@@ -30,13 +31,16 @@ if TYPE_CHECKING:
 LEAST_AIR = 0.7
 #: Reserve of the air that a stage knows, and of its margin (assumed; the study of random tasks holds them to it): after
 #: the probe, the nominal grid, the tuning. That of simulated spreads falls with the root of the number of draws.
-AIR_SLACK = {"probed": 0.04, "nominal": 0.02, "tuned": 0.015}
-MARGIN_SLACK = {"nominal": 0.2, "tuned": 0.05}
-SPREAD_SLACK, SPREAD_AIR = 0.4, 0.1
+AIR_SLACK = {"probed": 0.04, "rough": 0.02, "tuned": 0.015}
+MARGIN_SLACK = {"rough": 0.05, "tuned": 0.03}
+SPREAD_SLACK, SPREAD_AIR, HARDEST_AIR = 0.4, 0.1, 0.002
+#: Margin by which a narrower valve or flow control may be better than the widest one (assumed, as above): the needle is
+#: set.
+VALVE_SLACK = 0.04
 #: Standard deviations by which the failures of a part of the draws may pass what is allowed.
 DOUBT = 3.0
-#: Margin that counts fully in the order of choices that were not run yet.
-ENOUGH = 0.3
+#: Margin that counts fully in the order of choices that were not run yet, and what the spreads take of a nominal one.
+ENOUGH, RESERVE = 0.3, 0.1
 
 
 @dataclass
@@ -116,14 +120,18 @@ class TubedCylinder:
         """Return its choices."""
         wide = self._flow(max(map(_exhaust, self.valves)), math.inf)
         limits = task.outward_s, task.back_s
-        made = []
-        for valve in self.valves:
-            for control in self.flow_controls:
+        made, widest = [], None
+        for control in sorted(self.flow_controls, key=lambda one: -one.numbers.get("needle_conductance", 0.0)):
+            first = None
+            for valve in sorted(self.valves, key=lambda one: (-_exhaust(one), -one.numbers["conductance"], one.name)):
                 choice = DriveChoice(self.cylinder, valve, self.tube, control)
                 needle = control.numbers["needle_conductance"] if choice.is_throttled else math.inf
                 slower = wide / self._flow(_exhaust(valve), needle)
                 margins = [1.0 - slower * time / limit for time, limit in zip(self.times, limits, strict=True)]
-                made.append(SizingCandidate(DriveStrokes(choice, task, threads), self, min(margins)))
+                lead = first or widest if choice.is_throttled else None
+                made.append(SizingCandidate(DriveStrokes(choice, task, threads), self, min(margins), lead))
+                first = first or made[-1]
+            widest = widest or first
         return made
 
     def nearest(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
@@ -134,7 +142,7 @@ class TubedCylinder:
             return []
         widest = max(self.candidates(task, threads), key=lambda one: (one.choice.swiftness[1:], one.choice.name))
         margin = 1.0 - time / limit if np.isfinite(time) else NEVER
-        widest.nominal, widest.lost = Tuned(Setting(), margin, (f"time {way}", limit, time)), self.late
+        widest.rough, widest.lost = Tuned(Setting(), margin, (f"time {way}", limit, time), margin), self.late
         return [widest]
 
     def _flow(self, valve: float, needle: float) -> float:
@@ -156,9 +164,16 @@ class SizingCandidate:
     pair : TubedCylinder
     guess : float
         Margin of time by the conductances in series.
-    nominal, tuned : Tuned or None
+    lead : SizingCandidate or None
+        The same with the widest valve and flow control: behind a needle, valve and flow control decide little.
+    rough, tuned : Tuned or None
+        Rough settings, and refined ones.
     drives : dict
         Draws -> what they gave.
+    spread : Spread or None
+        Draws that were simulated last in this process.
+    hardest : Hardest or None
+        Results of its hardest draws.
     lost : str
         Why it does not do the task; empty while it may.
     """
@@ -166,9 +181,12 @@ class SizingCandidate:
     strokes: DriveStrokes
     pair: TubedCylinder
     guess: float
-    nominal: Tuned | None = None
+    lead: SizingCandidate | None = None
+    rough: Tuned | None = None
     tuned: Tuned | None = None
     drives: dict[int, SizedDrive] = field(default_factory=dict)
+    spread: Spread | None = None
+    hardest: Hardest | None = None
     lost: str = ""
 
     @property
@@ -183,50 +201,78 @@ class SizingCandidate:
 
     def provisional(self) -> Provisional:
         """Return the results of nominal runs."""
-        known = self.tuned or self.nominal
+        known = self.tuned or self.rough
         assert known is not None
-        is_tuned = self.tuned is not None
-        margin = known.least if is_tuned else known.nominal
-        return Provisional(self.choice.parts, known.air, known.times, margin, is_tuned)
+        return Provisional(self.choice.parts, known.air, known.times, known.least, self.tuned is not None)
 
     def bound(self, final: int) -> Rank:
         """Return the best key of the ranking that it may still have, after `final` draws."""
         if (drive := self.drive) is not None:
-            part = drive.draws**-0.5 - final**-0.5
-            air, margin = drive.air * (1.0 - SPREAD_AIR * part), drive.margin + SPREAD_SLACK * part
+            slack = SPREAD_AIR * (drive.draws**-0.5 - final**-0.5)
+            air = drive.air * (1.0 - slack) if self.hardest is None else self.hardest.air * (1.0 - HARDEST_AIR)
         elif self.tuned is not None:
             air = self.tuned.air * (1.0 - AIR_SLACK["tuned"])
-            margin = self.tuned.least + MARGIN_SLACK["tuned"]
-        elif self.nominal is not None:
-            air = self.nominal.air * (1.0 - AIR_SLACK["nominal"])
-            margin = self.nominal.nominal + MARGIN_SLACK["nominal"]
+        elif self.rough is not None:
+            air = self.rough.air * (1.0 - AIR_SLACK["rough"])
         else:
-            air, margin = self.pair.least_air, 1.0
-        return rank_of(air, margin, self.choice.sizes, self.choice.name)
+            air = self.pair.least_air
+        return rank_of(air, self.reach(final), self.choice.sizes, self.choice.name)
 
-    def promise(self, is_soft: bool) -> tuple[bool, Rank]:
+    def reach(self, final: int) -> float:
+        """Return the largest margin that it may have after `final` draws."""
+        if (drive := self.drive) is not None:
+            margin = drive.margin + SPREAD_SLACK * (drive.draws**-0.5 - final**-0.5)
+            return margin if self.hardest is None else self.hardest.margin
+        if self.tuned is not None:
+            return self.tuned.least + MARGIN_SLACK["tuned"]
+        if self.rough is not None:
+            return self.rough.least + MARGIN_SLACK["rough"]
+        return 1.0 if self.lead is None else self.lead.reach(final) + VALVE_SLACK
+
+    @property
+    def waits_for_lead(self) -> bool:
+        """Whether the lead is to be run first."""
+        return self.known is None and self.lead is not None and not self.lead.lost and self.lead.known is None
+
+    def look_at_reach(self, final: int) -> None:
+        """Leave it out where its own runs, or those with the widest valve, show that it cannot do the task."""
+        if self.reach(final) < 0.0:
+            of = "" if self.rough or self.tuned or self.lead is None else f" with {self.lead.choice.valve.name}"
+            self.lost = f"spreads: margin of {100.0 * self.reach(final):.0f} % at most{of}"
+
+    @property
+    def known(self) -> float | None:
+        """Margin that is expected over the spreads, by what was run; None where nothing was."""
+        if self.drive is not None:
+            return self.drive.margin if self.hardest is None else self.hardest.margin
+        found = self.tuned or self.rough
+        return None if found is None else min(found.least, found.nominal)
+
+    def promise(self, is_soft: bool, of_cylinder: Mapping[str, float]) -> tuple[bool, Rank]:
         """Return the key of the order in which choices are looked at: without slack.
 
         Parameters
         ----------
         is_soft : bool
             Whether the task limits speed or energy at the ends.
+        of_cylinder : dict
+            Cylinder -> best margin of what was run with it.
         """
-        if (drive := self.drive) is not None:
-            return not drive.is_feasible, drive.rank
-        known = self.tuned or self.nominal
-        if known is not None:
-            margin = known.nominal - ENOUGH / 2.0 if self.tuned is None else known.least
-            air = known.air
-        else:
-            margin, air = min(self.guess, ENOUGH), self.pair.air or self.pair.fill
-            margin -= is_soft and not self.choice.is_throttled
+        one = self.hardest or self.drive or self.tuned or self.rough
+        air = (one.air if one else 0.0) or self.pair.air or self.pair.fill
+        margin = self.known
+        if margin is None:
+            of_lead = ENOUGH if self.lead is None or self.lead.known is None else self.lead.known
+            margin = min(
+                self.guess, of_lead, of_cylinder.get(self.choice.cylinder.name, ENOUGH) + MARGIN_SLACK["tuned"]
+            )
+            margin -= RESERVE + (is_soft and not self.choice.is_throttled)
         return margin < 0.0, rank_of(air, margin, self.choice.sizes, self.choice.name)
 
-    def take_nominal(self, found: Tuned) -> None:
-        """Take the nominal runs on the coarse grid."""
-        self.nominal = found
-        if found.nominal < HOPELESS:
+    def take_rough(self, found: Tuned) -> None:
+        """Take rough settings."""
+        self.rough = found
+        if not is_worth_more(found):
             self._is_short(found)
 
     def take_tuned(self, found: Tuned) -> None:
@@ -237,7 +283,16 @@ class SizingCandidate:
 
     def _is_short(self, found: Tuned) -> None:
         name, limit, value = found.short
-        self.lost = f"{name}: {value:.3g} in the nominal case, limit {limit:.3g} (SI)"
+        if found.nominal < 0.0:
+            self.lost = f"{name}: {value:.3g} in the nominal case, limit {limit:.3g} (SI)"
+        else:
+            self.lost = f"spreads: margin of {100.0 * found.least:.0f} % in the worst case"
+
+    def take_hardest(self, found: Hardest, final: int) -> None:
+        """Take the results of its hardest draws."""
+        self.hardest = found
+        if found.failed > (1.0 - PROBABILITY) * final:
+            self.lost = f"spreads: {found.failed} of {final} draws miss a limit"
 
     def take_drive(self, found: SizedDrive, final: int) -> None:
         """Take simulated spreads; more failures than the final draws may have, or than is likely then, end it."""

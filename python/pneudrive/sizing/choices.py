@@ -6,7 +6,7 @@ A value that a sheet does not give is assumed by a rule of this module. It is ca
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +70,8 @@ class PartChoice:
         Keys of assumed values.
     printed : dict
         Further figures of the sheet.
+    alike : tuple of str
+        Names of parts of the catalogue that no run tells from this one.
     """
 
     name: str
@@ -78,6 +80,7 @@ class PartChoice:
     form: tuple[str, ...] = ()
     assumed: frozenset[str] = frozenset()
     printed: Mapping[str, Any] = field(default_factory=dict)
+    alike: tuple[str, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -193,6 +196,20 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
 def is_servo(entry: Entry) -> bool:
     """Return whether a part is a proportional valve; a closed-centre valve may be described as one that switches."""
     return entry.kind == PROPORTIONAL and all(one.key != SWITCHES for one in entry.printed)
+
+
+def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
+    """Return one part of each group that differs in names alone, with the names of the others.
+
+    Parameters
+    ----------
+    parts : sequence of PartChoice
+        Those that the limits of their sheets leave.
+    """
+    groups: dict[tuple[Any, ...], list[PartChoice]] = {}
+    for one in parts:
+        groups.setdefault((one.form, tuple(sorted(one.numbers.items())), one.assumed), []).append(one)
+    return [replace(first, alike=tuple(one.name for one in rest)) for first, *rest in groups.values()]
 
 
 def combined(found: Mapping[str, Sequence[PartChoice]]) -> list[DriveChoice]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 PROBABILITY = 0.99
 #: Confidence of the bound of Clopper and Pearson, one-sided.
 CONFIDENCE = 0.95
+#: Of a number of draws.
+ROUNDING = 1e-9
 #: Margin of a draw that does not arrive.
 NEVER = -1.0
 
@@ -98,6 +101,11 @@ def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
 def worst(values: Array) -> float:
     """Return the value that at most 1 % of the draws pass."""
     return float(np.quantile(values, PROBABILITY, method="higher"))
+
+
+def passed(draws: int) -> int:
+    """Return how many of the draws may pass the worst value."""
+    return math.floor((1.0 - PROBABILITY) * (draws - 1) + ROUNDING)
 
 
 def interval(values: Array) -> tuple[float, float]:

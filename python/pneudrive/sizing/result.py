@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.sizing.answer import Saving
     from pneudrive.sizing.candidate import Dropped
     from pneudrive.sizing.checks import MachineCheck
+    from pneudrive.sizing.savings import Saving
     from pneudrive.sizing.shortage import Shortage
     from pneudrive.sizing.task import SizingTask
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,25 +18,28 @@ import numpy as np
 
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Watch
-from pneudrive.sizing.answer import RETURN_SHARES, TUBE_SHARE, Saving
+from pneudrive.sizing.answer import notes
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
 from pneudrive.sizing.checks import machine_checks
-from pneudrive.sizing.choices import SLOTS, choices
 from pneudrive.sizing.folder import SizingFolder
-from pneudrive.sizing.prune import SafeBounds, air_estimate_kg, nearest_possible
-from pneudrive.sizing.result import WRITTEN, SizingResult, nearest_miss, sentences
+from pneudrive.sizing.prune import nearest_possible
+from pneudrive.sizing.pruning import Pruning
+from pneudrive.sizing.result import SizingResult, nearest_miss, sentences
+from pneudrive.sizing.savings import savings
 from pneudrive.sizing.sized_drive import rank_of
-from pneudrive.sizing.spreads import sized
-from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, points, run_all
+from pneudrive.sizing.spreads import hardest, simulated
+from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all
 from pneudrive.sizing.task import SizingTask
-from pneudrive.sizing.tune import tune, tune_all
+from pneudrive.sizing.tune import tune_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from pneudrive.progress import Flag
     from pneudrive.sizing.choices import PartChoice
-    from pneudrive.sizing.shortage import Shortage
+    from pneudrive.sizing.savings import Saving
     from pneudrive.sizing.sized_drive import Provisional, SizedDrive
 
 #: Draws of each leader, and of those that may be the best.
@@ -50,11 +54,17 @@ LEAST = 10
 MOST = 160
 #: Choices that advance together, and pairs that are probed together.
 TOGETHER, PROBED = 16, 48
-#: The provisional ranking looks at so many cylinders, so many pairs of each, and so many flow controls of each pair,
-#: each with its most promising valve; then it tunes so many choices.
-CYLINDERS, PAIRS, CONTROLS, FIRST_TUNED = 8, 2, 3, 6
-#: Choices of one cylinder, other than the best one, that are tried for its place in the ranking.
-TRIED = 4
+#: The provisional ranking looks at cylinders by their air, so many together, until so many promise to do the task: with
+#: so many tubes of each, at so many choices with each tube. The best one of a cylinder is tuned.
+BATCH, PROMISING, ROUNDS, CHOICES = 6, 6, 2, 2
+#: Margin of the worst case from which on a choice promises to do the task over the spreads (assumed).
+PROMISES = -0.03
+#: The same of rough settings.
+HOPED = -0.08
+#: A choice is held against its hardest draws before all of them where these are so many times the first ones.
+WORTH = 8
+#: Cylinders that are ranked, where so many do the task, and choices of one, other than the best one, that are tried.
+LISTED, TRIED = 4, 2
 
 
 def is_of_command(asked: Mapping[str, int]) -> bool:
@@ -180,21 +190,24 @@ class Search:
         first = draws[0] // FIRST_OF
         self.draws = [one for one in (first, *draws) if one >= FIRST_LEAST or one != first]
         self.final = draws[1]
-        self.points = points(max(draws))
         self.is_soft = task.end_speed_m_s is not None or task.impact_energy_j is not None
-        self.pairs: list[TubedCylinder] = []
-        self.unseen: list[TubedCylinder] = []
+        self.pruning = Pruning(task)
+        self.unseen = list(self.pruning.pairs)
         self.candidates: list[SizingCandidate] = []
-        self.dropped: list[Dropped] = []
-        self.shortages: list[tuple[dict[str, str], Shortage]] = []
-        self.tuned = self.enumerated = 0
+        self.of_cylinder: dict[str, float] = {}
+        self.dropped = self.pruning.dropped
+        self.tuned = 0
         self.provisional: tuple[Provisional, ...] = ()
         self.savings: list[Saving] = []
 
+    @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """Draws of all choices."""
+        return points(max(self.draws))
+
     def result(self, tell: Callable[[SizingResult], None] | None) -> SizingResult:
         """Run the search."""
-        self._prune()
-        left = sum(pair.count for pair in self.pairs)
+        left = sum(pair.count for pair in self.unseen)
         interrupted, complete = False, False
         try:
             self._first_ranking()
@@ -233,15 +246,17 @@ class Search:
         counts: dict[str, int] = {}
         for one in self.dropped:
             counts[one.limit] = counts.get(one.limit, 0) + one.choices
-        short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.nominal) and one.lost]
+        short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.rough) and one.lost]
         miss = None
-        if not ranked and (self.shortages or short or simulated) and (complete or not self.provisional):
-            miss = nearest_miss(self.task, simulated, short, self.shortages)
+        if not ranked and (self.pruning.shortages or short or simulated) and (complete or not self.provisional):
+            miss = nearest_miss(self.task, simulated, short, self.pruning.shortages)
             if not left:
-                miss = replace(miss, possible=tuple(nearest_possible(self.task, self.found, self.bounds)))
+                miss = replace(
+                    miss, possible=tuple(nearest_possible(self.task, self.pruning.found, self.pruning.bounds))
+                )
         lost = [Dropped(one.choice.parts, 1, *one.lost.partition(": ")[::2]) for one in self.candidates if one.lost]
         return SizingResult(
-            *(self.task, self.enumerated, left, counts, self.tuned, tuple(simulated), tuple(ranked)),
+            *(self.task, self.pruning.enumerated, left, counts, self.tuned, tuple(simulated), tuple(ranked)),
             miss=miss,
             complete=complete,
             provisional=self.provisional,
@@ -249,58 +264,12 @@ class Search:
             savings=tuple(self.savings),
             checks=tuple(machine_checks(ranked[0], self._cylinder(ranked[0]), self.task)) if ranked else (),
             interrupted=interrupted,
-            notes=tuple(self._notes(complete, interrupted)),
+            notes=tuple(notes(self.task, None if complete else self.most, interrupted)),
             asked={"least": self.least, "most": self.most, "draws": self.draws[-2], "draws_best": self.final},
         )
 
     def _cylinder(self, drive: SizedDrive) -> PartChoice:
-        return next(one for one in self.found["cylinder"] if one.name == drive.parts["cylinder"])
-
-    def _prune(self) -> None:
-        """Remove parts that cannot do the task with any settings, each with its reason."""
-        self.found = found = choices(self.task)
-        self.bounds = bounds = SafeBounds(self.task, found["tube"])
-        self.enumerated = int(np.prod([len(found[slot]) for slot in SLOTS]))
-        kept: dict[str, list[PartChoice]] = {}
-        for slot in SLOTS:
-            lacks = {one.name: bounds.cylinder(one) if slot == "cylinder" else bounds.part(one) for one in found[slot]}
-            kept[slot] = [one for one in found[slot] if lacks[one.name] is None]
-            for name, shortage in lacks.items():
-                if shortage is not None:
-                    others = [len(found[other]) for other in SLOTS if other != slot]
-                    self._drop({slot: name}, int(np.prod(others)), shortage)
-        for cylinder in kept["cylinder"]:
-            for tube in kept["tube"]:
-                self._pair(cylinder, tube, kept["valve"], kept["flow_control"], bounds)
-        self.pairs.sort(key=lambda one: (one.fill, one.cylinder.name, one.tube.name))
-        self.unseen = list(self.pairs)
-
-    def _drop(self, parts: dict[str, str], count: int, shortage: Shortage) -> None:
-        every = {slot: parts.get(slot, "*") for slot in SLOTS}
-        self.dropped.append(Dropped(every, count, shortage.limit, shortage.said))
-        self.shortages.append((every, shortage))
-
-    def _pair(
-        self,
-        cylinder: PartChoice,
-        tube: PartChoice,
-        valves: Sequence[PartChoice],
-        controls: Sequence[PartChoice],
-        bounds: SafeBounds,
-    ) -> None:
-        """Leave out valves and flow controls through which the gas cannot leave in time."""
-        names = {"cylinder": cylinder.name, "tube": tube.name}
-        slow = {one.name: bounds.flow(cylinder, tube, valve=one) for one in valves}
-        slow |= {one.name: bounds.flow(cylinder, tube, control=one) for one in controls}
-        wide = [one for one in valves if slow[one.name] is None]
-        open_ = [one for one in controls if slow[one.name] is None]
-        for slot, every, others in (("valve", valves, len(controls)), ("flow_control", controls, len(wide))):
-            for one in every:
-                if others and (shortage := slow[one.name]) is not None:
-                    self._drop(names | {slot: one.name}, others, shortage)
-        if wide and open_:
-            fill = air_estimate_kg(cylinder, tube, self.task)
-            self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name]))
+        return next(one for one in self.pruning.found["cylinder"] if one.name == drive.parts["cylinder"])
 
     def _probe(self, pairs: Sequence[TubedCylinder]) -> None:
         """Probe pairs; those that can do the task bring their choices."""
@@ -319,27 +288,43 @@ class Search:
 
     def _first_ranking(self) -> None:
         """Rank cylinders by nominal runs."""
-        alive: dict[str, list[TubedCylinder]] = {}
-        while self.unseen and len(alive) < CYLINDERS:
-            pairs = self.unseen[:PROBED]
-            self._probe(pairs)
-            for pair in pairs:
-                if not pair.late:
-                    alive.setdefault(pair.cylinder.name, []).append(pair)
-        first: list[SizingCandidate] = []
-        for pairs in list(alive.values())[:CYLINDERS]:
-            for pair in sorted(pairs, key=lambda one: one.air or 0.0)[:PAIRS]:
-                own = sorted((one for one in self.candidates if one.pair is pair), key=self._promise)
-                by_control = {one.choice.flow_control.name: one for one in reversed(own)}
-                first += sorted(by_control.values(), key=self._promise)[:CONTROLS]
-        self._advance_nominal(first)
-        alike = sorted((one for one in first if not one.lost), key=self._promise)
-        self._advance_tuned(alike[:FIRST_TUNED])
-        known = sorted((one for one in first if not one.lost), key=self._promise)
-        self.provisional = tuple(one.provisional() for one in known)
+        waiting: dict[str, list[TubedCylinder]] = {}
+        for pair in self.unseen:
+            waiting.setdefault(pair.cylinder.name, []).append(pair)
+        best: dict[str, SizingCandidate] = {}
+        while waiting and sum((one.known or 0.0) >= PROMISES for one in best.values()) < PROMISING:
+            self.watch.look()
+            names = list(waiting)[:BATCH]
+            self._probe([pair for name in names for pair in waiting.pop(name)])
+            own = {name: [one for one in self.candidates if one.choice.cylinder.name == name] for name in names}
+            for _ in range(ROUNDS):
+                self._advance_rough([one for every in own.values() for one in self._next_of(every)])
+            run = {name: [one for one in every if one.rough and not one.lost] for name, every in own.items()}
+            firsts = [one for every in run.values() for one in sorted(every, key=self._promise)[:1]]
+            self._advance_tuned([one for one in firsts if one.rough and one.rough.least > HOPED])
+            for name, every in run.items():
+                if left := [one for one in every if not one.lost]:
+                    best[name] = min(left, key=self._promise)
+        self.provisional = tuple(one.provisional() for one in sorted(best.values(), key=self._promise))
+
+    def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
+        """Return the most promising choices of a cylinder with a tube that it was not run with yet."""
+        run = {one.choice.tube.name for one in every if one.rough}
+        left = [one for one in every if not one.lost and one.choice.tube.name not in run]
+        if not left:
+            return []
+        tube = min(left, key=self._promise).choice.tube.name
+        return sorted((one for one in left if one.choice.tube.name == tube), key=self._promise)[:CHOICES]
 
     def _promise(self, one: SizingCandidate) -> tuple[Any, ...]:
-        return one.promise(self.is_soft)
+        return one.promise(self.is_soft, self.of_cylinder)
+
+    def _learn(self, every: Iterable[SizingCandidate]) -> None:
+        """Keep the best margin of each cylinder."""
+        for one in every:
+            if (known := one.known) is not None:
+                name = one.choice.cylinder.name
+                self.of_cylinder[name] = max(known, self.of_cylinder.get(name, known))
 
     def _best(self) -> SizedDrive | None:
         final = [
@@ -353,7 +338,10 @@ class Search:
         """Return the pairs and candidates that may still rank before the best."""
         best = self._best()
         pairs = [one for one in self.unseen if best is None or rank_of(one.least_air, 1.0) <= best.rank[:2]]
-        every = [one for one in self.candidates if not one.lost and self._is_open(one)]
+        for one in self.candidates:
+            if not one.lost:
+                one.look_at_reach(self.final)
+        every = [one for one in self.candidates if not one.lost and self._is_open(one) and not one.waits_for_lead]
         return pairs, [one for one in every if best is None or one.bound(self.final) < best.rank]
 
     def _is_open(self, one: SizingCandidate) -> bool:
@@ -378,28 +366,11 @@ class Search:
 
     def _save_air(self) -> None:
         """Try a lower pressure for the way back and shorter tubes on the best."""
-        best = self._best()
-        if best is None:
-            return
-        one = next(one for one in self.candidates if one.choice.name == best.name)
-        task, half = self.task, self.task.tube_length_m * TUBE_SHARE
-        shorter = task.model_copy(update={"tube_length_m": half})
-        tube = next(part for part in choices(shorter)["tube"] if part.name == one.choice.tube.name)
-        tried = [
-            (
-                f"{100.0 * share:.0f} % of the supply's gauge pressure for the way back",
-                replace(one.strokes, return_share=share),
-            )
-            for share in RETURN_SHARES
-        ]
-        short = DriveStrokes(replace(one.choice, tube=tube), shorter, self.threads)
-        tried.append((f"tubes of {half:.3g} m in place of {task.tube_length_m:.3g} m", short))
-        for change, strokes in tried:
-            self.watch.look()
-            tuned = tune(strokes)
-            made = None if tuned.nominal < 0.0 else sized(strokes, tuned.setting, self.points[: self.draws[-2]])
-            is_kept = made is not None and made.is_feasible
-            self.savings.append(Saving(change, 1.0 - made.air / best.air if is_kept and made else 0.0, is_kept))
+        if (best := self._best()) is not None:
+            one = next(one for one in self.candidates if one.choice.name == best.name)
+            for saving in savings(one.strokes, best, self.points[: self.draws[-2]]):
+                self.savings.append(saving)
+                self.watch.look()
 
     def _said(self, best: SizedDrive | None, left: int) -> str:
         found = "no final best yet" if best is None else f"best so far {best.parts['cylinder']}"
@@ -421,7 +392,11 @@ class Search:
             for one in waiting
             if one.choice.cylinder.name not in met and tried.get(one.choice.cylinder.name, 0) < TRIED
         ]
-        chosen = others if len(met) < WRITTEN else []
+        if not others and len(met) < LISTED and self.unseen:
+            name = self.unseen[0].cylinder.name
+            self._probe([pair for pair in self.unseen if pair.cylinder.name == name])
+            return True
+        chosen = others if len(met) < LISTED else []
         if not chosen and sum(tried.values()) < self.least:
             chosen = waiting
         if self.tuned >= self.most:
@@ -430,36 +405,56 @@ class Search:
             return False
         seen: set[str] = set()
         batch = [one for one in chosen if not (one.choice.cylinder.name in seen or seen.add(one.choice.cylinder.name))]
-        self._advance(batch[:TOGETHER] if chosen is others else chosen[:1])
+        self._advance(batch[:TOGETHER] if chosen is others else chosen[:1], is_leading=False)
         return True
 
     def _waits(self, one: SizingCandidate) -> bool:
         return one.drive is None or one.drive.draws < self.draws[-2]
 
-    def _advance(self, every: Iterable[SizingCandidate]) -> None:
-        """Bring each choice to its next stage."""
+    def _look_at_hardest(self, one: SizingCandidate) -> None:
+        assert one.tuned is not None
+        assert one.drive is not None
+        if one.spread is None:  # the folder keeps the drive alone
+            one.spread = simulated(one.strokes, one.tuned.setting, self.points[: one.drive.draws])
+        one.take_hardest(hardest(one.strokes, one.tuned.setting, one.spread, self.points[: self.final]), self.final)
+
+    def _advance(self, every: Sequence[SizingCandidate], is_leading: bool = True) -> None:
+        """Bring each choice to its next stage.
+
+        Parameters
+        ----------
+        every : sequence of SizingCandidate
+        is_leading : bool
+            Whether they may be the best: then they go on to their hardest draws, and to all draws.
+        """
         stages: list[list[SizingCandidate]] = [[], [], []]
         for one in every:
-            stages[0 if one.nominal is None and one.tuned is None else 1 if one.tuned is None else 2].append(one)
-        self._advance_nominal(stages[0])
+            stages[0 if one.rough is None and one.tuned is None else 1 if one.tuned is None else 2].append(one)
+        self._advance_rough(stages[0])
         self._advance_tuned(stages[1])
         for one in stages[2]:
             self.watch.look()
             done = 0 if one.drive is None else one.drive.draws
-            self._simulate(one, next(draws for draws in self.draws if draws > done))
+            if is_leading and done and one.hardest is None and self.final >= WORTH * done:
+                self._look_at_hardest(one)
+            else:
+                self._simulate(one, self.final if is_leading and done else next(n for n in self.draws if n > done))
+        self._learn(every)
 
-    def _advance_nominal(self, every: Sequence[SizingCandidate]) -> None:
-        every = [one for one in every if not self._resume(one)]
-        for one, found in zip(every, tune_all([one.strokes for one in every], is_quick=True), strict=True):
-            one.take_nominal(found)
+    def _advance_rough(self, every: Sequence[SizingCandidate]) -> None:
+        for one, found in zip(every, tune_all([one.strokes for one in every]), strict=True):
+            one.take_rough(found)
+        self._learn(every)
 
     def _advance_tuned(self, every: Sequence[SizingCandidate]) -> None:
         every = [one for one in every if not self._resume(one)][: max(self.most - self.tuned, 0)]
         self.tuned += len(every)
-        for one, found in zip(every, tune_all([one.strokes for one in every]), strict=True):
+        rough = [one.rough for one in every if one.rough]
+        for one, found in zip(every, tune_all([one.strokes for one in every], rough), strict=True):
             one.take_tuned(found)
             if self.folder is not None:
                 self.folder.keep_tuned(one.choice.name, found)
+        self._learn(every)
 
     def _resume(self, one: SizingCandidate) -> bool:
         """Take the tuned settings that the folder has of a choice."""
@@ -475,21 +470,9 @@ class Search:
         kept = None if self.folder is None else self.folder.kept(one.choice.name, draws)
         if kept is None:
             assert one.tuned is not None
-            kept = sized(one.strokes, one.tuned.setting, self.points[:draws], RTOL if draws == self.final else COARSE)
+            rtol = RTOL if draws == self.final else COARSE
+            one.spread = simulated(one.strokes, one.tuned.setting, self.points[:draws], rtol)
+            kept = one.spread.drive
             if self.folder is not None:
                 self.folder.keep(kept)
         one.take_drive(kept, self.final)
-
-    def _notes(self, complete: bool, interrupted: bool) -> list[str]:
-        notes = []
-        if interrupted:
-            notes.append("The search was interrupted: the ranking is that of the results so far.")
-        elif not complete:
-            notes.append(
-                f"The search ended after {self.most} tuned choices: raise `most` to look at all that may rank."
-            )
-        if not self.is_soft:
-            notes.append("The task limits neither speed nor energy at the ends: look at them before ordering.")
-        if self.task.cycles is not None:
-            notes.append("Life is held against B10 where a part of the catalogue states it; most sheets do not.")
-        return notes

@@ -2,24 +2,51 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pneudrive.sizing import judge
 from pneudrive.sizing.sized_drive import SizedDrive
-from pneudrive.sizing.strokes import COARSE, DriveStrokes, Setting
+from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, Setting
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.sizing.judge import LimitMargin
+    from pneudrive.sizing.strokes import StrokeResults
+
     Array = NDArray[np.float64]
+
+#: Draws that are simulated for a limit beside those that may fail, and the estimated margin, over the least one, up to
+#: which a limit may decide.
+HARD, NEAR = 16, 0.15
+
+
+class Spread(NamedTuple):
+    """Results of draws: of all together, and the margins of each limit and the air of each draw, kg."""
+
+    drive: SizedDrive
+    limits: list[LimitMargin]
+    air: Array
+
+
+class Hardest(NamedTuple):
+    """Bounds of a choice over all draws: largest margin, least number of failing draws, and estimated air, kg."""
+
+    margin: float
+    failed: int
+    air: float
 
 
 def sized(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> SizedDrive:
     """Simulate a choice with its settings over draws and compare it with its task."""
-    rows = np.tile(np.array(setting), (len(draws), 1))
-    out, back = (strokes.run(outward, draws, rows, rtol) for outward in (True, False))
+    return simulated(strokes, setting, draws, rtol).drive
+
+
+def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> Spread:
+    """Simulate a choice with its settings over draws and keep the results of each draw."""
+    out, back = _both(strokes, setting, draws, rtol)
     task, choice = strokes.task, strokes.choice
     found = judge.limits(task, choice, out, back)
     met = int(judge.is_met(found).sum())
@@ -39,7 +66,7 @@ def sized(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = C
         "load_ratio_back": strokes.load_ratio(False, draws),
     }
     intervals = {name: judge.interval(values) for name, values in figures.items()}
-    return SizedDrive(
+    drive = SizedDrive(
         parts=choice.parts,
         setting=setting._asdict(),
         draws=len(draws),
@@ -54,3 +81,37 @@ def sized(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = C
         sizes=choice.sizes,
         intervals=intervals,
     )
+    return Spread(drive, found, air)
+
+
+def hardest(strokes: DriveStrokes, setting: Setting, known: Spread, draws: Array) -> Hardest:
+    """Return what a choice can do at most over draws, from a few of them.
+
+    The first draws give a linear estimate of all margins. The draws with the lowest estimates are simulated. The result
+    is a bound however good the estimate: draws that were left out can only lower the margin. The mean air is estimated.
+
+    Parameters
+    ----------
+    strokes : DriveStrokes
+    setting : Setting
+    known : Spread
+        Of the first draws.
+    draws : ndarray, shape (n, len(DRAWN))
+        All draws.
+    """
+    allowed, first = judge.passed(len(draws)), len(known.air)
+    design = np.column_stack([np.ones(len(draws)), draws])
+    columns = np.column_stack([*(one.margins for one in known.limits), known.air])
+    *estimates, air = (design @ np.linalg.lstsq(design[:first], columns, rcond=None)[0]).T
+    lows = [float(np.partition(one, allowed)[allowed]) for one in estimates]
+    near = [one for one, low in zip(estimates, lows, strict=True) if low < min(lows) + NEAR]
+    places = np.unique(np.concatenate([one.argsort()[: HARD + allowed] for one in near]))
+    found = judge.limits(strokes.task, strokes.choice, *_both(strokes, setting, draws[places], RTOL))
+    margin = min(float(np.sort(one.margins)[allowed]) for one in found)
+    return Hardest(margin, int((~judge.is_met(found)).sum()), float(air.mean()))
+
+
+def _both(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float) -> list[StrokeResults]:
+    """Run both strokes."""
+    rows = np.tile(np.array(setting), (len(draws), 1))
+    return [strokes.run(outward, draws, rows, rtol) for outward in (True, False)]

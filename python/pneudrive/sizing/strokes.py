@@ -369,7 +369,7 @@ def _reductions(stroke: float, outward: bool) -> list[Reduction]:
 def circuit_of(task: SizingTask, parts: Mapping[str, str], setting: Setting) -> Circuit:
     """Return the circuit of parts by their slots, with its settings, ready to run."""
     found = choices(task)
-    named = [next(one for one in found[slot] if one.name == parts[slot]) for slot in SLOTS]
+    named = [next(one for one in found[slot] if parts[slot] in (one.name, *one.alike)) for slot in SLOTS]
     return DriveStrokes(DriveChoice(*named), task).circuit(setting)
 
 

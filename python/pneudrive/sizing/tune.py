@@ -6,11 +6,13 @@ grid runs side by side. Cases are nominal, slow and fast; the last two lie where
 
 from __future__ import annotations
 
+import math
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.sizing.judge import peak_limit
 from pneudrive.sizing.strokes import DRAWN, Setting, StrokeRuns, points, run_all
 
@@ -27,15 +29,18 @@ if TYPE_CHECKING:
     #: Yields runs, takes their results.
     Search = Generator[StrokeRuns, StrokeResults, Any]
 
-#: Openings that are tried first in the nominal case, and the factors of two refinements about the best of them in all
-#: cases.
-NEEDLES = tuple(map(float, np.geomspace(0.004, 1.0, 8)))
+#: Conductances of the needle that are tried first in the nominal case, over that through which the gas leaves choked
+#: just in time; and openings of the cushion.
+NEEDLES = (0.75, 0.92, 1.12, 1.4, 1.8, 2.5, 4.0)
 CUSHIONS = (0.06, 0.25, 1.0)
-FINER = ((0.65, 1.0, 1.5), (0.82, 1.0, 1.22))
-#: Draws beside the cases in the last refinement.
-MORE = 6
-#: With a nominal margin below this, nothing is refined.
-HOPELESS = -0.3
+#: Factors of needle and cushion in two refinements about the best of them in all cases.
+FINER = (((0.8, 1.0, 1.25), (0.5, 1.0, 2.0)), ((0.86, 0.93, 1.0, 1.07, 1.15), (0.75, 1.0, 1.35)))
+#: Draws that are run before the last refinement, and how many of them, the worst of each limit, become cases of it.
+MORE, WORST = 24, 5
+#: With a nominal margin below this, nothing is refined, and the other stroke is not looked at.
+SMALL = -0.05
+#: With a margin of the worst case below this, rough settings are not refined further.
+FAR = -0.15
 #: Shares of each range in the slow and in the fast case (assumed: several numbers at once there are as rare as 1 %).
 SLOW, FAST = 0.15, 0.85
 #: Speed at the end, over the mean speed, that counts as all of the limit where a task sets none.
@@ -90,19 +95,27 @@ def cases(task: SizingTask, outward: bool) -> Array:
 
 def tune(strokes: DriveStrokes) -> Tuned:
     """Find the settings of both strokes of one choice."""
-    return tune_all([strokes])[0]
+    rough = tune_all([strokes])
+    return tune_all([strokes], rough)[0] if is_worth_more(rough[0]) else rough[0]
 
 
-def tune_all(every: Sequence[DriveStrokes], is_quick: bool = False) -> list[Tuned]:
+def is_worth_more(rough: Tuned) -> bool:
+    """Return whether rough settings are worth another refinement."""
+    return rough.nominal >= 0.0 and rough.least >= FAR
+
+
+def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None) -> list[Tuned]:
     """Find the settings of choices of one task; their next runs are simulated together.
 
     Parameters
     ----------
     every : sequence of DriveStrokes
-    is_quick : bool
-        Look at the nominal case on the first grid alone.
+    rough : sequence of Tuned, optional
+        Their rough settings, which are refined; absent: rough settings are found.
     """
-    searches = [_search(one, is_quick) for one in every]
+    searches = [_rough(one) for one in every]
+    if rough is not None:
+        searches = [_fine(one, begun) for one, begun in zip(every, rough, strict=True)]
     asked = {place: next(one) for place, one in enumerate(searches)}
     found: dict[int, Tuned] = {}
     while asked:
@@ -124,8 +137,8 @@ def _sent(search: Search, result: StrokeResults) -> StrokeRuns | Tuned:
         return end.value
 
 
-def _search(strokes: DriveStrokes, is_quick: bool) -> Search:
-    """Search the settings of a choice: yield runs, take their results, return the settings.
+def _rough(strokes: DriveStrokes) -> Search:
+    """Search rough settings of a choice: yield runs, take their results, return the settings.
 
     If a stroke is too slow fully open even in the fast case, nothing is searched: no setting makes it faster.
     """
@@ -135,65 +148,90 @@ def _search(strokes: DriveStrokes, is_quick: bool) -> Search:
         time = float(opened.time[0])
         if time > limit:
             margin = 1.0 - time / limit if np.isfinite(time) else NEVER
-            return Tuned(Setting(), margin, (f"time {'out' if outward else 'back'}", limit, time))
-    out = yield from _stroke(strokes, True, Setting(), is_quick)
-    if out.nominal < HOPELESS:
-        return out
-    back = yield from _stroke(strokes, False, out.setting, is_quick)
-    worse = min(out, back, key=lambda one: one.nominal)
-    least = min(out.least, back.least)
-    return Tuned(back.setting, worse.nominal, worse.short, least, out.air + back.air, out.times + back.times)
+            return Tuned(Setting(), margin, (f"time {'out' if outward else 'back'}", limit, time), margin)
+    every, setting = [], Setting()
+    for outward in (True, False):
+        rows, grid = cases(task, outward), product(*_grid(strokes, outward))
+        best = yield from _best(strokes, outward, setting, grid, rows[:1])
+        if best.nominal >= SMALL:
+            best = yield from _best(strokes, outward, setting, _near(strokes, outward, best.setting, FINER[0]), rows)
+        every, setting = [*every, best], best.setting
+        if best.nominal < SMALL:
+            break
+    return _joined(every)
 
 
-def _stroke(strokes: DriveStrokes, outward: bool, setting: Setting, is_quick: bool) -> Search:
-    """Find the settings of one stroke; those of the other are kept."""
+def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
+    """Refine rough settings of a choice, with more cases."""
+    every, setting = [], rough.setting
+    for outward in (True, False):
+        draws = points(MORE)
+        asked = StrokeRuns(strokes, outward, draws, np.tile(np.array(setting), (MORE, 1)))
+        named = _margins(strokes.task, strokes.choice, outward, (yield asked))
+        worst = np.unique([margins.argsort()[:WORST] for *_, margins in named])
+        rows = np.vstack([cases(strokes.task, outward), draws[worst]])
+        near = _near(strokes, outward, setting, FINER[1])
+        every.append((yield from _best(strokes, outward, setting, near, rows)))
+        setting = every[-1].setting
+    return _joined(every)
+
+
+def _joined(every: Sequence[Tuned]) -> Tuned:
+    """Return both strokes as one."""
+    worse = min(every, key=lambda one: one.nominal)
+    air, times = sum(one.air for one in every), tuple(one.times[0] for one in every)
+    return Tuned(every[-1].setting, worse.nominal, worse.short, min(one.least for one in every), air, times)
+
+
+def _grid(strokes: DriveStrokes, outward: bool) -> tuple[Sequence[float], Sequence[float]]:
+    """Return the openings of needle and cushion that are tried first."""
     task, choice = strokes.task, strokes.choice
     is_limited = task.end_speed_m_s is not None or task.impact_energy_j is not None
-    needles = NEEDLES if choice.is_throttled else (1.0,)
-    cushions = CUSHIONS if choice.is_cushioned and is_limited else (1.0,)
-    rows = cases(task, outward)
-    best = max((yield from _tried(strokes, outward, setting, product(needles, cushions), rows[:1])), key=_key)
-    if best.nominal < HOPELESS or is_quick:
-        return best
-    for round_, finer in enumerate(FINER):
-        if round_ == len(FINER) - 1:
-            rows = np.vstack([rows, points(MORE)])
-        shares = [finer if len(one) > 1 else (1.0,) for one in (needles, cushions)]
-        own = best.setting[:2] if outward else best.setting[2:]
-        near = [tuple(min(a * b, 1.0) for a, b in zip(own, pair, strict=True)) for pair in product(*shares)]
-        best = max((yield from _tried(strokes, outward, setting, dict.fromkeys(near), rows)), key=_key)
-    return best
+    needles = _needles(strokes, outward) if choice.is_throttled else [1.0]
+    return needles, CUSHIONS if choice.is_cushioned and is_limited else (1.0,)
 
 
-def _key(one: Tuned) -> tuple[float, float]:
-    return (one.least, one.nominal)
+def _near(
+    strokes: DriveStrokes, outward: bool, setting: Setting, finer: tuple[tuple[float, ...], ...]
+) -> Iterable[tuple[float, ...]]:
+    """Return openings about those of a setting."""
+    grid = _grid(strokes, outward)
+    factors = [each if len(one) > 1 else (1.0,) for each, one in zip(finer, grid, strict=True)]
+    own = setting[:2] if outward else setting[2:]
+    return dict.fromkeys(tuple(min(a * b, 1.0) for a, b in zip(own, pair, strict=True)) for pair in product(*factors))
 
 
-def _tried(
+def _needles(strokes: DriveStrokes, outward: bool) -> list[float]:
+    """Return the openings of the needle that are tried first: about C = A L / (t rho0 R (T0 T)^0.5), and fully open."""
+    task, choice = strokes.task, strokes.choice
+    limit = task.outward_s if outward else task.back_s
+    speed = ANR_DENSITY_KG_M3 * AIR_GAS_CONSTANT_J_KG_K * math.sqrt(ANR_TEMPERATURE_K * task.ambient.temperature_k)
+    needed = choice.areas_m2[1 if outward else 0] * task.stroke_m / (limit * speed)
+    whole = choice.flow_control.numbers["needle_conductance"]
+    return sorted({min(one * needed / whole, 1.0) for one in NEEDLES} | {1.0})
+
+
+def _best(
     strokes: DriveStrokes,
     outward: bool,
     setting: Setting,
     pairs: Iterable[tuple[float, ...]],
     rows: Array,
 ) -> Search:
-    """Run the cases of each pair of needle and cushion."""
+    """Run the cases of each pair of needle and cushion; return the one whose worst case has the largest margin."""
     places = ("needle_out", "cushion_out") if outward else ("needle_back", "cushion_back")
     settings = [setting._replace(**dict(zip(places, pair, strict=True))) for pair in pairs]
     draws, shares = np.tile(rows, (len(settings), 1)), np.repeat(np.array(settings), len(rows), axis=0)
     found = yield StrokeRuns(strokes, outward, draws, shares)
     named = _margins(strokes.task, strokes.choice, outward, found)
     table = np.array([margins for _, _, _, margins in named]).reshape(len(named), len(settings), len(rows))
-    hard = len(named) - (named[-1][0] == SOFT_NAME)
-    tries = []
-    for place, one in enumerate(settings):
-        at = place * len(rows)
-        worst = int(table[:hard, place, 0].argmin())
-        name, limit, values, _ = named[worst]
-        short, least = (name, limit, float(values[at])), float(table[:, place].min())
-        tries.append(
-            Tuned(one, float(table[worst, place, 0]), short, least, float(found.air[at]), (float(found.time[at]),))
-        )
-    return tries
+    hard = table[: len(named) - (named[-1][0] == SOFT_NAME)]
+    best = max(range(len(settings)), key=lambda one: (table[:, one].min(), hard[:, one, 0].min()))
+    at, worst = best * len(rows), int(hard[:, best, 0].argmin())
+    name, limit, values, _ = named[worst]
+    margins = float(hard[worst, best, 0]), float(hard[:, best].min())
+    short = (name, limit, float(values[at]))
+    return Tuned(settings[best], margins[0], short, margins[1], float(found.air[at]), (float(found.time[at]),))
 
 
 def _margins(

@@ -32,7 +32,6 @@ def size(
     """
     from pneudrive.cli.main import EXIT_INTERRUPTED
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.report.sizing.page import write_sizing_report
     from pneudrive.sizing.result import HEAD, PARTS, REASONS, SUMMARY, TABLE, WRITTEN, row_of, sentences, set_to
     from pneudrive.sizing.search import DRAWS_BEST_OF, watched
 
@@ -54,6 +53,8 @@ def size(
         show_lines([f"The best of each cylinder; {len(found.ranked)} choices meet the task."])
     show_lines([f"{found.task.name}: feasible = {str(found.feasible).lower()}", *said[1:]])
     if out is not None:
+        from pneudrive.report.sizing.page import write_sizing_report
+
         page = write_sizing_report(found, out)
         tell([*sorted(out.glob("*.toml")), *(out / name for name in (TABLE, SUMMARY, REASONS)), page])
     if found.interrupted:
