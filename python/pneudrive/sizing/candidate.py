@@ -242,7 +242,7 @@ class SizingCandidate:
 
     @property
     def known(self) -> float | None:
-        """Margin that is expected over the spreads, by what was run; None where nothing was."""
+        """Margin that is expected over the spreads, by its last runs; None before the first run."""
         if self.drive is not None:
             return self.drive.margin if self.hardest is None else self.hardest.margin
         found = self.tuned or self.rough
