@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pneudrive.sizing.sized_drive import SizedDrive
-    from pneudrive.sizing.spreads import Hardest, Spread
+    from pneudrive.sizing.spreads import DrawResults, Hardest
     from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask
 
@@ -170,7 +170,7 @@ class SizingCandidate:
         Rough settings, and refined ones.
     drives : dict
         Draws -> what they gave.
-    spread : Spread or None
+    spread : DrawResults or None
         Draws that were simulated last in this process.
     hardest : Hardest or None
         Results of its hardest draws.
@@ -185,7 +185,7 @@ class SizingCandidate:
     rough: Tuned | None = None
     tuned: Tuned | None = None
     drives: dict[int, SizedDrive] = field(default_factory=dict)
-    spread: Spread | None = None
+    spread: DrawResults | None = None
     hardest: Hardest | None = None
     lost: str = ""
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 HARD, NEAR = 16, 0.15
 
 
-class Spread(NamedTuple):
+class DrawResults(NamedTuple):
     """Results of draws: of all together, and the margins of each limit and the air of each draw, kg."""
 
     drive: SizedDrive
@@ -44,7 +44,7 @@ def sized(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = C
     return simulated(strokes, setting, draws, rtol).drive
 
 
-def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> Spread:
+def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> DrawResults:
     """Simulate a choice with its settings over draws and keep the results of each draw."""
     out, back = _both(strokes, setting, draws, rtol)
     task, choice = strokes.task, strokes.choice
@@ -81,10 +81,10 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
         sizes=choice.sizes,
         intervals=intervals,
     )
-    return Spread(drive, found, air)
+    return DrawResults(drive, found, air)
 
 
-def hardest(strokes: DriveStrokes, setting: Setting, known: Spread, draws: Array) -> Hardest:
+def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: Array) -> Hardest:
     """Return what a choice can do at most over draws, from a few of them.
 
     The first draws give a linear estimate of all margins. The draws with the lowest estimates are simulated. The result
@@ -94,7 +94,7 @@ def hardest(strokes: DriveStrokes, setting: Setting, known: Spread, draws: Array
     ----------
     strokes : DriveStrokes
     setting : Setting
-    known : Spread
+    known : DrawResults
         Of the first draws.
     draws : ndarray, shape (n, len(DRAWN))
         All draws.
