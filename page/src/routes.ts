@@ -23,6 +23,3 @@ function decoded(part: string): string {
     return part;
   }
 }
-
-/** Return the view that shows files of this kind. */
-export const VIEW_OF: Record<string, string> = { drive: "simulate", circuit: "simulate", recording: "recording", "friction map": "friction", fit: "friction", campaign: "campaign", protocol: "campaign", comparison: "control", validation: "validation", task: "sizing", sizing: "sizing", fmu: "handover", formula: "drive", other: "drive" };

@@ -265,6 +265,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     assert "Values that the data do not determine" in page.inner_text("main")
     assert violations(tab) == []
     tab.picture("friction")
+    page.click("summary:text-is('Fit another law')")
     page.select_option("label:has-text('Law') select", "coulomb")
     page.select_option("label:has-text('Pressure') select", "linear")
     page.click("button:text-is('Fit again')")

@@ -25,9 +25,9 @@ from pneudrive.report.page import FIGURES, Report
 from pneudrive.signals.layout import labels_from_name
 from pneudrive.simulation.trajectory import whole
 from pneudrive.units import parse
-from pneudrive.web.app import JOBS
 from pneudrive.web.drive.description import edited
 from pneudrive.web.messages import unpack
+from pneudrive.web.signatures import SIGNATURES
 from pneudrive.web.workspace import ChangedError, Workspace
 from web.conftest import DRIVE, Served
 
@@ -249,7 +249,7 @@ def test_odd_requests_are_answered_in_words(served: Served) -> None:
     keys = ("text", "kind", "values", "columns", "name", "drive", "laws", "command", "duration", "initial", "after")
     odd += [{"path": "axis.toml", "before": "axis.toml", key: value} for key in keys for value in values]
     work = {"path": "axis.toml", "name": [], "drive": {}, "recordings": [[]], "law": 3, "to": {}, "spread": 3}
-    odd += [work | {"kind": kind} for kind in (*JOBS, {}, [])]
+    odd += [work | {"kind": kind} for kind in (*SIGNATURES, {}, [])]
     for body in odd:
         for address in (*OF_TABLES, *OF_PLANS):
             answer = served.client.post(f"/api/{address}", json=body, headers=served.headers)

@@ -98,11 +98,14 @@ def test_a_map_and_its_fit_are_shown_as_they_are(measured: Served) -> None:
     assert {"measured", "fit"} <= kinds
 
     shown = get(measured, "/api/fit", path="results/o-rings/fit.toml")
-    values = {one["name"]: one for one in shown["values"]}
+    values = {one["key"]: one for one in shown["view"]["rows"]}
     assert values["coulomb"]["value"] == fit.values["coulomb"]
-    assert values["coulomb"]["interval"] == list(fit.intervals["coulomb"])
+    low, high = fit.intervals["coulomb"]
+    assert [float(one) for one in values["coulomb.state"]["text"].split(" .. ")] == pytest.approx([low, high], rel=1e-3)
     assert values["breakaway"]["value"] is None
-    assert any("breakaway" in one for one in shown["statements"])
+    assert any("breakaway" in one for one in shown["view"]["notes"])
+    result = get(measured, "/api/result", path="results/o-rings/fit.toml")
+    assert [tuple(row) for row in result["table"]] == fit.view().table()[1]  # as in a terminal
     (folder / "fit.toml").unlink()
     assert "no fit.toml" in get(measured, "/api/map", path="results/o-rings/map.parquet")["fit"]
 

@@ -1,17 +1,9 @@
 /** Drawing of a circuit: shapes from the server become SVG elements one by one, never parsed text. */
 import type { JSX } from "preact";
+import type { PistonShapes, Shape } from "../server/types";
 import { useRef, useState } from "preact/hooks";
 
-export interface Shape {
-  word: string;
-  points: [number, number][];
-  component: string;
-  size: number;
-  text: string;
-  align: string;
-  angles: [number, number];
-  net: number; // of a line between components, in the nets of its drawing; -1 for others
-}
+export type { PistonShapes, Shape };
 
 export interface Drawing {
   shapes: Shape[];
@@ -37,16 +29,6 @@ export interface Motion {
 export interface PortChoice {
   port: string;
   onPort: (port: string) => void;
-}
-
-/**
- * Places of a cylinder in the drawing: corners of the barrel, faces of the piston, and points that move with the
- * piston.
- */
-export interface PistonShapes {
-  barrel: [number, number, number, number];
-  piston: [number, number];
-  moves: Record<number, boolean[]>;
 }
 
 /**

@@ -1,12 +1,13 @@
 /** View that exports a drive for other tools, and shows the description of an FMU of the folder. */
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { follow, JobList } from "../workspace/jobs";
+import { JobForm } from "../workspace/form";
 import { digits } from "../plots/looks";
-import { DriveChoice, InFolder, Problems, Unsaved, useCopied } from "../workspace/parts";
+import { InFolder, Problems } from "../workspace/parts";
 import { link, route } from "../routes";
-import { ask, attempting, read, type Problem } from "../server/server";
+import { attempting, read, type Problem } from "../server/server";
 import { studies } from "../workspace/studies";
+import { filesOf } from "../workspace/tree";
 
 interface Variable {
   name: string;
@@ -29,25 +30,9 @@ interface Fmu {
   platforms: string[];
 }
 
-/** Forms of an export: arguments of the command, and title. */
-const FORMS: Record<string, [to: string, fmi: string, title: string]> = {
-  "2.0": ["fmu", "2.0", "FMU by FMI 2.0"],
-  "3.0": ["fmu", "3.0", "FMU by FMI 3.0"],
-  c: ["c", "2.0", "Library with header for C"],
-};
-const drive = signal("");
-const form = signal("2.0");
-const actuator = signal(false);
-const initial = signal("");
-const name = signal("drive");
 const found = signal<Fmu | null>(null);
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
-
-const request = () => {
-  const [to, fmi] = FORMS[form.value]!;
-  return { kind: "export", drive: drive.value, to, fmi, actuator: actuator.value, initial: initial.value, name: name.value };
-};
 
 export function HandoverView() {
   const { view, path } = route.value;
@@ -59,11 +44,10 @@ export function HandoverView() {
       const one = await read<Fmu>("/api/fmu", { path: at });
       if (!gone) found.value = one;
     };
-    if (path && !at) drive.value = path;
-    void (at ? attempt(show) : follow());
+    if (at) void attempt(show);
     return () => void (gone = true);
   }, [at, path]);
-  if (!at) return <Start />;
+  if (!at) return <Start path={path} />;
   return (
     <div class="handover">
       <h2>{at}</h2>
@@ -74,47 +58,14 @@ export function HandoverView() {
   );
 }
 
-function Start() {
-  const files = studies.value?.files ?? [];
-  const [copy, copied] = useCopied(drive.value ? request() : null, attempt);
-  const drives = [...files.filter((one) => one.kind === "drive" || one.kind === "circuit"), ...(studies.value?.catalogue ?? [])].map((one) => one.path);
+function Start({ path }: { path: string }) {
   return (
     <>
       <h2>A drive for other tools</h2>
-      <p>The file runs on {studies.value?.platform ?? "the system of the server"} only, the system of this server. For another system, export the drive there.</p>
       <p>The whole drive, compiled: the other tool needs neither Python nor a compiler nor a licence.</p>
-      <p class="row">
-        <DriveChoice label="Drive or circuit" drives={drives} chosen={drive} />
-        <label>
-          As{" "}
-          <select value={form.value} onChange={(event) => (form.value = event.currentTarget.value)}>
-            {Object.entries(FORMS).map(([key, [, , title]]) => <option key={key} value={key}>{title}</option>)}
-          </select>
-        </label>
-        <label>
-          Start state <input value={initial.value} placeholder="position = 50 mm" onInput={(event) => (initial.value = event.currentTarget.value)} />
-        </label>
-        <label>
-          Into results/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
-        </label>
-      </p>
-      <Unsaved path={drive.value} />
-      {form.value !== "c" && (
-        <p>
-          <label class="tick">
-            <input type="checkbox" checked={actuator.value} onChange={(event) => (actuator.value = event.currentTarget.checked)} /> The other tool moves the
-            piston: its position and velocity are inputs, the force is the output (for multibody tools)
-          </label>
-        </p>
-      )}
-      <p class="row">
-        <button type="button" disabled={!drive.value} onClick={() => void attempt(async () => (await ask("/api/jobs", request()), void follow()))}>Export</button>
-        {copy}
-      </p>
-      <Problems of={wrong.value} />
-      {copied}
-      <JobList kinds={["export"]} />
-      <InFolder files={files.filter((one) => one.kind === "fmu")} title="FMUs" view="handover" />
+      <p class="banner">The file runs on {studies.value?.platform ?? "the system of the server"} only, the system of this server. For another system, export the drive there.</p>
+      <JobForm kind="export" start={{ ...(path && { drive: path }), name: "drive" }} />
+      <InFolder files={filesOf("fmu")} title="FMUs" view="handover" />
     </>
   );
 }

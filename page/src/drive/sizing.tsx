@@ -2,6 +2,7 @@
 import { computed, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
+import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs } from "../workspace/jobs";
 import { digits } from "../plots/looks";
 import { wasSaved } from "./opened";
@@ -81,9 +82,7 @@ const said = signal("");
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
 const file = signal("task.toml");
-const name = signal("sizing");
-const least = signal(10);
-const draws = signal(256);
+const least = signal(10); // of a search that is continued
 const found = signal<(Sizing & { folder: string }) | null>(null);
 const chosen = signal("");
 const pinned = signal<string[]>([]);
@@ -168,15 +167,10 @@ async function look(folder: string): Promise<void> {
 }
 
 const LOOK_MS = 500;
-const request = (resume?: string) => ({ kind: "size", task: resume ? found.value!.task : file.value, name: name.value, least: least.value, draws: draws.value, ...(resume && { resume }) });
+/** Request that continues the search of a folder as it was begun. */
+const again = (folder: string, now: Sizing) => ({ kind: "size", task: now.task, draws: now.draws, least: least.value, ...now.asked, name: "sizing", resume: folder });
 
-async function run(resume?: string): Promise<void> {
-  await attempt(async () => {
-    const { out } = await ask<{ out: string }>("/api/jobs", request(resume));
-    void follow();
-    if (!resume) location.hash = link("sizing", out);
-  });
-}
+const resume = (folder: string, now: Sizing): Promise<void> => attempt(async () => (await ask("/api/jobs", again(folder, now)), void follow()));
 
 export function SizingView() {
   const now = found.value?.folder === path.value ? found.value : null; // not that of the folder before
@@ -231,7 +225,6 @@ function TaskView() {
   const files = studies.value?.files ?? [];
   const results = files.filter((one) => one.kind === "sizing");
   const isSaved = sha256.value !== "" && text.value === saved.value;
-  const [copy, copied] = useCopied(isSaved ? request() : null, attempt);
   return (
     <>
       <div class="drive">
@@ -274,43 +267,18 @@ function TaskView() {
       </div>
       <section aria-label="Search">
         <h2>Search the catalogue</h2>
-        <p class="row">
-          <label>
-            Into results/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
-          </label>
-          <Counts />
-          <button type="button" disabled={!isSaved || Boolean(now?.problems.length)} onClick={() => void run()}>Size</button>
-          {copy}
+        <JobForm kind="size" given={{ task: file.value }} start={{ name: "sizing" }} isReady={isSaved && !now?.problems.length} after={({ out }) => void (location.hash = link("sizing", out))}>
           {!isSaved && <span class="note">Save the task first.</span>}
-        </p>
-        {isSaved && copied}
-        <JobList />
+        </JobForm>
         <InFolder files={results} title="Sizings" view="sizing" />
       </section>
     </>
   );
 }
 
-const Least = () => (
-  <label>
-    Choices to simulate at least <NumberField low={1} high={100} whole value={least.value} put={(one) => (least.value = one)} />
-  </label>
-);
-
-function Counts() {
-  return (
-    <>
-      <Least />
-      <label>
-        Draws of each <NumberField low={1} high={4096} whole value={draws.value} put={(one) => (draws.value = one)} />
-      </label>
-    </>
-  );
-}
-
 function Result({ now, folder }: { now: Sizing; folder: string }) {
   const running = jobs.value.find((one) => one.out === folder && one.state === "running");
-  const done = now.asked && now.task ? { ...request(folder), ...now.asked } : null;
+  const done = now.asked && now.task ? again(folder, now) : null;
   const [copy, copied] = useCopied(done, attempt);
   const meets = now.candidates.filter((one) => one.meets).length;
   return (
@@ -336,8 +304,10 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
           The search was ended before its end.
           {now.task ? (
             <>
-              <Least />
-              <button type="button" onClick={() => void ((draws.value = now.draws), run(folder))}>Resume</button>
+              <label>
+                Choices to simulate at least <NumberField low={1} high={100} whole value={least.value} put={(one) => (least.value = one)} />
+              </label>
+              <button type="button" onClick={() => void resume(folder, now)}>Resume</button>
             </>
           ) : (
             `It continues once the folder has its task again: ${folder}/sizing.json has the values.`

@@ -1,9 +1,10 @@
 /** View of a running campaign: state, cycles, map so far, journal, and requests if the server allows them. */
 import { signal } from "@preact/signals";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
+import { JobForm } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { digits } from "../plots/looks";
-import { Copied, InFolder, Problems, ReportOf, useCopied } from "../workspace/parts";
+import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
 import { Scatter } from "../plots/scatter";
 import { link, route } from "../routes";
 import { ask, attempting, frame, read, Refused, typed, type Problem } from "../server/server";
@@ -133,25 +134,6 @@ export function CampaignView() {
   );
 }
 
-/** The friction map of a finished or paused campaign, by the same command as in a terminal. */
-function Characterise({ path }: { path: string }) {
-  const [out, setOut] = useState(nameOf(path));
-  const work = { kind: "characterise", campaign: path, name: out };
-  const [copy, copied] = useCopied(work, attempt);
-  return (
-    <>
-      <p class="row">
-        <label>
-          Friction map into results/ <input value={out} onInput={(event) => setOut(event.currentTarget.value)} />
-        </label>
-        <button type="button" class="primary" onClick={() => void attempt(async () => (await ask("/api/jobs", work), void follow()))}>Characterise</button>
-        {copy}
-      </p>
-      {copied}
-    </>
-  );
-}
-
 function Watched({ now, path }: { now: Campaign; path: string }) {
   const total = now.planned ?? now.done;
   const running = now.state === "paused" ? null : cycle.value; // what was measured last is no cycle in progress then
@@ -169,7 +151,7 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
       </p>
       {now.cycle && now.state !== "paused" && <p class="note">now: {now.cycle}{running && `, ${running.left} left by the clock`}</p>}
       <Requests now={now} path={path} />
-      {!now.state && now.done > 0 && <Characterise path={path} />}
+      {!now.state && now.done > 0 && <JobForm kind="characterise" given={{ campaign: path, recordings: [] }} start={{ name: nameOf(path) }} jobs={[]} />}
       <ReportOf folder={path} />
       {running && running.position.length > 1 && (
         <div data-cycle={running.cycle} data-samples={running.samples}>

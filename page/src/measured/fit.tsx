@@ -6,17 +6,17 @@ import { Copied, Problems } from "../workspace/parts";
 import { Scatter } from "../plots/scatter";
 import { link } from "../routes";
 import { ask, attempting, read, typed, type Problem } from "../server/server";
+import type { SentView } from "../server/types";
+import { Notes, ShownTable } from "../workspace/result";
 import { Strip } from "../plots/strip";
 
 export interface Fit {
   kind: string;
   title: string;
-  values: { name: string; value: number | null; size: number; unit: string; interval: (number | null)[] | null; spread: number | null; determined: boolean }[];
-  statements: string[];
-  notes: string[];
-  recordings: string[];
   synthetic: boolean;
   converged: boolean;
+  view: SentView;
+  statements: number; // notes on values that the data do not determine, before the others
 }
 
 interface Axis {
@@ -198,36 +198,15 @@ function NextPoints({ path }: { path: string }) {
 }
 
 export function FitTable({ found }: { found: Fit }) {
-  const shown = found.values.filter((one) => one.value !== null);
   return (
     <section aria-label="Fit">
       <h2>Fit of a {found.kind}</h2>
       {found.synthetic && <p class="banner">Synthetic: the data were simulated.</p>}
       {!found.converged && <p class="banner">The search ended early: these values are the best so far, without intervals.</p>}
-      <div class="wide" tabIndex={0} role="region" aria-label="Values of the fit"><table>
-        <thead>
-          <tr>
-            {["Value", "Estimate", "U (k = 2)", "95 % interval", "Unit", ""].map((one, index) => (
-              <th scope="col" key={index}>{one || <span class="hidden">Determined</span>}</th>
-            ))}
-          </tr>
-        </thead>
-        <tbody>
-          {shown.map((one) => (
-            <tr key={one.name}>
-              <th scope="row">{one.name}</th>
-              <td data-value={one.name} data-si={one.value}>{digits(one.value! / one.size)}</td>
-              <td>{digits(one.spread && one.spread / one.size, 2)}</td>
-              <td>{one.interval ? one.interval.map((end) => digits(end && end / one.size)).join(" … ") : "–"}</td>
-              <td>{one.unit}</td>
-              <td>{one.determined ? "" : <span class="kind assumed">held or not determined</span>}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table></div>
-      {found.statements.length > 0 && <h2>Values that the data do not determine</h2>}
-      <ul>{found.statements.map((one) => <li key={one}>{one}</li>)}</ul>
-      <ul>{found.notes.map((one) => <li key={one}>{one}</li>)}</ul>
+      <ShownTable view={found.view} />
+      {found.statements > 0 && <h2>Values that the data do not determine</h2>}
+      <Notes of={found.view.notes.slice(0, found.statements)} />
+      <Notes of={found.view.notes.slice(found.statements)} />
     </section>
   );
 }

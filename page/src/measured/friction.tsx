@@ -2,14 +2,15 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits } from "../plots/looks";
-import { follow, JobList } from "../workspace/jobs";
+import { JobForm } from "../workspace/form";
+import { follow } from "../workspace/jobs";
 import { Choose } from "../workspace/choose";
-import { Copied, folderOf, Problems, ReportOf, useCopied } from "../workspace/parts";
+import { Copied, folderOf, Problems, ReportOf } from "../workspace/parts";
 import { Behind, FitTable, forget, type Fit } from "./fit";
 import { Heat } from "../plots/heat";
 import { isWide, Scatter, type Group } from "../plots/scatter";
 import { isToml, link, route } from "../routes";
-import { ask, attempting, read, Refused, type Problem } from "../server/server";
+import { attempting, read, Refused, type Problem } from "../server/server";
 import { studies } from "../workspace/studies";
 
 interface Point {
@@ -44,11 +45,6 @@ const MOST_ROWS = 300;
 const MM = 1000; // mm in a metre
 const BAR = 1e5; // Pa
 
-const LAWS = ["coulomb", "stribeck gaussian", "stribeck exponential", "stribeck lorentzian", "stribeck free"];
-const PRESSURES = ["none", "linear", "quadratic", "saturating", "interaction"];
-const law = signal("stribeck gaussian");
-const pressure = signal("none");
-const name = signal("fit-2");
 const drawn = signal("");
 
 /** Draw the curves of another fit over the map. */
@@ -64,43 +60,28 @@ const choose = (path: string, of: string): Promise<void> =>
     drawn.value = of;
   });
 
-/** Fit a law to the map as a job, then draw the fit. */
-const refit = (path: string): Promise<void> =>
-  attempt(async () => {
-    const job = await ask<{ out: string; number: number }>("/api/jobs", { kind: "fit", map: path, law: law.value, pressure: pressure.value, name: name.value });
-    await follow(job.number);
-    if (route.value.path === path) await choose(path, job.out);
-  });
+/** Draw a new fit of the map once it is there. */
+async function drawFit(path: string, job: { number: number; out: string }): Promise<void> {
+  await follow(job.number);
+  if (route.value.path === path) await choose(path, job.out);
+}
 
 function Refit({ path, found }: { path: string; found: FrictionMap }) {
-  const select = (words: string, value: typeof law, all: string[]) => (
-    <label>
-      {words} <select value={value.value} onChange={(event) => (value.value = event.currentTarget.value)}>{all.map((one) => <option key={one}>{one}</option>)}</select>
-    </label>
-  );
-  const [copy, copied] = useCopied({ kind: "fit", map: path, law: law.value, pressure: pressure.value, name: name.value }, attempt);
   return (
     <section aria-label="Fit again">
-      <p class="row">
-        {found.fits.length > 0 && (
-          <label>
-            Curves of{" "}
-            <select value={drawnFit(path)} onChange={(event) => event.currentTarget.value && void choose(path, event.currentTarget.value)}>
-              {!drawnFit(path) && <option value="">choose</option>}
-              {found.fits.map((one) => <option key={one}>{one}</option>)}
-            </select>
-          </label>
-        )}
-        {select("Law", law, LAWS)}
-        {select("Pressure", pressure, PRESSURES)}
+      {found.fits.length > 0 && (
         <label>
-          Into <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />.toml
+          Curves of{" "}
+          <select value={drawnFit(path)} onChange={(event) => event.currentTarget.value && void choose(path, event.currentTarget.value)}>
+            {!drawnFit(path) && <option value="">choose</option>}
+            {found.fits.map((one) => <option key={one}>{one}</option>)}
+          </select>
         </label>
-        <button type="button" onClick={() => void refit(path)}>Fit again</button>
-        {copy}
-      </p>
-      {copied}
-      <JobList kinds={["fit", "design"]} />
+      )}
+      <details>
+        <summary>Fit another law</summary>
+        <JobForm kind="fit" given={{ map: path }} jobs={["fit", "design"]} after={(job) => drawFit(path, job)} />
+      </details>
     </section>
   );
 }

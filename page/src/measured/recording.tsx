@@ -1,15 +1,16 @@
 /** View of recordings: any part at any length, shaded strokes, and a wizard for the layout. */
 import { batch, computed, effect, signal } from "@preact/signals";
-import { useEffect, useLayoutEffect } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 import { Choose } from "../workspace/choose";
 import type { Frame, Numbers } from "../server/frame";
-import { follow, JobList } from "../workspace/jobs";
+import { JobForm } from "../workspace/form";
 import { digits } from "../plots/looks";
-import { folderOf, Problems, useCopied } from "../workspace/parts";
+import { folderOf, Problems } from "../workspace/parts";
 import { pixelsOfPlots, Plot, type Curve, type Shade } from "../plots/plot";
 import { link, route } from "../routes";
 import { studies } from "../workspace/studies";
-import { ask, attempting, frame, Live, read, Refused, write, type Problem } from "../server/server";
+import { nameOf } from "../workspace/tree";
+import { attempting, frame, Live, read, Refused, write, type Problem } from "../server/server";
 import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, realign, type Faults, type Stroke } from "./measure";
 
 interface Channel {
@@ -465,31 +466,12 @@ function Wizard({ path }: { path: string }) {
   );
 }
 
-const folder = signal("");
-
 /** Friction of a recording, by the same command as in a terminal. */
 function Characterise({ path }: { path: string }) {
-  useLayoutEffect(() => {
-    folder.value = path.replace(/^.*\//, "").replace(/\..*$/, "");
-    void follow();
-  }, [path]);
-  const work = { recordings: [path], name: folder.value };
-  const attempt = attempting(refused);
-  const start = () => attempt(async () => (await ask("/api/jobs", work), void follow()));
-  const [copy, copied] = useCopied(work, attempt);
   return (
     <section aria-label="Friction">
       <h2>Friction of this recording</h2>
-      <p class="row">
-        <label>
-          Results in results/ <input value={folder.value} onInput={(event) => (folder.value = event.currentTarget.value)} />
-        </label>
-        <button type="button" onClick={() => void start()}>Characterise</button>
-        {copy}
-      </p>
-      <Problems of={refused.value} />
-      {copied}
-      <JobList kinds={["characterise"]} />
+      <JobForm kind="characterise" given={{ recordings: [path] }} start={{ name: nameOf(path).replace(/\..*$/, "") }} />
     </section>
   );
 }

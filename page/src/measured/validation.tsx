@@ -6,15 +6,16 @@ import { computed, effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Differences, type Compared } from "./differences";
 import type { Frame } from "../server/frame";
+import { JobForm } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { digits, instant } from "../plots/looks";
 import { open as openDrive, valid, type Field } from "../drive/opened";
-import { DriveChoice, folderOf, InFolder, KINDS, Problems, ReportOf, SliderRow, Unsaved, useCopied } from "../workspace/parts";
+import { folderOf, InFolder, KINDS, Problems, ReportOf, SliderRow, useCopied } from "../workspace/parts";
 import { curveOf, Plot } from "../plots/plot";
 import { link, route } from "../routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "../server/server";
 import { list, studies } from "../workspace/studies";
-import { kindOf } from "../workspace/tree";
+import { filesOf, kindOf } from "../workspace/tree";
 
 interface Metrics {
   rms: number;
@@ -90,11 +91,6 @@ const record = signal(0);
 const span = signal<[number, number]>([0, 1]);
 const key = signal("");
 const number = signal<number | null>(null);
-
-/** Inputs of a new validation. */
-const drive = signal("");
-const chosen = signal<string[]>([]);
-const name = signal("validation");
 
 const INPUTS = ["drive", "circuit", "fit", "recording"];
 const path = computed(() => (route.value.view === "validation" && !INPUTS.includes(kindOf(route.value.path)) ? route.value.path : ""));
@@ -172,57 +168,18 @@ export function ValidationView() {
 }
 
 function Start() {
-  const object = route.value.path;
-  useEffect(() => {
-    if (kindOf(object) === "recording") chosen.value = [object];
-    else if (object) drive.value = object;
-  }, [object, kindOf(object)]);
-  const files = studies.value?.files ?? [];
-  const drives = [...files.filter((one) => one.kind === "drive" || one.kind === "fit").map((one) => one.path), ...(studies.value?.catalogue ?? []).map((one) => one.path)];
-  const recordings = files.filter((one) => one.kind === "recording");
-  const results = files.filter((one) => one.kind === "validation");
-  const there = chosen.value.filter((one) => recordings.some((other) => other.path === one)); // without deleted recordings
-  const given = { kind: "validate", drive: drive.value, recordings: there, name: name.value };
-  const [copy, copied] = useCopied(given, attempt);
+  const { path: object } = route.value;
+  const start = kindOf(object) === "recording" ? { recordings: [object] } : object ? { drive: object } : {};
   return (
     <>
       <h2>Does my model hold?</h2>
       <p>The drive runs under the recorded command; the page shows where it leaves the recording, and what would explain it.</p>
-      <p class="row">
-        <DriveChoice label="Drive or fit of a drive" drives={drives} chosen={drive} />
-        <label>
-          Into results/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
-        </label>
-      </p>
-      <Unsaved path={drive.value} />
-      <fieldset>
-        <legend>Recordings with command, position and both pressures</legend>
-        {!recordings.length && <p>There is no recording in the folder.</p>}
-        {recordings.length > MOST_LISTED && <p class="note">The first {MOST_LISTED} of {recordings.length}; pneudrive validate takes any.</p>}
-        {recordings.slice(0, MOST_LISTED).map((one) => (
-          <label key={one.path} class="tick">
-            <input
-              type="checkbox"
-              checked={chosen.value.includes(one.path)}
-              onChange={(event) => (chosen.value = event.currentTarget.checked ? [...chosen.value, one.path] : chosen.value.filter((other) => other !== one.path))}
-            />{" "}
-            {one.path}
-          </label>
-        ))}
-      </fieldset>
-      <p class="row">
-        <button type="button" onClick={() => void start(given)}>Validate</button>
-        {copy}
-      </p>
-      <Problems of={wrong.value} />
-      {copied}
-      <JobList kinds={["validate"]} />
-      <InFolder files={results} title="Validations" view="validation" />
+      <JobForm kind="validate" start={{ name: "validation", ...start }} after={async (job) => (await follow(job.number), await list())} />
+      <InFolder files={filesOf("validation")} title="Validations" view="validation" />
     </>
   );
 }
 
-const MOST_LISTED = 200; // recordings that can be ticked
 const MARK = { yes: "Met", no: "Missed", none: "Not tested" };
 
 function Result({ now }: { now: Validation }) {

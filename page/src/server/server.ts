@@ -1,5 +1,6 @@
 /** Traffic between the page and its server: token, requests, and the socket of the sliders. */
 import { effect, signal, type Signal } from "@preact/signals";
+import type { Listed } from "./types";
 import { unpack, type Frame } from "./frame";
 
 export interface Problem {
@@ -12,14 +13,10 @@ export interface Problem {
   remedy: string | null;
 }
 
-export interface Listed {
-  path: string;
-  kind: string;
-  size: number;
-  changed: number;
-}
+export type { Listed };
 
 export interface Studies {
+  shown: string[]; // kinds of results of which the server has a view
   folder: string;
   version: string;
   platform: string; // of the server

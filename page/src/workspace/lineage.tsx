@@ -2,7 +2,8 @@
 import { signal } from "@preact/signals";
 import { follow } from "./jobs";
 import { Problems, useCopied } from "./parts";
-import { link, route, VIEW_OF } from "../routes";
+import { link, route } from "../routes";
+import { viewOf } from "../views";
 import { ask, attempting, read, Refused, type Listed, type Problem } from "../server/server";
 import { list } from "./studies";
 
@@ -74,7 +75,7 @@ export const trace = (path: string): Promise<void> =>
   });
 
 const where = (files: Listed[], path: string) => {
-  const view = path.startsWith("catalogue:") ? "simulate" : VIEW_OF[files.find((one) => one.path === path)?.kind ?? ""];
+  const view = path.startsWith("catalogue:") ? "simulate" : viewOf(files.find((one) => one.path === path)?.kind ?? "");
   return view ? <a href={link(view, path)}>{path}</a> : <span>{path}</span>;
 };
 

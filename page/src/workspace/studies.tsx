@@ -7,7 +7,8 @@ import { Chain, lookForStale, stale, trace } from "./lineage";
 import { isUnsaved } from "../drive/opened";
 import { Copied, day, Problems } from "./parts";
 import { ask, connection, drop, read, Refused, type Listed, type Problem, type Studies } from "../server/server";
-import { inCatalogue, link, VIEW_OF } from "../routes";
+import { inCatalogue, link } from "../routes";
+import { viewOf } from "../views";
 import { GROUPS, PathName } from "./tree";
 
 declare const __BUILD__: string;
@@ -176,7 +177,7 @@ function Files({ title, view, files }: { title: string; view: string; files: Lis
       <ul class="files listed">
         {files.slice(0, MOST).map((one) => (
           <li key={one.path}>
-            {VIEW_OF[one.kind] ? <a href={link(VIEW_OF[one.kind]!, one.path)}><PathName path={one.path} /></a> : <span><PathName path={one.path} /></span>}
+            {viewOf(one.kind) ? <a href={link(viewOf(one.kind)!, one.path)}><PathName path={one.path} /></a> : <span><PathName path={one.path} /></span>}
             <span class="note">
               {one.kind}, {day(one.changed)}
               {stale.value.stale[one.path] && <b class="missed" data-stale={one.path}> out of date: made from another {stale.value.stale[one.path]!.join(", ")}</b>}

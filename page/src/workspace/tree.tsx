@@ -1,6 +1,7 @@
 /** The folder as a tree: files by kind, the catalogue, and what one can begin with. */
 import { signal } from "@preact/signals";
-import { inCatalogue, link, route, VIEW_OF } from "../routes";
+import { inCatalogue, link, route } from "../routes";
+import { viewOf } from "../views";
 import type { Listed } from "../server/server";
 import { list, studies, take, taking } from "./studies";
 
@@ -81,7 +82,7 @@ export function Tree() {
       <input type="search" aria-label="Search files" placeholder="Search" value={search.value} onInput={(event) => (search.value = event.currentTarget.value)} />
       <ul>
         {GROUPS.map(({ title, view, kinds }) => {
-          const rows = filesOf(...kinds).filter((one) => isIn(one.path)).map(({ path, kind }) => ({ path, view: VIEW_OF[kind] }));
+          const rows = filesOf(...kinds).filter((one) => isIn(one.path)).map(({ path, kind }) => ({ path, view: viewOf(kind) }));
           return (rows.length > 0 || (view && !word)) && <Group key={title} title={title} view={view} rows={rows} />;
         })}
         {found && <Group title="Catalogue" view="" rows={found.catalogue.filter((one) => isIn(one.path, one.title)).map((one) => ({ ...one, view: "simulate" }))} />}

@@ -17,6 +17,7 @@ from pneudrive.files.tables import open_table
 from pneudrive.files.writing import open_to_append
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import read_columns, whole
+from pneudrive.views import ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -216,6 +217,17 @@ class StoredComparison(ScoreCard, Shown):
     def is_finished(self) -> bool:
         """Whether all runs are done."""
         return (self.folder / TABLE).is_file()
+
+    def view(self) -> View:
+        """Return the medians of each controller along each reference."""
+        rows = [
+            ShownValue(f"{along}.{law}.{name}", f"{law} along {along}", title, written(name, value))
+            for along in self.references
+            for law in self.laws
+            for name, (title, *_) in SHOWN.items()
+            if (value := self.middle(law, along, name)) is not None
+        ]
+        return View(f"Controllers of {self.drive}, {len(self.runs)} simulated runs", tuple(rows))
 
     def _card(self) -> Card:
         rows = [

@@ -20,6 +20,7 @@ from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import whole
+from pneudrive.views import ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -442,6 +443,17 @@ class Fit(Shown):
         }
 
     # -- display ----------------------------------------------------------------------------------------
+
+    def view(self) -> View:
+        """Return the values with their intervals, and the sentences on them."""
+        rows = []
+        for name, value in self._shown().items():
+            _, _, state, expanded, _ = self._row(name, value)
+            known = "95 % interval" if name in self.intervals else "state"
+            rows.append(ShownValue(name, name, "value", value, self.units[name], origin=known))
+            rows.append(ShownValue(f"{name}.state", name, "95 % interval, or state", state))
+            rows += [ShownValue(f"{name}.u", name, "U (k = 2)", expanded)] if expanded else []
+        return View(self._title(), tuple(rows), notes=(*self.statements(), *self.notes))
 
     def _title(self) -> str:
         """Return the first line of the table."""

@@ -33,6 +33,7 @@ from pneudrive.web.messages import fault_of, pack, plain, problems_of
 from pneudrive.web.pages import BuiltPage
 from pneudrive.web.reports import SANDBOX, OpenReports
 from pneudrive.web.requests import MOST_PIXELS, WRONG_REQUEST
+from pneudrive.web.results import SHOWN
 from pneudrive.web.workspace import (
     BUILT,
     MOST_FILES,
@@ -53,18 +54,6 @@ if TYPE_CHECKING:
 
 PLATFORM = f"{platform.system()} {platform.machine()}"
 BUILD_FILE, FRAME = "build.json", "application/octet-stream"
-#: Jobs that a page may start, by the command that does them: the module that has them as `COMMAND_job`.
-JOBS = {
-    "characterise": "jobs",
-    "fit": "measured.friction",
-    "design": "measured.fits",
-    "validate": "measured.validation",
-    "identify": "measured.validation",
-    "apply": "measured.validation",
-    "size": "drive.sizing",
-    "export": "drive.handover",
-    "datasheet": "drive.datasheet",
-}
 #: Requests that need nothing but the workspace: method and address, the function that answers, and the texts that it
 #: takes from the request. Without texts, it takes the table in the body of a POST.
 ANSWERS: dict[str, tuple[str, ...]] = {
@@ -74,6 +63,8 @@ ANSWERS: dict[str, tuple[str, ...]] = {
     "/api/example": ("POST", "drop:add_example"),
     "/api/check": ("POST", "drive.description:checked", "path", "text"),
     "/api/edit": ("POST", "drive.description:edited_as_asked"),
+    "/api/result": ("GET", "results:shown_result", "path"),
+    "/api/forms": ("GET", "signatures:forms"),
     "/api/kinds": ("GET", "drive.structure:kinds"),
     "/api/structure": ("POST", "drive.structure:restructured"),
     "/api/drawing": ("POST", "drive.description:drawing", "path", "text"),
@@ -250,7 +241,13 @@ class _Views:
             "platform": PLATFORM,
             "build": self.build,
         }
-        about |= {"protocols": READY, "control": self.control, "left_out": left_out, "is_cut": len(files) == MOST_FILES}
+        about |= {
+            "shown": list(SHOWN),
+            "protocols": READY,
+            "control": self.control,
+            "left_out": left_out,
+            "is_cut": len(files) == MOST_FILES,
+        }
         return {**about, "files": [vars(one) for one in files], "catalogue": drives}
 
     def read(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
@@ -335,12 +332,9 @@ class _Views:
         return MeasureRequest.of(_table(body, "path")).answer(self.recordings)
 
     def _job(self, body: bytes) -> AskedJob:
-        asked = _table(body)
-        kind = asked.get("kind", "characterise")
-        module = JOBS.get(kind) if isinstance(kind, str) else None
-        if module is None:
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-        return getattr(import_module(f"pneudrive.web.{module}"), f"{kind}_job")(asked, self.workspace)
+        from pneudrive.web.signatures import job_of
+
+        return job_of(_table(body), self.workspace)
 
     def report(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Return the address of a folder's report."""

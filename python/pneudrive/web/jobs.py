@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
 from pneudrive.files import child
-from pneudrive.simulation.trajectory import SUFFIXES
 from pneudrive.web.cache import log_folder
-from pneudrive.web.workspace import DESCRIPTIONS, TABLES, safe
+from pneudrive.web.workspace import DESCRIPTIONS, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -66,37 +65,6 @@ class AskedJob:
         line = shlex.join(["pneudrive", *self.arguments])
         folder = self.out.rpartition("/")[0]
         return f"{shlex.join(['mkdir', '-p', folder])}\n{line}" if self.is_new and folder else line
-
-
-def characterise_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that finds the friction of recordings or of a campaign.
-
-    Raises
-    ------
-    CommandError
-        A recording is not in the workspace or has no layout there, or the folder name is not valid.
-    """
-    names: Any = given.get("recordings")
-    out = f"{RESULTS}/{folder_name(given.get('name'))}"
-    if isinstance(campaign := given.get("campaign"), str):
-        if not workspace.folder(campaign).is_dir():
-            raise CommandError(f"there is no campaign {campaign}")
-        python = f"import pneudrive as pn\n\nfound = pn.campaign_friction({campaign!r})\n"
-        return AskedJob(("characterise", safe(campaign), "--out", out), out, python=python)
-    is_list = isinstance(names, list) and 0 < len(names) <= MOST_RECORDINGS
-    if not is_list or not all(isinstance(one, str) for one in names):
-        raise CommandError("no recording is named", remedy="Choose at least one.")
-    from pneudrive.signals.trajectories import is_trajectory
-    from pneudrive.web.measured.recordings import layout_in
-
-    for name in names:
-        path = workspace.path(name, TABLES)
-        if not path.is_file():
-            raise CommandError(f"there is no recording {name}")
-        if layout_in(workspace, path) is None and not (path.suffix in SUFFIXES and is_trajectory(path)):
-            raise CommandError(f"{name} has no layout in the workspace", remedy="Propose one and accept it.")
-    python = f"import pneudrive as pn\n\ncurves = pn.characterise({list(names)!r})\n"
-    return AskedJob(("characterise", *map(safe, names), "--out", out), out, python=python)
 
 
 def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:

@@ -9,52 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_bytes
-from pneudrive.fmu.package import VERSIONS
 from pneudrive.fmu.reading import read_fmu
-from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
-from pneudrive.web.workspace import FMUS, safe
+from pneudrive.web.workspace import FMUS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pneudrive.web.workspace import Workspace
 
 #: What a drive becomes: a file for other tools, or a folder for C.
 FORMS = ("fmu", "c")
 #: An input that commands a valve; half open moves every drive.
 _COMMAND, _OPENING = re.compile(r"(?:.+\.)?command"), 0.5
-
-
-def export_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that writes a drive or a circuit for other tools, into a file or a folder below ``results``.
-
-    Raises
-    ------
-    CommandError, DescriptionError
-        The drive is not in the workspace or not valid, or a choice is unknown.
-    """
-    drive, form, version, initial = (given.get(key) for key in ("drive", "to", "fmi", "initial"))
-    if not isinstance(drive, str) or not isinstance(initial, str | None):
-        raise CommandError("no drive is named", remedy="Choose one.")
-    described_at(workspace, drive)
-    for what, value, known in (("to", form, FORMS), ("fmi", version, VERSIONS)):
-        if value not in known:
-            raise CommandError(f"{what} = {str(value)[:80]!r} is not known", rule=", ".join(known))
-    is_fmu, start = form == "fmu", initial or ""
-    actuator = is_fmu and given.get("actuator") is True
-    out = f"{RESULTS}/{folder_name(given.get('name'))}{'.fmu' if is_fmu else ''}"
-    words = ["export", safe(drive), "--to", str(form), "--out", out]
-    words += ["--fmi", str(version)] if is_fmu else []
-    words += ["--actuator"] if actuator else []
-    words += ["--initial", start] if start else []
-    options = [f"version={version!r}"] if is_fmu else []
-    options += ["actuator=True"] if actuator else []
-    options += [f"initial={start!r}"] if start else []
-    call = ", ".join(["drive", repr(out), *options])
-    loaded = "import pneudrive as pn\nfrom pneudrive.describe.files.load import load_described\n\n"
-    python = f"{loaded}drive = load_described({drive!r})\ndone = pn.export_{form}({call})\n"
-    return AskedJob(tuple(words), out, python=python)
 
 
 def shown_fmu(workspace: Workspace, name: str) -> dict[str, Any]:

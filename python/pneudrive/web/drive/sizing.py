@@ -12,12 +12,10 @@ from pneudrive.files.content import read_json, read_text
 from pneudrive.files.lock import is_held
 from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choice
 from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, set_to
-from pneudrive.sizing.search import DRAWS_BEST_OF, is_of_command
+from pneudrive.sizing.search import is_of_command
 from pneudrive.sizing.sized_drive import SizedDrive
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
-from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
 from pneudrive.web.messages import plain, problems_of
-from pneudrive.web.workspace import DESCRIPTIONS, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,36 +26,6 @@ if TYPE_CHECKING:
 FIRST = Path(__file__).with_name("first_task.toml")
 MOST_LEAST, MOST_DRAWS = 100, 4096
 MOST_TASKS = 500  # that are kept as they were read
-
-
-def size_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that sizes a drive for a task into a new folder, or continues in a folder.
-
-    Raises
-    ------
-    CommandError
-        The task or the folder is not in the workspace, or a number is out of bounds.
-    """
-    task, folder, least, draws = (given.get(key) for key in ("task", "resume", "least", "draws"))
-    if not workspace.path(task, DESCRIPTIONS).is_file():  # type: ignore[arg-type]
-        raise CommandError(f"there is no task {task}", remedy="Save it first.")
-    for name, value, most in (("least", least, MOST_LEAST), ("draws", draws, MOST_DRAWS)):
-        if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= most:
-            raise CommandError(f"{name} = {value} is out of bounds", rule=f"a whole number, 1 to {most}")
-    if folder is None:
-        out, is_new = f"{RESULTS}/{folder_name(given.get('name'))}", True
-        if out.lower().endswith(DESCRIPTIONS):
-            raise CommandError(f"{out} is the name of a task, not of a folder", remedy="Leave out the ending.")
-    elif is_held(workspace.folder(folder) / LOCK):
-        raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")
-    elif workspace.folder(folder).is_dir():
-        out, is_new = folder, False
-    else:
-        raise CommandError(f"there is no folder {folder}")
-    counts = ("--least", str(least), "--draws", str(draws))
-    options = f"least={least}, draws={draws}, draws_best={DRAWS_BEST_OF * draws}"  # type: ignore[operator]
-    python = f"import pneudrive as pn\n\nfound = pn.size({task!r}, {options})\n"
-    return AskedJob(("size", safe(str(task)), *counts, "--out", out), out, is_new=is_new, python=python)
 
 
 def checked_or_first(_: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,15 +15,17 @@ from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.static.sliding_fit import SlidingFit
 from pneudrive.identify.static.with_map import PROBABILITIES, ellipses, profiles, with_map
 from pneudrive.rig.loading import load_rig
-from pneudrive.web.jobs import RIG, AskedJob, folder_name
+from pneudrive.web.jobs import RIG
 from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage
 from pneudrive.web.measured.friction import number
+from pneudrive.web.results import sent
 from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.identify.files import AnyFit
+    from pneudrive.views import View
     from pneudrive.web.workspace import Workspace
 
 MOST_NEXT = 200  # points of a design
@@ -38,31 +40,14 @@ def shown_fit(workspace: Workspace, path: str) -> dict[str, Any]:
         The file is not a fit.
     """
     fit: AnyFit = read_fit(workspace.path(path, (".toml",)))
-    sizes = {name: shown_in(fit.units.get(name, "")) for name in fit.values}
-    values = [
-        {
-            "name": name,
-            "value": number(value),
-            "size": sizes[name][0],
-            "unit": sizes[name][1],
-            "interval": [number(one) for one in fit.intervals[name]] if name in fit.intervals else None,
-            "spread": fit.expanded_uncertainty(name) if name in fit.free and name in fit.intervals else None,
-            "determined": name in fit.determined,
-            "sources": list(fit.sources.get(name, ())),
-        }
-        for name, value in fit.values.items()
-    ]
-    return {
-        "kind": fit.KIND,
-        "title": fit.TITLE,
-        "values": values,
-        "statements": fit.statements(),
-        "notes": list(fit.notes),
-        "recordings": list(fit.recordings),
-        "synthetic": fit.synthetic,
-        "converged": fit.converged,
-        "statistics": {name: number(value) for name, value in fit.statistics.items()},
-    }
+    about = {"kind": fit.KIND, "title": fit.TITLE, "synthetic": fit.synthetic, "converged": fit.converged}
+    about |= {"statements": len(fit.statements())}
+    return about | {"view": sent(fit.view()), "recordings": list(fit.recordings)}
+
+
+def view_of_fit(workspace: Workspace, path: str) -> View:
+    """Return the values of a fit of any kind."""
+    return read_fit(workspace.path(path, (".toml",))).view()
 
 
 def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
@@ -164,20 +149,3 @@ def next_points(workspace: Workspace, path: str, asked: str) -> dict[str, Any]:
 
 def _design_words(fit: str, points: int | None) -> list[str]:
     return ["pneudrive", "design", safe(fit), "--rig", RIG, *([] if points is None else ["--points", str(points)])]
-
-
-def design_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that writes the next points of a fit as a protocol.
-
-    Raises
-    ------
-    CommandError
-        The fit is not in the workspace, the number of points is not positive, or the file name is not valid.
-    """
-    fit, points, out = given.get("fit", ""), given.get("points"), f"{folder_name(given.get('name'))}.toml"
-    if not workspace.path(fit, (".toml",)).is_file():
-        raise CommandError(f"there is no fit {fit}")
-    if not (points is None or (isinstance(points, int) and 1 <= points <= MOST_NEXT)):
-        raise CommandError(f"points = {points} is out of bounds", rule=f"1 to {MOST_NEXT}, or none")
-    words = (*_design_words(fit, points)[1:], "--out", out)
-    return AskedJob(words, out)

@@ -12,10 +12,9 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, read_map
 from pneudrive.identify.static.differences import common, curve_differences
-from pneudrive.identify.static.laws import CANDIDATES
 from pneudrive.identify.static.model import PRESSURE_FORMS
 from pneudrive.identify.static.result import FrictionFit
-from pneudrive.web.jobs import AskedJob, folder_name
+from pneudrive.views import ShownCurve, View
 from pneudrive.web.lineage import recordings_of_map
 from pneudrive.web.measured.map_fits import FIT, assemblies_of, fits_of
 from pneudrive.web.requests import WRONG_REQUEST
@@ -38,34 +37,6 @@ SPEEDS = 120  # points of a curve
 PRESSURES = ("none", *PRESSURE_FORMS)
 NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 SAME_PA = 1e4  # chamber pressures that differ by less make one curve
-
-
-def fit_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that fits one law to a friction map, into a file next to it.
-
-    Raises
-    ------
-    CommandError
-        The map is not in the workspace, the law or the dependence on pressure is unknown, or the file name is not
-        valid.
-    """
-    name, law, pressure, out = (given.get(key, "") for key in ("map", "law", "pressure", "name"))
-    if not workspace.path(name, MAPS).is_file():
-        raise CommandError(f"there is no friction map {name}")
-    for what, value, known in (("law", law, CANDIDATES), ("pressure", pressure, PRESSURES)):
-        if value not in known:
-            raise CommandError(f"{what} = {str(value)[:80]!r} is not known", rule=", ".join(known))
-    target = f"{str(name).rpartition('/')[0]}/{folder_name(out)}.toml".lstrip("/")
-    own = CANDIDATES[law]
-    shape = "lorentzian" if own.lorentzian else None
-    options = f"stribeck_exponent={own.exponent}, stribeck_shape={shape!r}"
-    form = "" if pressure == "none" else f", pressure_dependence=True, pressure={pressure!r}"
-    python = (
-        "import pneudrive as pn\nfrom pneudrive.friction.friction_map import read_map\n\n"
-        f"curves = read_map({name!r})\nfit = pn.fit_friction(curves, {own.law!r}, {options}{form})\n"
-    )
-    words = ("fit", safe(str(name)), "--laws", str(law), "--pressure", str(pressure), "--out", target)
-    return AskedJob(words, target, python=python)
 
 
 def shown_map(workspace: Workspace, name: str, fit: str) -> dict[str, Any]:
@@ -132,6 +103,27 @@ def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
         "columns": about,
         "left_out": int(found.sizes["row"] - len(rows)),
     }
+
+
+def view_of_map(workspace: Workspace, path: str) -> View:
+    """Return friction over speed, a curve of measured points for each assembly and pair of pressures."""
+    found = read_map(workspace.path(path, MAPS))
+    rows = np.arange(min(found.sizes["row"], MOST_POINTS))
+    ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
+    pairs, assemblies = _pressures(found, rows) - ambient, assemblies_of(found, rows)
+    speed, friction = np.abs(found["velocity_m_s"].to_numpy()), found["friction_n"].to_numpy()
+    reach = 2.0 * np.hypot(found["stderr_n"].to_numpy(), found["u_systematic_n"].to_numpy())  # U, k = 2
+    curves = []
+    for name in dict.fromkeys(assemblies.tolist()):
+        own = np.flatnonzero(assemblies == name)
+        for inside in (own[part] for part in alike(pairs[own])):
+            part = inside[np.argsort(speed[inside], kind="stable")]
+            label = _label(pairs[part].mean(axis=0))
+            band = (friction[part] - reach[part], friction[part] + reach[part])
+            titles = ("speed", "friction", "m/s", "N", band)
+            known = np.ones(len(part), dtype=bool)
+            curves.append(ShownCurve(label, f"{name}: {label}", speed[part], friction[part], *titles, known, name))
+    return View(f"{len(rows)} points of friction", curves=tuple(curves))
 
 
 def map_slice(workspace: Workspace, name: str, fit: str, speed: str) -> dict[str, Any]:

@@ -21,18 +21,18 @@ from pneudrive.free.parameters import Parameter, numbers_of, with_shape
 from pneudrive.identify.files import read_fit
 from pneudrive.identify.static.differences import differences
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
-from pneudrive.simulation.trajectory import SUFFIXES, columns_in, read_columns
+from pneudrive.simulation.trajectory import columns_in, read_columns
 from pneudrive.units import readable
 from pneudrive.validate.metrics import metrics
 from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
+from pneudrive.views import ShownValue, View
 from pneudrive.web.drive.description import field_of
 from pneudrive.web.drive.drives import MOST_DRIVES, drive_at, hash_at, is_fit
 from pneudrive.web.drive.run_request import Changes, described_at, with_changes
-from pneudrive.web.jobs import MOST_RECORDINGS, RESULTS, AskedJob, folder_name
 from pneudrive.web.lineage import MOST_TRACED, Input, Lineage
-from pneudrive.web.measured.recordings import by_stem, layout_in
+from pneudrive.web.measured.recordings import by_stem
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import pack, plain
 from pneudrive.web.requests import MOST_PIXELS, WRONG_REQUEST, PageRequest
@@ -46,99 +46,6 @@ if TYPE_CHECKING:
 
 RESULT = "validation.toml"
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
-
-
-def validate_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that validates a drive, or the fit of one, against recordings.
-
-    Raises
-    ------
-    CommandError
-        The drive or a recording is not in the workspace, a recording has no layout, or the folder name is not valid.
-    """
-    drive, names = _drive_named(given, workspace), _recordings_named(given, workspace)
-    out = f"{RESULTS}/{folder_name(given.get('name'))}"
-    python = f"import pneudrive as pn\n\n{_loaded(drive, workspace)}found = pn.validate(drive, {names!r})\n"
-    words = ("validate", safe(drive), *map(safe, names), "--out", out)
-    return AskedJob(words, out, python=python)
-
-
-def identify_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that identifies values of a drive from recordings, into a fit next to their validation.
-
-    Raises
-    ------
-    CommandError
-        As for `validate_job`, or no value is named.
-    """
-    drive, names = _drive_named(given, workspace), _recordings_named(given, workspace)
-    free = given.get("free")
-    keys = [one.strip() for one in free.split(",") if one.strip()] if isinstance(free, str) else []
-    if not keys:
-        raise CommandError("no value is named that may change", remedy="Write valve.conductance, for instance.")
-    out = _new_file(given, workspace)
-    python = f"import pneudrive as pn\n\n{_loaded(drive, workspace)}fit = pn.identify(drive, {names!r}, {keys!r})\n"
-    words = ("identify", safe(drive), *map(safe, names), "--free", ", ".join(keys), "--out", out)
-    return AskedJob(words, out, python=python)
-
-
-def apply_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
-    """Return the job that writes the values of a fit into a new drive file.
-
-    Raises
-    ------
-    CommandError
-        The fit or the drive is not in the workspace, or the name is not that of a TOML file in it.
-    """
-    fit = given.get("fit", "")
-    if not workspace.path(fit, DESCRIPTIONS).is_file():
-        raise CommandError(f"there is no fit {fit}")
-    drive, out = _drive_named(given, workspace), _new_file(given, workspace)
-    python = (
-        "import pneudrive as pn\nfrom pneudrive.identify.files import read_fit\n\n"
-        f"{_loaded(drive, workspace)}after = read_fit({fit!r}).apply(drive)\n"
-    )
-    words = ("apply", safe(fit), safe(drive), "--out", out)
-    return AskedJob(words, out, python=python)
-
-
-def _drive_named(given: Mapping[str, Any], workspace: Workspace) -> str:
-    drive: Any = given.get("drive", "")
-    if is_in_catalogue(drive) if isinstance(drive, str) else False:
-        if drive.partition(":")[2] in entries():
-            return drive
-        raise CommandError(f"the catalogue has no drive {drive[:80]}")
-    if not workspace.path(drive, DESCRIPTIONS).is_file():
-        raise CommandError(f"there is no drive {drive}", remedy="Choose one of the folder or of the catalogue.")
-    return drive
-
-
-def _recordings_named(given: Mapping[str, Any], workspace: Workspace) -> list[str]:
-    """Return the names of recordings that have a layout or the columns of a drive's recording."""
-    names: Any = given.get("recordings")
-    if not isinstance(names, list) or not 0 < len(names) <= MOST_RECORDINGS:
-        raise CommandError("no recording is named", remedy="Choose at least one.")
-    for name in names:
-        path = workspace.path(name, TABLES)
-        if not path.is_file():
-            raise CommandError(f"there is no recording {name}")
-        own = path.suffix in SUFFIXES and len(columns_in(path, NEEDED)) == len(NEEDED)
-        if not own and layout_in(workspace, path) is None:
-            raise CommandError(f"{name} has no layout in the workspace", remedy="Propose one under Recordings.")
-    return names
-
-
-def _new_file(given: Mapping[str, Any], workspace: Workspace) -> str:
-    out: Any = given.get("out", "")
-    workspace.path(out, DESCRIPTIONS)
-    return out
-
-
-def _loaded(drive: str, workspace: Workspace) -> str:
-    """Return the Python line that reads a drive, or the fit of one."""
-    if not is_in_catalogue(drive) and is_fit(workspace.path(drive)):
-        return f"from pneudrive.identify.files import read_fit\n\ndrive = read_fit({drive!r})\n"
-    return f"drive = pn.Drive.load({drive!r})\n"
 
 
 def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
@@ -171,6 +78,26 @@ def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
             "channels": [{"column": column, "label": label, **_unit(column)} for column, label in CHANNELS.items()],
         }
     )
+
+
+def view_of_validation(workspace: Workspace, name: str) -> View:
+    """Return the agreement of each record and channel, and the verdicts."""
+    content = _read(workspace, name)
+    rows = []
+    for record in content["record"]:
+        for column, title in CHANNELS.items():
+            found, label = record[column], f"{record['name']}: {title}"
+            unit = "m" if column.endswith("_m") else "Pa"
+            for key, quantity, value, of in (
+                ("fit", "fit, %", found["free"].get("fit_percent"), ""),
+                ("rms", "rms", found["free"]["rms"], unit),
+                ("largest", "largest", found["free"]["largest"], unit),
+                ("restarted", "from measured states: fit, %", found["restarted"].get("fit_percent"), ""),
+            ):
+                given = float("nan") if value is None else float(value)
+                rows.append(ShownValue(f"{label}.{key}", label, quantity, given, of))
+    notes = [*(one["text"] for one in content["verdict"]), *content["notes"]]
+    return View(f"{content['provenance']['drive']} against its recordings", tuple(rows), notes=tuple(notes))
 
 
 def _read(workspace: Workspace, name: str) -> dict[str, Any]:

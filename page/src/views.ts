@@ -1,0 +1,29 @@
+/** The views of the page, one line each: address, name, what shows it, the kinds that it opens, and others that it takes along. */
+import type { ComponentType } from "preact";
+import { StudiesView } from "./workspace/studies";
+
+export interface View {
+  name: string;
+  title: string; // as a verb of an object
+  load: () => Promise<ComponentType>;
+  opens: string[]; // kinds of objects of which it is the first view
+  takes?: string[]; // other kinds of which it is a view
+}
+
+export const VIEWS: View[] = [
+  { name: "studies", title: "Overview", load: async () => StudiesView, opens: [] },
+  { name: "drive", title: "Drive", load: async () => (await import("./drive/drive")).DriveView, opens: ["other", "formula"], takes: ["drive", "circuit"] },
+  { name: "simulate", title: "Simulate", load: async () => (await import("./simulate/simulate")).SimulateView, opens: ["drive", "circuit"] },
+  { name: "recording", title: "Recording", load: async () => (await import("./measured/recording")).RecordingView, opens: ["recording"] },
+  { name: "friction", title: "Friction", load: async () => (await import("./measured/friction")).FrictionView, opens: ["friction map", "fit"] },
+  { name: "control", title: "Control", load: async () => (await import("./control/control")).ControlView, opens: ["comparison"], takes: ["drive", "circuit"] },
+  { name: "validation", title: "Validate", load: async () => (await import("./measured/validation")).ValidationView, opens: ["validation"], takes: ["drive", "circuit", "recording"] },
+  { name: "sizing", title: "Sizing", load: async () => (await import("./drive/sizing")).SizingView, opens: ["task", "sizing"] },
+  { name: "campaign", title: "Campaign", load: async () => (await import("./measured/campaign")).CampaignView, opens: ["campaign", "protocol"] },
+  { name: "datasheet", title: "Data sheet", load: async () => (await import("./drive/datasheet")).DatasheetView, opens: [], takes: ["drive", "circuit"] },
+  { name: "handover", title: "Export", load: async () => (await import("./drive/handover")).HandoverView, opens: ["fmu"], takes: ["drive", "circuit"] },
+  { name: "result", title: "Values", load: async () => (await import("./workspace/result")).ResultView, opens: [] }, // of the kinds that the server shows
+];
+
+/** Return the name of the first view of a kind. */
+export const viewOf = (kind: string): string | undefined => VIEWS.find((one) => one.opens.includes(kind))?.name;

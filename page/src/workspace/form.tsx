@@ -1,0 +1,120 @@
+/** Form of a command, from the server's table of signatures: its fields, its button, the copied lines and its jobs. */
+import { signal, useSignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { useEffect } from "preact/hooks";
+import { ask, attempting, read, type Problem } from "../server/server";
+import type { Input as Field } from "../server/types";
+import { follow, JobList } from "./jobs";
+import { NumberField, Problems, Unsaved, useCopied } from "./parts";
+import { studies } from "./studies";
+import { filesOf } from "./tree";
+
+type Values = Record<string, unknown>;
+
+const forms = signal<Record<string, { title: string; fields: Field[] }>>({});
+/** Typed values by command; they stay while one looks at another view. */
+const typed = signal<Record<string, Values>>({});
+const MOST_LISTED = 200; // recordings that can be ticked
+
+/** Files that a field offers, by its kind. */
+const KINDS: Record<string, string[]> = { drive: ["drive", "circuit"], model: ["drive", "fit"], map: ["friction map"], fit: ["fit"], task: ["task"] };
+
+const put = (kind: string, change: Values): void => void (typed.value = { ...typed.value, [kind]: { ...typed.value[kind], ...change } });
+
+/** Return the request of a form, with the values that the view gives. */
+export function requestOf(kind: string, given: Values = {}): Values {
+  const own = typed.value[kind] ?? {};
+  const starts = Object.fromEntries((forms.value[kind]?.fields ?? []).filter((one) => one.start !== "").map((one) => [one.key, one.start]));
+  return { kind, ...starts, ...own, ...given };
+}
+
+interface FormProps {
+  kind: string;
+  given?: Values; // by the view: without fields
+  start?: Values; // with which the fields begin, again for each other object
+  isReady?: boolean;
+  after?: (job: { number: number; out: string }) => void | Promise<void>; // once it is started
+  jobs?: string[]; // kinds of jobs to list
+  children?: ComponentChildren;
+}
+
+export function JobForm({ kind, given = {}, start = {}, isReady = true, after, jobs = [kind], children }: FormProps) {
+  const wrong = useSignal<Problem[]>([]);
+  const attempt = attempting(wrong);
+  const form = forms.value[kind];
+  useEffect(() => {
+    void follow();
+    if (!forms.value[kind]) void attempt(async () => void (forms.value = await read("/api/forms")));
+  }, []);
+  useEffect(() => ((wrong.value = []), put(kind, start)), [kind, JSON.stringify(start)]);
+  const request = requestOf(kind, given);
+  const needed = (form?.fields ?? []).find((one) => ["drive", "model", "map", "fit", "task"].includes(one.kind) && !request[one.key]);
+  const [copy, copied] = useCopied(form && isReady && !needed ? request : null, attempt);
+  if (!form) return <Problems of={wrong.value} />;
+  const shown = form.fields.filter((one) => !(one.key in given) && (!one.only.length || request[one.only[0]!] === one.only[1]));
+  const run = () => attempt(async () => {
+    const job = await ask<{ number: number; out: string }>("/api/jobs", request);
+    void follow();
+    await after?.(job);
+  });
+  const drive = form.fields.find((one) => one.kind === "drive" || one.kind === "model");
+  return (
+    <div class="form" data-form={kind}>
+      <div class="fieldset">{shown.map((one) => <FormField key={one.key} field={one} value={request[one.key]} put={(value) => put(kind, { [one.key]: value })} />)}</div>
+      {drive && <Unsaved path={String(request[drive.key] ?? "")} />}
+      <p class="row">
+        <button type="button" class="primary" disabled={!isReady || needed !== undefined} onClick={() => void run()}>{form.title}</button>
+        {copy}
+        {children}
+      </p>
+      <Problems of={wrong.value} />
+      {copied}
+      <JobList kinds={jobs} />
+    </div>
+  );
+}
+
+
+
+function FormField({ field, value, put: change }: { field: Field; value: unknown; put: (value: unknown) => void }) {
+  const { label, kind, suffix, hint } = field;
+  const files = KINDS[kind];
+  if (kind === "recordings") return <Recordings label={label} chosen={(value as string[] | undefined) ?? []} put={change} />;
+  if (kind === "flag") return <label class="tick"><input type="checkbox" checked={value === true} onChange={(event) => change(event.currentTarget.checked)} /> {label}</label>;
+  if (files || kind === "choice") {
+    const paths = files ? [...filesOf(...files), ...(kind === "drive" || kind === "model" ? studies.value?.catalogue ?? [] : [])].map((one): [string, string] => [one.path, one.path]) : field.choices;
+    return (
+      <label class="choice">
+        {label}{" "}
+        <select value={String(value ?? "")} onChange={(event) => change(event.currentTarget.value)}>
+          {files && <option value="">choose</option>}
+          {paths.map(([one, title]) => <option key={one} value={one}>{title}</option>)}
+        </select>
+      </label>
+    );
+  }
+  if (kind === "number" && field.start !== null)
+    return <label class="choice">{label} <NumberField low={1} high={field.most} whole value={value as number} put={change} /></label>;
+  return (
+    <label class="choice">
+      {label}{suffix && ` (${suffix})`}{" "}
+      <input value={String(value ?? "")} placeholder={hint} onInput={(event) => change(event.currentTarget.value)} />
+    </label>
+  );
+}
+
+function Recordings({ label, chosen, put: change }: { label: string; chosen: string[]; put: (value: string[]) => void }) {
+  const files = filesOf("recording");
+  return (
+    <fieldset>
+      <legend>{label}</legend>
+      {!files.length && <p>There is no recording in the folder.</p>}
+      {files.length > MOST_LISTED && <p class="note">The first {MOST_LISTED} of {files.length}; the command takes any.</p>}
+      {files.slice(0, MOST_LISTED).map(({ path }) => (
+        <label key={path} class="tick">
+          <input type="checkbox" checked={chosen.includes(path)} onChange={(event) => change(event.currentTarget.checked ? [...chosen, path] : chosen.filter((one) => one !== path))} /> {path}
+        </label>
+      ))}
+    </fieldset>
+  );
+}

@@ -1,0 +1,127 @@
+"""Results in the one form of `pneudrive.views`, as a page gets them: values and curves in usual units, and sentences.
+
+`SHOWN` has one line for each kind of result. A page needs no code of its own for a kind that has one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.errors import CommandError
+from pneudrive.units import readable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pneudrive.views import ShownCurve, View
+    from pneudrive.web.workspace import Workspace
+
+#: Kind of a file -> module and function that read it and return its `View`.
+SHOWN = {
+    "fit": "pneudrive.web.measured.fits:view_of_fit",
+    "friction map": "pneudrive.web.measured.friction:view_of_map",
+    "validation": "pneudrive.web.measured.validation:view_of_validation",
+    "comparison": "pneudrive.web.results:view_of_comparison",
+}
+
+
+@dataclass(frozen=True)
+class SentValue:
+    """A value: in SI, and as text in its usual unit."""
+
+    key: str
+    label: str
+    quantity: str
+    value: float | str | None
+    text: str
+    unit: str
+    origin: str
+
+
+@dataclass(frozen=True)
+class SentCurve:
+    """A curve in usual units. Points that are not measured lie between measured ones."""
+
+    key: str
+    label: str
+    group: str
+    x_title: str
+    y_title: str
+    x: list[float | None]
+    y: list[float | None]
+    low: list[float | None]
+    high: list[float | None]
+    measured: list[bool]
+
+
+@dataclass(frozen=True)
+class SentView:
+    """A result: its table as terminal, notebook and report have it, with the values of its cells, and its curves."""
+
+    title: str
+    head: list[str]
+    table: list[list[str]]
+    rows: list[SentValue]
+    curves: list[SentCurve]
+    notes: list[str]
+
+
+def sent(view: View) -> dict[str, Any]:
+    """Return a view as plain data."""
+    head, table = view.table() if view.rows else ((), [])
+    rows = [
+        vars(SentValue(one.key, one.label, one.quantity, _number(one.value), one.text, one.usual_unit, one.origin))
+        for one in view.rows
+    ]
+    curves = [vars(_curve(one)) for one in view.curves]
+    return vars(SentView(view.title, list(head), list(map(list, table)), rows, curves, list(view.notes)))  # type: ignore[arg-type]
+
+
+def _curve(one: ShownCurve) -> SentCurve:
+    (x_size, x_unit), (size, unit) = readable(one.x_unit), readable(one.unit)
+    low, high = one.band if one.band is not None else ((), ())
+    return SentCurve(
+        one.key,
+        one.label,
+        one.group,
+        f"{one.x_quantity}, {x_unit}",
+        f"{one.quantity}, {unit}",
+        x=_scaled(one.x, x_size),
+        y=_scaled(one.y, size),
+        low=_scaled(low, size),
+        high=_scaled(high, size),
+        measured=one.measured.tolist(),
+    )
+
+
+def _number(value: float | str) -> float | str | None:
+    return value if isinstance(value, str) or math.isfinite(value) else None
+
+
+def _scaled(values: Iterable[float], size: float) -> list[float | None]:
+    return [float(one) / size if math.isfinite(one) else None for one in values]
+
+
+def shown_result(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Return the view of a result by the kind of its file.
+
+    Raises
+    ------
+    CommandError
+        There is no such file, or its kind has no view.
+    """
+    kind = next((one.kind for one in workspace.files() if one.path == path), "")
+    if kind not in SHOWN:
+        raise CommandError(f"{path[:200]} has no values to show", rule=f"a {', '.join(SHOWN)}")
+    module, _, function = SHOWN[kind].partition(":")
+    return sent(getattr(import_module(module), function)(workspace, path))
+
+
+def view_of_comparison(workspace: Workspace, path: str) -> View:
+    """Return the medians of each controller along each reference."""
+    from pneudrive.control.card import read_comparison
+
+    return read_comparison(workspace.folder(path)).view()
