@@ -137,7 +137,25 @@ function Page() {
   );
 }
 
+/** Give each cell the name of its column, which a phone shows in place of the head of the table. */
+function nameCells(): void {
+  const isNarrow = matchMedia("(max-width: 40rem)");
+  let waits = false;
+  const name = () => {
+    waits = false;
+    if (!isNarrow.matches) return;
+    for (const table of document.querySelectorAll<HTMLTableElement>("main table")) {
+      const heads = [...(table.tHead?.rows[0]?.cells ?? [])].map((one) => one.textContent.trim());
+      for (const body of table.tBodies) for (const row of body.rows) [...row.cells].forEach((cell, k) => cell.scope !== "row" && heads[k] && (cell.dataset["head"] = heads[k]));
+    }
+  };
+  const soon = () => void (waits || ((waits = true), requestAnimationFrame(name)));
+  new MutationObserver(soon).observe(document.body, { childList: true, subtree: true });
+  isNarrow.addEventListener("change", soon);
+}
+
 async function start(): Promise<void> {
+  nameCells();
   if (await unlock()) {
     void list(); // the view that is asked for does not wait for the folder
     takeDrops();

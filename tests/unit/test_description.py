@@ -96,6 +96,9 @@ def test_a_file_may_start_from_the_catalogue(tmp_path):
 # old text, new text, what the message says, text of the line that it points at
 WRONG = [
     ("bore =", "boer =", "cylinder.boer is not a known key", "Did you mean 'bore'"),
+    ("bore =", 'rod = "12 mm"\nbore =', "cylinder.rod is not a known key", "Did you mean 'rod_diameter'"),
+    ("bore =", 'use = "catalogue:x"\nbore =', "cylinder.use is not a known key", "[components.cylinder]"),
+    ("[valve]", '[valve]\nbandwidth = "90 Hz"', "valve.bandwidth is not a known key", "frequency and damping_ratio"),
     ("[supply]", "[suply]", "suply is not a known key", "Did you mean 'supply'"),
     ("viscous =", "viscos =", 'not a known key of law "lugre"', "Did you mean 'viscous'"),
     ('"lugre"', '"lugree"', 'friction.law = "lugree" is not known', "Did you mean 'lugre'"),

@@ -101,7 +101,7 @@ def test_a_map_and_its_fit_are_shown_as_they_are(measured: Served) -> None:
     values = {one["key"]: one for one in shown["view"]["rows"]}
     assert values["coulomb"]["value"] == fit.values["coulomb"]
     low, high = fit.intervals["coulomb"]
-    assert [float(one) for one in values["coulomb.state"]["text"].split(" .. ")] == pytest.approx([low, high], rel=1e-3)
+    assert [float(one) for one in values["coulomb.state"]["text"].split(" .. ")] == pytest.approx([low, high], abs=0.5)
     assert values["breakaway"]["value"] is None
     assert any("breakaway" in one for one in shown["view"]["notes"])
     result = get(measured, "/api/result", path="results/o-rings/fit.toml")

@@ -88,8 +88,8 @@ export function Tree() {
         {found && <Group title="Catalogue" view="" rows={found.catalogue.filter((one) => isIn(one.path, one.title)).map((one) => ({ ...one, view: "simulate" }))} />}
       </ul>
       <label class="drop">
-        Own data: choose, or drop it anywhere
-        <input type="file" multiple onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
+        <span class="button">Add own files</span> or drop them anywhere
+        <input type="file" multiple class="hidden" onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
       </label>
       <p class="note" role="status">{taking.value}</p>
       {found && <p class="note">{found.files.length} files{found.left_out > 0 && `; ${found.left_out} names are no UTF-8 and left out`}{found.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}</p>}

@@ -17,7 +17,7 @@ from pneudrive.files.bounds import beyond
 from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pydantic.fields import FieldInfo
 
@@ -312,6 +312,7 @@ class Described(Shown, BaseModel):
         frozen=True, extra="forbid", arbitrary_types_allowed=True, alias_generator=key_of, defer_build=True
     )
     table_name: ClassVar[str] = ""
+    elsewhere: ClassVar[Mapping[str, str]] = {}  # key of another table -> remedy
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:  # noqa: ANN401 - pydantic's own
@@ -392,10 +393,12 @@ class Described(Shown, BaseModel):
         if first["type"] == "extra_forbidden":
             name = str(first["loc"][-1])
             inner = [one.removeprefix(f"{name}_") for one in cls.keys() if one.startswith(f"{name}_")]  # noqa: SIM118 - a class method
+            if len(inner) == 1 and not isinstance(first["input"], dict):
+                return wrong(key, f"{key} is not a known key", remedy=f"Did you mean '{name}_{inner[0]}'?")
             if inner:
                 what = f"{key} = {first['input']!r} is not a table"
                 return wrong(key, what, remedy=f"Write {{ {', '.join(f'{one} = ...' for one in inner)} }}.")
-            return wrong(key, f"{key} is not a known key", remedy=nearest(name, cls.keys()))
+            return wrong(key, f"{key} is not a known key", remedy=cls.elsewhere.get(name) or nearest(name, cls.keys()))
         if first["type"] == "missing":
             return wrong(key, f"{key} is missing", remedy=cls.example(str(first["loc"][-1])))
         if first["type"] == "literal_error":

@@ -41,7 +41,7 @@ from pneudrive.describe.tables.signal import Signal, SignalRange
 from pneudrive.errors import warn
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 NOT_NEGATIVE = Bounds(at_least=0.0)
 #: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
@@ -217,6 +217,19 @@ class EndStop(Described):
     damping_depth_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
 
 
+#: Keys that a circuit has and a drive has not: the remedy of each.
+_OPENED = "The page opens a drive as a circuit (Edit the circuit), and so does pn.Drive.load(FILE).circuit.to_toml()."
+_PART = 'A part of the catalogue belongs to a circuit: use = "catalogue:NAME" in [components.{}]. ' + _OPENED
+_DYNAMICS = "In a circuit, [components.valve] has {}. " + _OPENED
+_OF_A_CIRCUIT = {
+    "use": _PART.format("valve"),
+    **dict.fromkeys(("bandwidth", "frequency", "natural_frequency"), _DYNAMICS.format("frequency and damping_ratio")),
+    **dict.fromkeys(("stroke_time", "delay", "hysteresis"), _DYNAMICS.format("stroke_time, delay and hysteresis")),
+    **dict.fromkeys(("dead_zone", "deadband"), "A dead zone is a positive overlap, as a fraction of the command."),
+    **dict.fromkeys(("voltage", "current"), 'The electrical input is the range command = "0 V .. 10 V".'),
+}
+
+
 class Cylinder(Described):
     """Double-acting cylinder; x grows towards the end of chamber b, and chamber a grows with x.
 
@@ -225,6 +238,7 @@ class Cylinder(Described):
     """
 
     table_name: ClassVar[str] = "cylinder"
+    elsewhere: ClassVar[Mapping[str, str]] = {"use": _PART.format("cylinder")}
     kind: Literal["rodless", "through-rod", "single-rod"]
     bore_m: Length
     rod_diameter_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
@@ -304,6 +318,7 @@ class Valve(Described):
     """
 
     table_name: ClassVar[str] = "valve"
+    elsewhere: ClassVar[Mapping[str, str]] = _OF_A_CIRCUIT
     kind: Literal["proportional-5/3"]
     conductance_given: Annotated[float | None, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))] = Field(
         default=None, alias="conductance"
