@@ -64,7 +64,7 @@ def types() -> str:
     sys.path.insert(0, str(ROOT / "python"))
     from pneudrive.report.circuit.shapes import PistonShapes, Shape
     from pneudrive.web.results import SentCurve, SentValue, SentView
-    from pneudrive.web.signatures import Input
+    from pneudrive.web.signatures import CommandInput
     from pneudrive.web.workspace import Listed
 
     words = {
@@ -94,12 +94,12 @@ def types() -> str:
         return words.get(ast.unparse(node), ast.unparse(node))
 
     lines = ["/** Types of the server's answers. Written by `python tools/page.py types`; do not edit. */"]
-    for one in (Listed, SentValue, SentCurve, SentView, Shape, PistonShapes, Input):
-        own = {"choices": "[value: string, title: string][]"} if one is Input else {}
+    for one in (Listed, SentValue, SentCurve, SentView, Shape, PistonShapes, CommandInput):
+        own = {"choices": "[value: string, title: string][]"} if one is CommandInput else {}
         lines.append(f"\nexport interface {one.__name__} {{")
         for name, form in one.__annotations__.items():
             text = form.__forward_arg__ if hasattr(form, "__forward_arg__") else str(form)
-            if not (one is Input and name == "titles"):
+            if not (one is CommandInput and name == "titles"):
                 lines.append(f"  {name}: {own.get(name) or of(ast.parse(text, mode='eval').body)};")
         lines.append("}")
     return "\n".join([*lines, ""])

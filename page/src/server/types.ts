@@ -56,7 +56,7 @@ export interface PistonShapes {
   moves: Record<number, (boolean)[]>;
 }
 
-export interface Input {
+export interface CommandInput {
   key: string;
   label: string;
   kind: string;

@@ -3,7 +3,7 @@ import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import { ask, attempting, read, type Problem } from "../server/server";
-import type { Input as Field } from "../server/types";
+import type { CommandInput as Field } from "../server/types";
 import { follow, JobList } from "./jobs";
 import { NumberField, Problems, Unsaved, useCopied } from "./parts";
 import { studies } from "./studies";

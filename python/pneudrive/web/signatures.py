@@ -42,7 +42,7 @@ MOST_RECORDINGS = 500
 
 
 @dataclass(frozen=True)
-class Input:
+class CommandInput:
     """One input of a command.
 
     Attributes
@@ -117,36 +117,36 @@ class Input:
 _ENDINGS = {"model": DESCRIPTIONS, "map": MAPS, "fit": DESCRIPTIONS, "task": DESCRIPTIONS}
 
 
-def _number(given: int, _: Workspace, of: Input) -> int:
+def _number(given: int, _: Workspace, of: CommandInput) -> int:
     if not 1 <= given <= of.most:
         raise CommandError(f"{of.key} = {given} is out of bounds", rule=f"a whole number, 1 to {of.most}")
     return given
 
 
-def _choice(given: str, _: Workspace, of: Input) -> str:
+def _choice(given: str, _: Workspace, of: CommandInput) -> str:
     if given not in of.choices:
         raise CommandError(f"{of.key} = {given[:80]!r} is not known", rule=", ".join(of.choices))
     return given
 
 
-def _keys(given: str, _: Workspace, of: Input) -> str:
+def _keys(given: str, _: Workspace, of: CommandInput) -> str:
     keys = [one.strip() for one in given.split(",") if one.strip()]
     if not keys:
         raise CommandError("no value is named that may change", remedy=f"Write {of.hint}, for instance.")
     return ", ".join(keys)
 
 
-def _out(given: str, workspace: Workspace, _: Input) -> str:
+def _out(given: str, workspace: Workspace, _: CommandInput) -> str:
     workspace.path(given, DESCRIPTIONS)
     return given
 
 
-def _drive(given: str, workspace: Workspace, _: Input) -> str:
+def _drive(given: str, workspace: Workspace, _: CommandInput) -> str:
     described_at(workspace, given)
     return given
 
 
-def _file(given: str, workspace: Workspace, of: Input) -> str:
+def _file(given: str, workspace: Workspace, of: CommandInput) -> str:
     if of.kind == "model" and is_in_catalogue(given):
         if given.partition(":")[2] not in entries():
             raise CommandError(f"the catalogue has no drive {given[:80]}")
@@ -155,7 +155,7 @@ def _file(given: str, workspace: Workspace, of: Input) -> str:
     return given
 
 
-def _recordings(given: list[Any], workspace: Workspace, of: Input) -> list[str]:
+def _recordings(given: list[Any], workspace: Workspace, of: CommandInput) -> list[str]:
     """Return the names of recordings that have a layout or the columns of such a recording."""
     if not 0 < len(given) <= MOST_RECORDINGS or not all(isinstance(one, str) for one in given):
         raise CommandError("no recording is named", remedy="Choose at least one.")
@@ -171,7 +171,7 @@ def _recordings(given: list[Any], workspace: Workspace, of: Input) -> list[str]:
     return given
 
 
-_READERS: dict[str, Callable[[Any, Workspace, Input], Any]] = {
+_READERS: dict[str, Callable[[Any, Workspace, CommandInput], Any]] = {
     "name": lambda given, *_: folder_name(given),
     "number": _number,
     "choice": _choice,
@@ -191,7 +191,7 @@ class Signature:
     ----------
     title : str
         Text of the button.
-    inputs : tuple of Input
+    inputs : tuple of CommandInput
     out : callable
         Values -> result of the command.
     python : callable
@@ -201,7 +201,7 @@ class Signature:
     """
 
     title: str
-    inputs: tuple[Input, ...]
+    inputs: tuple[CommandInput, ...]
     out: Callable[[Values], str]
     python: Callable[[Values, str, Workspace], str]
     more: tuple[str, ...] = ()
@@ -291,26 +291,26 @@ def _size_python(values: Values, _out: str, _: Workspace) -> str:
     return f"\nfound = pn.size({values['task']!r}, {counts})\n"
 
 
-NAME = Input("name", "Into results/", "name")
-DRIVE = Input("drive", "Drive or circuit", "drive")
-MODEL = Input("drive", "Drive or fit of a drive", "model")
-RECORDINGS = Input("recordings", "Recordings with command, position and both pressures", "recordings")
-FIT = Input("fit", "Fit", "fit")
-OUT = Input("out", "Into", "out")
+NAME = CommandInput("name", "Into results/", "name")
+DRIVE = CommandInput("drive", "Drive or circuit", "drive")
+MODEL = CommandInput("drive", "Drive or fit of a drive", "model")
+RECORDINGS = CommandInput("recordings", "Recordings with command, position and both pressures", "recordings")
+FIT = CommandInput("fit", "Fit", "fit")
+OUT = CommandInput("out", "Into", "out")
 SIGNATURES = {
     "characterise": Signature(
         "Characterise",
-        (Input("recordings", "Recordings", "recordings", hint="rig"), NAME),
+        (CommandInput("recordings", "Recordings", "recordings", hint="rig"), NAME),
         _below,
         lambda values, *_: f"\ncurves = pn.characterise({values['recordings']!r})\n",
     ),
     "fit": Signature(
         "Fit again",
         (
-            Input("map", "Friction map", "map"),
-            Input("law", "Law", "choice", "--laws", "stribeck gaussian", tuple(CANDIDATES)),
-            Input("pressure", "Pressure", "choice", "--pressure", "none", ("none", *PRESSURE_FORMS)),
-            Input("name", "Into", "name", start="fit-2", suffix=".toml"),
+            CommandInput("map", "Friction map", "map"),
+            CommandInput("law", "Law", "choice", "--laws", "stribeck gaussian", tuple(CANDIDATES)),
+            CommandInput("pressure", "Pressure", "choice", "--pressure", "none", ("none", *PRESSURE_FORMS)),
+            CommandInput("name", "Into", "name", start="fit-2", suffix=".toml"),
         ),
         lambda values: f"{dirname(values['map'])}/{values['name']}.toml".lstrip("/"),
         _fit_python,
@@ -319,8 +319,8 @@ SIGNATURES = {
         "Write the protocol",
         (
             FIT,
-            Input("points", "Points, repeats included", "number", "--points", None, most=MOST_NEXT, hint="auto"),
-            Input("name", "Protocol", "name", start="next-points", suffix=".toml"),
+            CommandInput("points", "Points, repeats included", "number", "--points", None, most=MOST_NEXT, hint="auto"),
+            CommandInput("name", "Protocol", "name", start="next-points", suffix=".toml"),
         ),
         lambda values: f"{values['name']}.toml",
         _design_python,
@@ -329,7 +329,7 @@ SIGNATURES = {
     "validate": Signature("Validate", (MODEL, RECORDINGS, NAME), _below, _validate_python),
     "identify": Signature(
         "Identify from these recordings",
-        (MODEL, RECORDINGS, Input("free", "Identify", "keys", "--free", hint="valve.conductance"), OUT),
+        (MODEL, RECORDINGS, CommandInput("free", "Identify", "keys", "--free", hint="valve.conductance"), OUT),
         lambda values: values["out"],
         _identify_python,
     ),
@@ -342,9 +342,9 @@ SIGNATURES = {
     "size": Signature(
         "Size",
         (
-            Input("task", "Task", "task"),
-            Input("least", "Choices to simulate at least", "number", "--least", 10, most=MOST_LEAST),
-            Input("draws", "Draws of each", "number", "--draws", 256, most=MOST_DRAWS),
+            CommandInput("task", "Task", "task"),
+            CommandInput("least", "Choices to simulate at least", "number", "--least", 10, most=MOST_LEAST),
+            CommandInput("draws", "Draws of each", "number", "--draws", 256, most=MOST_DRAWS),
             NAME,
         ),
         _sizing,
@@ -354,10 +354,10 @@ SIGNATURES = {
         "Export",
         (
             DRIVE,
-            Input("to", "As", "choice", "--to", "fmu", ("fmu", "c"), ("FMU", "Library with header for C")),
-            Input("fmi", "FMI", "choice", "--fmi", "2.0", tuple(VERSIONS), only=("to", "fmu")),
-            Input("initial", "Start state", "text", "--initial", hint="position = 50 mm"),
-            Input(
+            CommandInput("to", "As", "choice", "--to", "fmu", ("fmu", "c"), ("FMU", "Library with header for C")),
+            CommandInput("fmi", "FMI", "choice", "--fmi", "2.0", tuple(VERSIONS), only=("to", "fmu")),
+            CommandInput("initial", "Start state", "text", "--initial", hint="position = 50 mm"),
+            CommandInput(
                 "actuator",
                 "The other tool moves the piston and gets its force (for multibody tools)",
                 "flag",
