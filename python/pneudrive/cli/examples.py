@@ -46,7 +46,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "design": ("pneudrive design fit.toml --rig my-rig.toml --out next.toml",),
     "report": ("pneudrive report fit.toml --map map.parquet --out page",),
     "size": ("pneudrive size task.toml --out sized",),
-    "datasheet": ("pneudrive datasheet drive.toml --out sheet",),
+    "datasheet": ("pneudrive datasheet drive.toml --out sheet.html",),
     "characteristic": ("pneudrive characteristic drive.toml stiffness",),
     "export": (
         "pneudrive export drive.toml --to fmu --out drive.fmu",

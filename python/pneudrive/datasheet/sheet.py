@@ -15,6 +15,7 @@ from pneudrive.datasheet.registry import characteristics, found_under
 from pneudrive.datasheet.words import written_value
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
+from pneudrive.numbers import plain
 from pneudrive.progress import UNWATCHED
 from pneudrive.repr_tables import Card, Shown
 
@@ -94,7 +95,7 @@ class Datasheet(Shown):
         at = {one.name: one for one in self.numbers}
         lines = []
         if "stroke time" in at:
-            time, where = at["stroke time"], f"{1e-5 * self.supply_pa:.4g} bar abs"
+            time, where = at["stroke time"], f"{plain(1e-5 * self.supply_pa)} bar abs"
             stroke = f"Stroke of {1e3 * self.stroke_m:g} mm at {where} and full command"
             if "none" in (time.out, time.back):
                 lines.append(f"{stroke}: the piston does not go from end to end and back.")

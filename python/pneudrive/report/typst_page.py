@@ -16,9 +16,12 @@ if TYPE_CHECKING:
 
     from pneudrive.report.page import Block, Report, Section
 
-#: Sections whose tables and lists are long: in two columns, smaller.
+#: Sections side by side on the first page, with the width of the first.
+BESIDE, BESIDE_WIDTH = ("drive", "numbers"), "52mm"
+#: Sections whose tables and lists are long: on a page of their own, in two columns, smaller.
 NARROW = ("values", "definitions")
-HEIGHTS = {"circuit": "52mm"}
+#: A long word may be broken behind these letters.
+BREAKS = "_./"
 HEAD = """
 #set page(paper: "a4", margin: (x: 13mm, y: 13mm), footer: context [
   #set text(6.5pt, fill: luma(90)); #FOOT #h(1fr) #counter(page).display("1 / 1", both: true)])
@@ -67,22 +70,29 @@ def typst_of(report: Report) -> str:
         f"#set document(title: {literal(report.title)}, date: none)",
     ]
     out += [f"= #{literal(report.title)}", *(f"- #{literal(line)}" for line in report.verdict)]
-    for part in report.sections:
-        if part is not None:
-            out += _section(part)
+    parts = [part for part in report.sections if part is not None]
+    beside, narrow = ([part for part in parts if part.key in keys] for keys in (BESIDE, NARROW))
+    if beside:
+        cells = ", ".join(f"[{_joined(part)}]" for part in beside)
+        widths = f"({BESIDE_WIDTH}, 1fr)" if len(beside) > 1 else "1"
+        out.append(f"#grid(columns: {widths}, gutter: 4mm, {cells})")
+    out += [_joined(part) for part in parts if part not in beside and part not in narrow]
+    if narrow:
+        out += ["#pagebreak(weak: true)", "#columns(2, gutter: 5mm)[", *map(_joined, narrow), "]"]
     return "\n".join(out) + "\n"
+
+
+def _joined(part: Section) -> str:
+    return "\n".join(_section(part))
 
 
 def _section(part: Section) -> Iterator[str]:
     mark = " (synthetic)" if part.synthetic else ""
     yield f"\n== #{literal(part.title + mark)}"
-    narrow = part.key in NARROW
-    yield f"#[#set text({'5.8pt' if narrow else '7pt'})"
-    if narrow:
-        yield "#columns(2, gutter: 5mm)["
+    yield f"#[#set text({'5.6pt' if part.key in NARROW else '6.4pt'})"
     for block in part.blocks:
         yield from _block(block)
-    yield "]]" if narrow else "]"
+    yield "]"
 
 
 def _block(block: Block) -> Iterator[str]:
@@ -95,14 +105,24 @@ def _block(block: Block) -> Iterator[str]:
         if block.caption:
             yield f"#text(fill: luma(90))[#{literal(block.caption)}]"
         align = ", ".join("right" if k >= block.numbers_from else "left" for k in range(len(block.head)))
-        yield f"#table(columns: {len(block.head)}, align: ({align}),"
+        widths = ", ".join(
+            ["auto"] * (len(block.head) - 1) + ["1fr" if block.numbers_from >= len(block.head) else "auto"]
+        )
+        yield f"#table(columns: ({widths}), align: ({align}),"
         yield "table.header(" + ", ".join(f"strong({literal(text)})" for text in block.head) + "),"
-        yield from (", ".join(literal(text) for text in row) + "," for row in block.rows)
+        yield from (", ".join(_breakable(text) for text in row) + "," for row in block.rows)
         yield ")"
     elif isinstance(block, Picture):
-        size = f"height: {HEIGHTS[block.name]}" if block.name in HEIGHTS else "width: 100%"
-        yield f'#align(center, image("{block.name}.svg", {size}, alt: {literal(block.caption)}))'
+        yield f'#align(center, image("{block.name}.svg", width: 100%, alt: {literal(block.caption)}))'
         yield f"#text(6.5pt, fill: luma(90))[#{literal(block.caption)}]\n"
+
+
+def _breakable(text: str) -> str:
+    """Return a text as a string of typst that breaks behind some letters of a long word."""
+    made = literal(text)
+    for letter in BREAKS:
+        made = made.replace(letter, letter + "\u200b")
+    return made
 
 
 def literal(text: str) -> str:

@@ -11,6 +11,7 @@ from pneudrive.datasheet.characteristics.response import DIRECTIONS
 from pneudrive.datasheet.characteristics.steady import LEAST_VELOCITY
 from pneudrive.datasheet.plant import RTOL
 from pneudrive.errors import CommandError, SimulationError
+from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
     from pneudrive.datasheet.plant import HeldDrive
@@ -51,7 +52,7 @@ def least_pressure(plant: HeldDrive, direction: float, share: float = DONE) -> f
     """
     low, high = plant.ambient[0], plant.supply_pa
     if not _reaches(plant, high, direction, share):
-        raise SimulationError(f"the supply of {1e-5 * high:g} bar abs does not move the piston over its stroke")
+        raise SimulationError(f"the supply of {plain(1e-5 * high)} bar abs does not move the piston over its stroke")
     width = CLOSE * (high - low)
     while high - low > width:
         middle = 0.5 * (low + high)

@@ -1,4 +1,4 @@
-"""The datasheet of a drive as one HTML page, or as a PDF of at most four pages."""
+"""The datasheet of a drive as one HTML page, or as a PDF: two pages, and up to two more beside recordings."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CURVES = (
     *("velocity", "force-speed", "square-response", "impact", "natural-frequency", "stiffness"),
     *("bode", "flow", "exergy"),
 )
-COLUMNS, ROW_IN = 3, 2.25
+COLUMNS, ROW_IN, BAR_PT = 3, 1.5, 4.4
 SIMULATED = (
     "All numbers and curves of this page are simulated from the values below, with the equations of pneudrive "
     f"{__version__}; comparisons with recordings are marked. Pressures are absolute unless called gauge; "
@@ -146,6 +146,8 @@ def _curves(found: Datasheet) -> Figure:
     for axis, name in zip(style.panels(figure, len(names), COLUMNS), names, strict=True):
         panel(axis, found.results[name], title=name.replace("-", " "))
         axis.tick_params(labelsize=6.0)
+        if axis.patches:  # one bar for each component
+            axis.tick_params("y", labelsize=BAR_PT)
         axis.xaxis.label.set_fontsize(6.5)
         axis.yaxis.label.set_fontsize(6.5)
         legend = axis.get_legend()
@@ -256,7 +258,7 @@ def _friction(axis: Axes, measured: MeasuredBeside) -> None:
 
 
 def _values(found: Datasheet) -> Section:
-    rows = tuple((one.key, one.value, one.origin) for one in found.values)
+    rows = tuple((one.key.removeprefix("components."), one.value, one.origin) for one in found.values)
     return section(
         "values",
         "Values and where they come from",
