@@ -77,6 +77,7 @@ def test_help_fits_one_screen_and_ends_with_examples(path, capsys, monkeypatch):
     assert len(text.splitlines()) <= LINES
     assert max(map(len, text.splitlines())) <= 80
     lines = EXAMPLES.get(" ".join(path), ())
+    assert lines or hasattr(resolve(list(path))[0], "table")
     assert text.endswith("\n".join(("", *(f"    {line}" for line in lines))))
     for line in "\n".join(lines).replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)

@@ -232,7 +232,7 @@ def _rig_again(
         return _bench(rig, seed, pace)
     given, made_with = campaign.about.get("rig"), campaign.about.get("rig_sha256")
     if not given or not isinstance(given, str):
-        raise CampaignError("the folder does not say how to reach its rig", where=where, remedy="Add --rig RIG.")
+        raise CampaignError("the folder does not name its rig", where=where, remedy="Add --rig RIG.")
     if allow_code is not None and made_with != allow_code.strip().lower():
         raise CampaignError(
             "the folder was made with other code than the allowed one",

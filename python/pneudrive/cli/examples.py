@@ -35,6 +35,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "rig serve": ("pneudrive rig serve default",),
     "rig certificate": ("pneudrive rig certificate server --out certificates",),
     "rig user": ("pneudrive rig user anna --user-file certificates/users",),
+    "reproduce": ("pneudrive reproduce --out figures",),
     "compare": ("pneudrive compare before after --out compared", "pneudrive compare old.toml new.toml"),
     "fit": ("pneudrive fit map.parquet --hold-out pressure --out fit.toml",),
     "identify": (
@@ -48,6 +49,18 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "size": ("pneudrive size task.toml --out sized",),
     "datasheet": ("pneudrive datasheet drive.toml --out sheet.html",),
     "characteristic": ("pneudrive characteristic drive.toml stiffness",),
+    "control tune": ("pneudrive control tune axis.toml --law super-twisting --out controller.toml",),
+    "control run": (
+        "pneudrive control run axis.toml --controller controller.toml \\",
+        "    --reference '220 mm; 0.5 s: 280 mm in 0.3 s' --plot move.png",
+    ),
+    "control benchmark": ("pneudrive control benchmark axis.toml --laws pid,nmpc --out compared",),
+    "control reference": ("pneudrive control reference R1 --drive axis.toml",),
+    "control export": (
+        "pneudrive control export controller.toml --to c --out source",
+        "pneudrive control export nmpc --drive axis.toml --to fmu --out law.fmu",
+    ),
+    "control header": ("pneudrive control header --out pneudrive_law.h",),
     "export": (
         "pneudrive export drive.toml --to fmu --out drive.fmu",
         "pneudrive export fit.toml --to modelica --out friction.mo",

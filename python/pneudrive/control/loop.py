@@ -297,7 +297,7 @@ def _check_jitter(setup: Setup, period_s: float) -> None:
 
 
 def _beyond_switches(setup: Setup, along: Reference, stroke_m: float) -> Iterator[str]:
-    """Tell of a reference that leads beyond a limit switch; refuse switches that no drive can be between."""
+    """Warn of a reference beyond a limit switch; reject switches outside the stroke."""
     if setup.switches is None:
         return
     low_m, high_m = setup.switches.low_m, setup.switches.high_m
@@ -307,11 +307,11 @@ def _beyond_switches(setup: Setup, along: Reference, stroke_m: float) -> Iterato
     reach = along.reach()
     if not low_m <= reach.lowest_m <= reach.highest_m <= high_m:
         leads = f"{1e3 * reach.lowest_m:g} mm to {1e3 * reach.highest_m:g} mm"
-        yield f"{said}: the reference leads from {leads}, and beyond a switch the command may only lead away"
+        yield f"{said}: the reference is from {leads}; beyond a switch only commands back are allowed"
 
 
 def _missed(along: Reference, setup: Setup) -> Iterator[str]:
-    """Tell where a reference misses the points that it was made of by more than a sensor would show."""
+    """Warn if a reference misses its own points by more than the resolution of a sensor."""
     least = max(setup.sensors.position.resolution_m or 0.0, LEAST_MISSED_M)
     if along.points_missed_m is not None and along.points_missed_m > least:
         missed = f"the curve of the reference misses its points by up to {1e3 * along.points_missed_m:.3g} mm"

@@ -77,10 +77,11 @@ class OnFault(Described):
     )
     supply: Annotated[str, Choice(("tell", "slow", "stop", "block"))] = Field(
         default="block",
-        description="supply has fallen; slow: the reference is slowed in time; block: once it fills no chamber",
+        description="supply has fallen; slow: slow the reference down; block: only when it no longer fills a chamber",
     )
     law: Annotated[str | None, BuiltInLaw(tuple(_core.control_laws()))] = Field(
-        default=None, description="law that takes over; absent: inversion, which takes over from no law of your own"
+        default=None,
+        description="controller that replaces a failed one; absent: inversion, but not for custom controllers",
     )
 
 

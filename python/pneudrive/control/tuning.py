@@ -525,7 +525,7 @@ def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
 
 
 def _seen_from(folder: str | Path, source: str) -> str:
-    """Return the name of a drive or a file as a controller file in a folder has it."""
+    """Return the name of a drive, or the path of a file relative to the folder of a controller file."""
     return source if source.startswith(PREFIX) else Path(os.path.relpath(source, folder or ".")).as_posix()
 
 

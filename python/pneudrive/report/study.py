@@ -52,7 +52,7 @@ class Study(Protocol):
     """An object that adds to the report of recordings."""
 
     def addition(self, found: Characterisation | None) -> Addition:
-        """Return its addition to the report of these recordings, or to an empty one."""
+        """Return the sections that this study adds to a report, with or without recordings."""
         ...
 
 
@@ -64,6 +64,6 @@ class WithSections:
     sections: tuple[Section, ...]
 
     def addition(self, found: Characterisation | None) -> Addition:
-        """Return its addition to the report of these recordings, or to an empty one."""
+        """Return the sections that this study adds to a report, with or without recordings."""
         own = self.study.addition(found)
         return replace(own, sections=(*own.sections, *self.sections))

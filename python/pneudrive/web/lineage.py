@@ -338,7 +338,7 @@ def _hash_at(workspace: Workspace, path: str, changed: float) -> str:
 
 
 def _law(fit: FrictionFit) -> str:
-    """Return the name that requests a fit. Empty if some options cannot be named, or its law was reduced."""
+    """Return the law that repeats this fit. Empty if some options cannot be named, or its law was reduced."""
     plain = fit.provenance["direction"] == "both" and fit.provenance["robust"] and not fit.provenance["exclude_flags"]
     own = (fit.law, fit.model.exponent, fit.model.lorentzian)
     named = ((name, (one.law, one.exponent, one.lorentzian)) for name, one in CANDIDATES.items())

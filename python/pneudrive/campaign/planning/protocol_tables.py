@@ -369,7 +369,7 @@ class Range(Described):
     table_name: ClassVar[str] = "position"
     range: Annotated[tuple[Place, Place] | None, BetweenPlaces()] = Field(
         default=None,
-        description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: all of it but the margin',
+        description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: the range without the margin',
     )
     margin_m: Annotated[float, Quantity(*LENGTH, NOT_NEGATIVE)] = Field(
         default=1e-3, description="distance from the ends of the rig's range if `range` is absent"

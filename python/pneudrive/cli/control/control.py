@@ -1,4 +1,4 @@
-"""``pneudrive control``: tune laws from a drive's description, run and compare them, check references."""
+"""``pneudrive control``: tune controllers from a drive's description, run and compare them, check references."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ SetupOption = Annotated[
         help="Sensors and converters: ideal, real, cheap (their values are assumed), or a TOML file.",
     ),
 ]
-Law = Annotated[str, typer.Option("--law", help="Law: pid, fuzzy, sliding-mode, super-twisting, inversion or nmpc.")]
+Law = Annotated[
+    str, typer.Option("--law", help="Controller: pid, fuzzy, sliding-mode, super-twisting, inversion or nmpc.")
+]
 Along = Annotated[
     str,
     typer.Option(
@@ -44,13 +46,13 @@ Along = Annotated[
 ]
 AllowCode = Annotated[
     str | None,
-    typer.Option(help="Allow the law that a controller file names, if its file has this SHA-256.", metavar="SHA256"),
+    typer.Option(help="Allow the code that a controller file names, by its SHA-256.", metavar="SHA256"),
 ]
 MismatchOption = Annotated[
     str | None,
     typer.Option(
-        help="Deviation of the true drive from the description that the controller uses: all, mass+30, sag, "
-        "other-friction, load-step, ... (their values are assumed), or a TOML file."
+        help="Deviation of the true drive from its description: all, mass+30, sag, other-friction, load-step, ... "
+        "(their values are assumed), or a TOML file."
     ),
 ]
 #: Reference along which a tuned law is tried, and share of its way by which that may miss it (assumed).
@@ -60,7 +62,7 @@ TOLD = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m
 
 @control.callback()
 def _control() -> None:
-    """Control of drives along references, simulated: tune, run, compare, check a reference, export."""
+    """Tune, run, compare and export controllers, and check references; all runs are simulated."""
 
 
 def tune(
@@ -140,11 +142,11 @@ def run(
     reference: Along,
     controller: Annotated[
         str | None,
-        typer.Option(help="Controller file (TOML), or the name of a law; default: nmpc.", metavar="FILE|LAW"),
+        typer.Option(help="Controller file (TOML), or a name; default: nmpc.", metavar="FILE|LAW"),
     ] = None,
     law: Annotated[
         str | None,
-        typer.Option(help="A law, or one of your own: mine.py:Law or mine.so:law. Its code runs.", metavar="LAW"),
+        typer.Option(help="Name of a controller, or your own code: mine.py:Law, mine.so:law.", metavar="LAW"),
     ] = None,
     setup: SetupOption = "real",
     duration: Annotated[str | None, typer.Option(help='Duration, e.g. "12 s"; default: from the reference.')] = None,
@@ -205,18 +207,18 @@ def run(
 
 def benchmark(
     drive: Described,
-    out: Annotated[Path, typer.Option(help="Folder for scores, runs and report; one that is begun is resumed.")],
+    out: Annotated[Path, typer.Option(help="Folder for scores, runs and report; a started one is resumed.")],
     laws: Annotated[
         str,
         typer.Option(
-            help="all, or laws, controller files and laws of your own (mine.py:Law) separated by commas.",
+            help="all, or names, controller files and your own code (mine.py:Law), with commas.",
             metavar="all|A,B",
         ),
     ] = "all",
     references: Annotated[
         str,
         typer.Option(
-            help="standard (R1, R2, R3, R5, R6), or references separated by commas; R4 ramps, R7 targets, R8 a hand.",
+            help="standard (R1, R2, R3, R5, R6), or references with commas.",
             metavar="standard|REF,...",
         ),
     ] = "standard",
@@ -226,18 +228,17 @@ def benchmark(
     mismatch: MismatchOption = None,
     spread: Annotated[
         str | None,
-        typer.Option(help="standard, or a TOML file with ranges: members, each a different drive, in place of seeds."),
+        typer.Option(help="Different drives instead of seeds: standard, or a TOML file with ranges."),
     ] = None,
     members: Annotated[int | None, typer.Option(help="Number of members of the spread; default 200.")] = None,
-    threads: Annotated[
-        int | None, typer.Option(help="Runs at the same time; default: the processors. Results do not depend on it.")
-    ] = None,
+    threads: Annotated[int | None, typer.Option(help="Simultaneous runs; default: one per processor.")] = None,
     keep_runs: Annotated[
-        bool | None, typer.Option("--keep-runs/--scores-only", help="Keep samples of each run; default: no spread.")
+        bool | None,
+        typer.Option("--keep-runs/--scores-only", help="Keep samples of each run; default: without a spread."),
     ] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Compare laws along references, with seeds or a spread of drives: score.csv, score.parquet, and report.html."""
+    """Compare controllers along references, with several seeds or a spread of drives."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.card import SCORES
     from pneudrive.control.comparison import compare_watched
@@ -273,7 +274,7 @@ def _show_comparison(found: ControlComparison) -> None:
 
 
 def _show_failures(found: ControlComparison) -> None:
-    """Tell each reason for which runs ended early, once, with their number."""
+    """Print each reason for early ends once, with the number of runs."""
     reasons = Counter((run.law, run.reason) for run in found.runs if run.reason)
     for (law, reason), count in reasons.items():
         typer.echo(f"{count} {'run' if count == 1 else 'runs'} of {law} ended early: {reason}", err=True)
@@ -313,9 +314,7 @@ def reference(
 
 def export(
     context: typer.Context,
-    controller: Annotated[
-        str, typer.Argument(help="Controller file (TOML), or the name of a law.", metavar="FILE|LAW")
-    ],
+    controller: Annotated[str, typer.Argument(help="Controller file (TOML), or a name.", metavar="FILE|LAW")],
     to: Annotated[
         Literal["c", "st", "fmu"],
         typer.Option(help="c; st, structured text of IEC 61131-3; or fmu, for other tools.", metavar="c|st|fmu"),
@@ -328,12 +327,12 @@ def export(
     fmi: Annotated[str, typer.Option(help="Version of an FMU: 2.0 or 3.0.")] = "2.0",
     drive: Annotated[
         str | None,
-        typer.Option(help="Drive or circuit file (TOML), or catalogue:NAME; may be left out where the file names it."),
+        typer.Option(help="Drive or circuit file (TOML), or catalogue:NAME; not needed if the file names it."),
     ] = None,
     setup: SetupOption = "real",
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Write a law with its observer as source code, or with all that is around it as an FMU."""
+    """Write a controller with its observer as source code, or with supervisor and reference as an FMU."""
     from pneudrive.control.source_code import export as exported
     from pneudrive.control.tuning import believed_by
     from pneudrive.control.tuning import tune as tuned
@@ -346,14 +345,14 @@ def export(
     found = tuned(described, None if file else controller, setup=setup, controller=file, believes=believes)
     written = exported(found, to, out, setup=setup, along=reference, version=fmi)
     if to != "fmu" and found.adaptation:
-        typer.echo("The written controller does not learn: friction and valve are those of the description.")
+        typer.echo("The exported controller does not adapt: friction and valve are those of the description.")
     tell(written)
 
 
 def header(
-    out: Annotated[Path | None, typer.Option(help="File to write, for instance pneudrive_law.h.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File; default: print the header.")] = None,
 ) -> None:
-    """Write the C header of compiled laws."""
+    """Write the C header of compiled controllers."""
     from pneudrive.control.own_law import c_header
     from pneudrive.simulation.trajectory import whole
 

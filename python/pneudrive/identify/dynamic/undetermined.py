@@ -39,7 +39,7 @@ _REMEDIES = {
     "friction.bristle_damping": "record a tap on the resting piston, or fix it",
     "friction.damping_fade_velocity": "fix it: only fast motion out of stick shows it",
     "friction.breakaway_share": "record loads below breakaway that come and go",
-    "friction.pressure.*": "record at pressures in this chamber 1 bar apart, not together with the other's",
+    "friction.pressure.*": "change the pressure of this chamber by 1 bar, independently of the other chamber",
     "friction.direction.*": "record both directions",
     "friction.dwell.*": "record starts after stops of different length, from 0.1 s to the longest that matters",
     "friction.relaxation.*": "record holds under load after motion",

@@ -121,7 +121,7 @@ def _true(found: ControlComparison) -> list[Section]:
         return []
     rows = tuple((name, f"{min(values):.4g}", f"{max(values):.4g}") for name, values in each.items())
     heads = ("deviation of the true drive", "least", "largest")
-    text = "Factors of what was described, values in SI. Each member's are in score.csv."
+    text = "Factors of the described values, and values in SI. The file score.csv has those of each member."
     return [section("true", "True drive", Paragraph(text), PageTable(heads, rows, "True drive"))]
 
 

@@ -186,7 +186,7 @@ def _curve_tests(
     note = f"mean of {curves.points.speed_m_s.size} common points, {100 * curves.mean.value:+.2g} % of friction"
     yield Test("friction over speed", mean, curves.shape.p, beyond_repeatability=beyond, note=note)
     if curves.pressure is not None:
-        note = "growth of friction with pressure, as a share of friction"
+        note = "growth of friction with pressure, as a fraction of friction"
         yield Test("relative effect of pressure", None, curves.pressure.p, note=note)
 
 

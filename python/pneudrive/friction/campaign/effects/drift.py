@@ -152,7 +152,7 @@ def pure_scatter(fits: Fits) -> Pure | None:
     """Estimate the standard deviation of a cycle only from repeats and control runs, independent of the curves.
 
     Residuals of cycles at one condition and speed without their mean, a line over the campaign and the means of the
-    blocks. A point of several cycles scatters less, and has their weight. None if nothing
+    blocks. The mean of several cycles scatters less and has a larger weight. None if nothing
     was repeated.
     """
     from scipy.special import chdtri
