@@ -80,8 +80,7 @@ class OnFault(Described):
         description="supply has fallen; slow: slow the reference down; block: only when it no longer fills a chamber",
     )
     law: Annotated[str | None, BuiltInLaw(tuple(_core.control_laws()))] = Field(
-        default=None,
-        description="controller that replaces a failed one; absent: inversion, but not for custom controllers",
+        default=None, description="replaces a failed controller; absent: inversion, except for custom controllers"
     )
 
 
