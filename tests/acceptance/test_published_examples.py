@@ -6,8 +6,6 @@ Published stroke times with all values of their drive were not found, so that no
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 import pneudrive as pn
@@ -46,16 +44,6 @@ def test_air_of_pneumax():
     drive = pn.Drive.load("catalogue:smc-cm2y-25-sy3000").replace(SMALL | sizes | around)
     air = float(pn.drive_characteristic(drive, "air").full)
     assert air * HUMID == pytest.approx(2.072, rel=1e-3)
-
-
-def test_air_of_tubes_of_smc():
-    """Technical data, page 468 [smc-technical-468]: two tubes of 6 mm by 2 m at 0.5 MPa take 0.56 l a cycle."""
-    tube = f"{math.pi / 4.0 * 0.6**2 * 200.0 + 0.05} cm3"
-    around = {"ambient": {"pressure": "1 bar abs", "temperature": "20 degC"}, "supply": {"pressure": "6 bar abs"}}
-    short = pn.Drive.load("catalogue:smc-cm2y-25-sy3000").replace(SMALL | around)
-    long = short.replace({"cylinder.dead_volume": {"a": tube, "b": tube}})
-    air = [float(pn.drive_characteristic(one, "air").full) for one in (short, long)]
-    assert air[1] - air[0] == pytest.approx(0.56, abs=0.01)
 
 
 def test_air_of_mead():
