@@ -6,6 +6,7 @@ python tools/real_drives.py        # `make real` does the same; about a minute o
 from __future__ import annotations
 
 import lzma
+import textwrap
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -48,7 +49,14 @@ def main() -> None:
         save(joint_figure(joints), "real-joints")
         save(seal_figure(seals), "real-seals")
     text = page(fit, check, halves, delays, joints, friction, differ, seals)
-    (ROOT / "docs/theory/how-well.md").write_text(text, encoding="utf-8")
+    lines = "\n".join(line if line.startswith(("|", "!")) else wrapped(line) for line in text.split("\n"))
+    (ROOT / "docs/theory/how-well.md").write_text(lines, encoding="utf-8")
+
+
+def wrapped(line: str) -> str:
+    """Return a line of the page with at most 120 characters."""
+    indent = "  " if line.startswith("- ") else ""
+    return textwrap.fill(line, 120, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def predict_halves(fit: FollowFit) -> list[tuple[str, str, np.ndarray]]:

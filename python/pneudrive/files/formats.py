@@ -269,7 +269,7 @@ def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
 def _on_one_clock(
     times: dict[str, NDArray[np.float64]], values: dict[str, NDArray[Any]]
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    """Return the times of the fastest channel among those that cover at least half of the time, and all channels there.
+    """Return the times of the fastest channel that covers at least half of the time, and all channels at these times.
 
     A channel has NaN before its first sample and after its last one. A channel of texts is unchanged.
     """

@@ -1,4 +1,4 @@
-"""Files that come into the workspace or get another name: written completely or not at all, never over a file."""
+"""Copy files into the workspace and rename them: completely or not at all, never over an existing file."""
 
 from __future__ import annotations
 

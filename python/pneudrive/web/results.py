@@ -1,6 +1,6 @@
 """Results in the one form of `pneudrive.views`, as a page gets them: values and curves in usual units, and sentences.
 
-`SHOWN` has one line for each kind of result. A page needs no code of its own for a kind that has one.
+`SHOWN` has one line for each kind of result. The page needs no separate code for a kind in this table.
 """
 
 from __future__ import annotations
