@@ -24,7 +24,9 @@ const shown = computed(() => VIEWS.find((one) => one.name === route.value.view) 
 const loaded = signal<Record<string, ComponentType>>({});
 
 async function load(one: View): Promise<void> {
-  if (!(one.name in loaded.peek())) loaded.value = { ...loaded.peek(), [one.name]: await one.load() };
+  if (one.name in loaded.peek()) return;
+  const component = await one.load();
+  loaded.value = { ...loaded.peek(), [one.name]: component };
 }
 effect(() => void load(shown.value));
 void load(VIEWS.find((one) => one.name === "simulate")!); // the first click opens it

@@ -88,7 +88,7 @@ export function Tree() {
         {found && <Group title="Catalogue" view="" rows={found.catalogue.filter((one) => isIn(one.path, one.title)).map((one) => ({ ...one, view: "simulate" }))} />}
       </ul>
       <label class="drop">
-        <span class="button">Add own files</span> or drop them anywhere
+        <span class="button">Add own data</span> or drop it anywhere
         <input type="file" multiple class="hidden" onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
       </label>
       <p class="note" role="status">{taking.value}</p>
