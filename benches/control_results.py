@@ -23,13 +23,15 @@ ALONG = ("R1", "R2", "R3")
 STUDIES = {"as described": None, "all": "all", "mass 0.5": "mass-50", "mass 1.6": "mass+60"}
 HEAD = """# Errors of the controllers
 
-`python -m benches.control_results` writes this page. **All of it is simulated.**
-[](control.md) explains the controllers and the references.
+With this page you can look up how closely `nmpc` follows a reference. **All of it is simulated.**
+`python -m benches.control_results` writes this page. [](control.md) explains the controllers and the references.
 
-Largest error of `nmpc` in µm with the instrumentation `real`: in the last 4 s along the sines R1 and R2, in the whole
-run along R3. Medians of {seeds} seeds; peaks of fast moves differ by 30 % between seeds. The axes are
-`examples/controlled_axis.toml` (P1) and, in `examples/axes`, `bench.toml` (P2), `starter.toml` (P3, a light piston
-with a sticky seal) and `starter_heavy.toml` (P3h, 4 kg more).
+The table has the largest error of `nmpc` in µm with the instrumentation `real`. Along the sines R1 and R2 it is the
+error in the last 4 s, along R3 the error in the whole run. The values are medians of {seeds} seeds. Peaks of fast moves
+differ by 30 % between seeds. The axes are files of `examples`:
+
+- P1 is `controlled_axis.toml`, and P2 is `axes/bench.toml`.
+- P3 is `axes/starter.toml`, a light piston with a sticky seal. P3h is `axes/starter_heavy.toml` with 4 kg more.
 
 | axis | drive | R1 | R2 | R3 |
 |---|---|---|---|---|
