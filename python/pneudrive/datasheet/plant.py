@@ -366,7 +366,7 @@ def actuation_of(circuit: Circuit) -> Actuation:
 
 
 def _search(circuit: Circuit) -> Actuation:
-    """Hold each combination of full commands with the piston pinned; the strongest force of each sign has a direction.
+    """Find the commands of both directions: those with the strongest force on the fixed piston.
 
     Raises
     ------

@@ -1,10 +1,9 @@
 """The fraction of a campaign that fits into its time and keeps the model estimable.
 
 A main effect has a column for each level but one, so that an estimable model has every level of every factor. The named
-interaction has the slope of its first factor (against the logarithm of its level) for each level of the second. Cells
-are chosen for the determinant of X'X against the time that they take, at least two at every level, and exchanged until
-no exchange helps.
-Designs of greatest determinant by exchange: [fedorov1972].
+interaction has the slope of its first factor (against the logarithm of its level) for each level of the second. Design
+points are chosen for a large determinant of X'X in little time, at least two at every level. They are exchanged until
+no exchange helps. Method: [fedorov1972].
 """
 
 from __future__ import annotations
