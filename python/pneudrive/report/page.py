@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 FIGURES, REPORT = "figures", "report.html"
+#: Sections that a long report folds: details, which few readers need. A page of few sections shows them.
+DETAILS = ("paper", "stick-slip", "chambers", "budget", "drift", "recovered", "provenance")
+MOST_OPEN = 8
 #: Permissions of the page: own style, also inside pictures; it loads and runs nothing.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
@@ -134,6 +137,7 @@ class Report:
             verdict=self.verdict,
             sections=self.sections,
             pictures=drawn,
+            folded=DETAILS if len(self.sections) > MOST_OPEN else (),
             folder=FIGURES if linked else "",
             policy=POLICY,
         )
