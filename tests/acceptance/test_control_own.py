@@ -272,7 +272,7 @@ class Exported:
         self.ahead_s, self.samples = ahead_s, []
 
     def start(self, model, period):
-        self.memory = (ctypes.c_double * 200)()
+        self.memory = (ctypes.c_double * 400)()
 
     def step(self, t, sample, preview):
         now, then = (ctypes.c_double * 4)(), (ctypes.c_double * 4)()
@@ -280,8 +280,8 @@ class Exported:
             self.move_in_c(0.22, 0.24, 0.1, 0.2, at, wanted)
         assert np.allclose(now, preview.at(t), rtol=1e-12, atol=1e-12)
         stands = float(not 0.1 - self.ahead_s < t < 0.1 + 0.2)
-        given = (ctypes.c_double * 12)(*sample, *now, *then, stands)
-        out = (ctypes.c_double * 4)()
+        given = (ctypes.c_double * 13)(*sample, *now, *then, stands, 1.0)
+        out = (ctypes.c_double * 5)()
         self.step_in_c(self.gains, self.memory, given, out)
         self.samples.append((list(given), list(out)))
         return out[0]
@@ -325,7 +325,7 @@ def _check_structured_text(folder, samples):
 
 def test_an_fmu_follows_a_standard_reference(tmp_path):
     told = ["--drive", str(AXIS), "--to", "fmu", "--out", str(tmp_path / "law.fmu"), "--reference", "R1"]
-    assert run(["control", "export", "inversion", *told]) == 0
+    assert run(["control", "export", "nmpc", *told]) == 0
 
 
 def test_source_code_is_for_the_drive_that_is_named(tmp_path):

@@ -3,11 +3,11 @@
 
 use crate::model::Model;
 use crate::thresholds::{
-    LEARN_CONDUCTANCE_WITHIN, LEARN_FAST, LEARN_FLOW_DEVIATION, LEARN_FORCE_DEVIATION, LEARN_FRICTION_WITHIN,
-    LEARN_FULL, LEARN_GAS_LAG, LEARN_HEAVY, LEARN_JUMP, LEARN_KEPT, LEARN_MASS_WITHIN, LEARN_MOTION_LAG,
-    LEARN_MOVED_FOR, LEARN_MOVES, LEARN_OFFSET, LEARN_OPEN, LEARN_OVERLAP_WITHIN, LEARN_PRESSURE_DEVIATION,
-    LEARN_REVERSAL, LEARN_SETTLED, LEARN_SLIDES, LEARN_SPOOL_CALM, LEARN_SPOOL_SPEED, LEARN_STOOD_FOR,
-    LEARN_VARIANCE, LEARN_WAIT,
+    LEARN_BAND, LEARN_CONDUCTANCE_WITHIN, LEARN_FAST, LEARN_FLOW_DEVIATION, LEARN_FORCE_DEVIATION,
+    LEARN_FRICTION_WITHIN, LEARN_FULL, LEARN_GAS_LAG, LEARN_JUMP, LEARN_KEPT, LEARN_MASS_WITHIN,
+    LEARN_MOTION_LAG, LEARN_MOVED_FOR, LEARN_MOVES, LEARN_OFFSET, LEARN_OPEN, LEARN_OVERLAP_WITHIN,
+    LEARN_PRESSURE_DEVIATION, LEARN_REVERSAL, LEARN_SETTLED, LEARN_SLIDES, LEARN_SPOOL_CALM,
+    LEARN_SPOOL_SPEED, LEARN_STOOD_FOR, LEARN_SWING_DEVIATION, LEARN_SWINGS, LEARN_VARIANCE, LEARN_WAIT,
 };
 use crate::types::State;
 
@@ -75,6 +75,33 @@ impl<const N: usize> Lagged<N> {
     }
 }
 
+/// Force and acceleration in the band of frequencies in which a controlled drive swings: behind two lags, less the part
+/// that is slow.
+#[derive(Clone, Debug, Default)]
+struct Band {
+    lags: [Lagged<2>; 3],
+    /// Mean square of the inertial force in the band, N2.
+    power: f64,
+}
+
+impl Band {
+    /// Returns force, N, and acceleration, m/s2, in the band, from force and velocity.
+    fn follow(&mut self, [force, v]: [f64; 2], period: f64) -> [f64; 2] {
+        let [fast, slow] = LEARN_BAND;
+        let share = period / (period + fast);
+        let [f1, v1] = self.lags[0].follow([force, v], share);
+        let [f2, a2] = self.lags[1].follow([f1, (v - v1) / fast], share);
+        let [f3, a3] = self.lags[2].follow([f2, a2], period / (period + slow));
+        [f2 - f3, a2 - a3]
+    }
+
+    /// Takes over the inertial force at a sample, N, and returns its effective value, N.
+    fn effective(&mut self, inertia: f64, period: f64) -> f64 {
+        self.power += period / (period + LEARN_BAND[1]) * (inertia * inertia - self.power);
+        self.power.sqrt()
+    }
+}
+
 /// Coulomb and viscous friction and the moving mass are estimated relative to the description. So are the valve's
 /// conductance and overlap. A force that stays the same in both directions is estimated with them and left to the
 /// observer. Zero offsets of pressure sensors look like such a force. So does friction that differs between the
@@ -85,8 +112,11 @@ pub struct Adaptation {
     described: Model,
     /// Factors of Coulomb and viscous friction, the constant force, and the factor of the mass.
     friction: Fit<4>,
+    /// Factor of the mass in the band of a swing.
+    mass: Fit<1>,
     valve: Fit<2>,
     motion: Lagged<4>,
+    band: Band,
     gas: [Lagged<4>; 2],
     /// Residual of the force balance, in each direction.
     disturbance: [Lagged<1>; 2],
@@ -110,8 +140,10 @@ impl Adaptation {
         Adaptation {
             described: model.clone(),
             friction: Fit::new([1.0, 1.0, 0.0, 1.0]),
+            mass: Fit::new([1.0]),
             valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
             motion: Lagged::default(),
+            band: Band::default(),
             gas: [Lagged::default(); 2],
             disturbance: [Lagged::default(); 2],
             way: 0.0,
@@ -208,13 +240,35 @@ impl Adaptation {
             return;
         }
         self.balance([coulomb, viscous, inertia], force, level, (LEARN_FAST / v.abs()).max(1.0));
-        let [coulomb, viscous, _, mass] = self.friction.theta;
+        // Inertia is part of the balance, so that it is not taken for friction. Other errors look like mass, too.
+        let [coulomb, viscous, ..] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];
-        // If inertia is small, other errors of the balance look like mass. They are not assigned to the friction, but
-        // the mass is not updated either.
-        if inertia.abs() > LEARN_HEAVY * level {
-            model.mass = mass * self.described.mass;
+    }
+
+    /// Learns the mass from a drive that swings, with measured pressures or those of the model:
+    ///
+    ///   F - F_fr - F_v v = theta M a,   each in the band of [`LEARN_BAND`]
+    ///
+    /// Friction acts with the velocity, a quarter of a period apart from the inertia. Errors of the friction therefore
+    /// hardly move the mass. Slips of a drive that creeps or rests do, so that the reference has to move with a `speed` above
+    /// [`LEARN_SLIDES`]. A model with more mass than the drive makes predictive control swing, and the swing
+    /// corrects the mass.
+    pub fn learn_mass(&mut self, model: &mut Model, state: &State, speed: f64, period: f64) {
+        if !model.valve.arrangement.is_proportional() {
+            return; // The pulses of valves that switch are in the same band.
         }
+        let v = state.velocity;
+        let [level, viscous] = model.friction_levels([state.position, v], state.pressures);
+        let force = model.gas_force(state.pressures) - state.friction - viscous * v;
+        let [force, a] = self.band.follow([force, v], period);
+        let inertia = self.described.mass * a;
+        if self.band.effective(inertia, period) < LEARN_SWINGS * level || speed < LEARN_SLIDES {
+            return;
+        }
+        let deviation = LEARN_SWING_DEVIATION * level;
+        self.mass.observe([inertia / deviation], force / deviation);
+        self.mass.cut([LEARN_MASS_WITHIN]);
+        model.mass = self.mass.theta[0] * self.described.mass;
     }
 
     fn learn_valve(&mut self, model: &mut Model, state: &State, [spool, speed]: [f64; 2], period: f64) {

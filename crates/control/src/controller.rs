@@ -11,9 +11,7 @@ use crate::observer::{Noise, Observer};
 use crate::own::{Own, Seen};
 use crate::reference::{Reference, Wanted, blend};
 use crate::supervisor::{Rules, Supervisor};
-use crate::thresholds::{
-    COUNT_DEVIATIONS, FARTHEST, LEAST_UNKNOWN, NMPC_MASS, NMPC_WANDER, PUSH_BOUND, PUSH_SLIPS, TAKEOVER_TIME,
-};
+use crate::thresholds::{COUNT_DEVIATIONS, FARTHEST, LEAST_UNKNOWN, PUSH_BOUND, PUSH_SLIPS, TAKEOVER_TIME};
 use crate::types::{Edges, Moment, Plant, Sample, State};
 use crate::valves::{Commands, Valves};
 
@@ -71,8 +69,8 @@ macro_rules! laws {
                 match self { $(AnyLaw::$name(law) => law.predicts(),)* AnyLaw::Own(_) => false }
             }
 
-            fn is_cautious(&self) -> bool {
-                match self { $(AnyLaw::$name(law) => law.is_cautious(),)* AnyLaw::Own(_) => false }
+            fn wander(&self) -> f64 {
+                match self { $(AnyLaw::$name(law) => law.wander(),)* AnyLaw::Own(_) => 1.0 }
             }
 
             fn push(&self) -> f64 {
@@ -115,8 +113,8 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub(crate) factors: [f64; FACTORS.len()],
     pub(crate) takeover: Takeover,
     pub(crate) noise: Noise,
-    /// Mass, kg, and force, N, as they are described.
-    pub(crate) described: [f64; 2],
+    /// Speed of the reference at the last sample, m/s.
+    pub(crate) speed: f64,
     pub(crate) observer: Option<Observer<S>>,
     pub(crate) friction: Option<S>,
     /// The force that breaks a resting drive away, N.
@@ -196,7 +194,7 @@ impl Controller {
         let unknown = plant.coulomb.max(LEAST_UNKNOWN * full);
         let noise = Noise { disturbance: 0.5 * unknown, position: deviation };
         let standby = AnyLaw::tuned(STANDBY, model, &plant)?;
-        let mut own = Controller {
+        Some(Controller {
             law: AnyLaw::tuned(key, model, &plant)?,
             supervisor: Some(Box::new(Supervisor::new(Rules::default(), standby))),
             takeover: Takeover::default(),
@@ -207,34 +205,12 @@ impl Controller {
             plant,
             period,
             noise,
-            described: [model.mass, model.load],
+            speed: 0.0,
             observer: None,
             friction: None,
             push: 0.0,
             factors: [1.0; FACTORS.len()],
-        };
-        own.assume_mass();
-        Some(own)
-    }
-
-    /// The model of a law that is cautious has less mass than described, m = 0.65 M, until the mass is learned. A plan for a drive
-    /// that is heavier than the true one oscillates; one for a lighter drive is slower.
-    fn assume_mass(&mut self) {
-        let [mass, _] = self.described;
-        if self.is_cautious() && self.model.mass == mass {
-            self.model.mass = NMPC_MASS * mass;
-        } else if !self.is_cautious() && self.mass_beyond() > 0.0 {
-            self.model.mass = mass;
-        }
-    }
-
-    /// The described mass beyond that of the model, M - m, kg; zero once it is learned. The model assumes that it
-    /// follows the reference:
-    ///
-    ///   m a = F + load - F_fr + d - (M - m) a_d
-    pub(crate) fn mass_beyond(&self) -> f64 {
-        let [mass, _] = self.described;
-        if self.model.mass == NMPC_MASS * mass { mass - self.model.mass } else { 0.0 }
+        })
     }
 
     /// Returns the command for a sample along a reference, and gives it to the valve unchanged.
@@ -278,7 +254,6 @@ impl Controller {
     /// Passes a sample to the observer, and the learned values to the model.
     pub(crate) fn learn(&mut self, sample: &Sample, measured: bool) {
         self.observe(sample);
-        self.model.load = self.described[1];
         let lost = self.state().is_some_and(|own| {
             let State { position, velocity, disturbance, friction, pressures: [a, b], temperatures: [c, d] } =
                 own;
@@ -290,9 +265,9 @@ impl Controller {
             self.restart();
             self.observe(sample);
         }
-        let measured = measured && sample.pressures.is_some();
-        if let (Some(adaptation), Some(observer), true) = (&mut self.adaptation, &mut self.observer, measured)
-        {
+        let (Some(adaptation), Some(observer)) = (&mut self.adaptation, &mut self.observer) else { return };
+        adaptation.learn_mass(&mut self.model, &observer.state, self.speed, self.period);
+        if measured && sample.pressures.is_some() {
             let spool = matches!(self.valves, Valves::One).then(|| observer.spool.state());
             adaptation.learn(&mut self.model, &mut observer.state, spool, self.period);
         }
@@ -302,6 +277,7 @@ impl Controller {
     pub(crate) fn ask(&mut self, sample: &Sample, course: &Course) -> Answer {
         self.go_on_tuning(sample.time);
         let now = course.at(sample.time);
+        self.speed = now.velocity.abs();
         let Some(observer) = &self.observer else { return self.rest(now, f64::NAN) };
         let mut answer = if let AnyLaw::Own(own) = &self.law {
             let seen = Seen::of(&self.model, sample, observer);
@@ -311,9 +287,7 @@ impl Controller {
             let stands = f64::from(u8::from(course.stands(sample.time, self.plant.lag)));
             let then = course.at(sample.time + self.ahead());
             let ahead = Ahead { now, then, stands, preview: course };
-            let beyond = self.mass_beyond();
-            self.model.load = self.described[1] - beyond * now.acceleration;
-            let Decided { command, velocity, disturbance, holds } = self.command(sample, &ahead, beyond);
+            let Decided { command, velocity, disturbance, holds } = self.command(sample, &ahead);
             Answer { command, wanted: now, velocity, disturbance, holds }
         };
         let Takeover { last, bump: slot, .. } = &mut self.takeover;
@@ -337,7 +311,6 @@ impl Controller {
     /// Another law takes over without a bump: its command begins at that of the law before.
     pub fn switch(&mut self, law: AnyLaw) {
         self.law = law;
-        self.assume_mass();
         self.factors = [1.0; FACTORS.len()];
         self.takeover.ramps.clear();
         self.takeover.bump = Some(Bump { begin: None, offset: 0.0 });
@@ -386,12 +359,11 @@ impl Controller {
         Ok(())
     }
 
-    /// Gains are where they go at once, and the mass is that of the law: for one that has not begun.
+    /// Gains are where they go at once: for a law that has not begun.
     pub fn arrive(&mut self) {
         for own in std::mem::take(&mut self.takeover.ramps) {
             self.law.gains().filter(|(gain, _)| gain.key == own.key).for_each(|(_, gain)| *gain = own.to);
         }
-        self.assume_mass();
     }
 
     /// Updates the changing gains at a time, s.
@@ -446,16 +418,10 @@ impl Controller {
 }
 
 impl<S: Number, L: Law<S>> Controller<L, S> {
-    /// Its model has less mass than described: valves that switch need a calmer plan anyway.
-    fn is_cautious(&self) -> bool {
-        self.law.is_cautious() && self.model.valve.arrangement.is_proportional()
-    }
-
     /// Takes over a sample.
     pub(crate) fn observe(&mut self, sample: &Sample<S>) {
-        let wander = if self.is_cautious() { NMPC_WANDER } else { 1.0 };
-        let Controller { model, period, noise, .. } = self;
-        let noise = Noise { disturbance: wander * noise.disturbance, ..*noise };
+        let Controller { model, period, noise, law, .. } = self;
+        let noise = Noise { disturbance: law.wander() * noise.disturbance, ..*noise };
         let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, noise));
         observer.update(model, sample);
         self.friction.get_or_insert(observer.state.friction);
@@ -479,12 +445,7 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
     }
 
     /// The command for a sample that was taken over.
-    pub(crate) fn command(
-        &mut self,
-        sample: &Sample<S>,
-        ahead: &Ahead<'_, S>,
-        mass_beyond: f64,
-    ) -> Decided<S> {
+    pub(crate) fn command(&mut self, sample: &Sample<S>, ahead: &Ahead<'_, S>) -> Decided<S> {
         let acts = sample.time + self.ahead();
         let period = self.period;
         let (Some(observer), Some(along), model) = (&self.observer, &mut self.friction, &self.model) else {
@@ -533,7 +494,6 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
             acts,
             spool: &spool,
             preview: ahead.preview,
-            mass_beyond,
         };
         let of_law = |law: &mut L| {
             let asked = law.step(&tick);

@@ -1,5 +1,6 @@
 //! Course that a law follows: a reference, or a place to stand at, and the path to it from the present state.
 
+use crate::number::Number;
 use crate::reference::{PEAKS, Reference, Wanted, blend, series};
 use crate::thresholds::{RETURN_LEAST_TIME, SLOWS_WITHIN, STOP_LEAST_TIME};
 
@@ -8,65 +9,70 @@ use crate::thresholds::{RETURN_LEAST_TIME, SLOWS_WITHIN, STOP_LEAST_TIME};
 ///
 ///   x_0 (1-s)^4 (1 + 4 s + 10 s^2 + 20 s^3) + v_0 T s (1-s)^4 (1 + 4 s + 10 s^2) + a_0 T^2 s^2/2 (1-s)^4 (1 + 4 s)
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fade {
+pub struct Fade<S = f64> {
     /// s.
-    pub begin: f64,
+    pub begin: S,
     /// s.
-    pub duration: f64,
+    pub duration: S,
     /// At its beginning: m, m/s, m/s2.
-    pub from: [f64; 3],
+    pub from: [S; 3],
 }
 
 /// (1 - s)^4 p(s) with the numbers of p, and three derivatives.
-fn faded(p: [f64; 6], s: f64) -> [f64; 4] {
+fn faded<S: Number>(p: [S; 4], s: S) -> [S; 4] {
     let [p0, p1, p2, p3] = series(&p, s);
-    let r = 1.0 - s;
-    let [q0, q1, q2, q3] = [r.powi(4), -4.0 * r.powi(3), 6.0 * r * r, -4.0 * r];
+    let r = S::one() - s;
+    let square = r * r;
+    let [q0, q1, q2, q3] = [square * square, (square * r).times(-4.0), square.times(6.0), r.times(-4.0)];
     // Products of series, then the factorials.
     [
         p0 * q0,
         p1 * q0 + p0 * q1,
-        2.0 * (p2 * q0 + p1 * q1 + p0 * q2),
-        6.0 * (p3 * q0 + p2 * q1 + p1 * q2 + p0 * q3),
+        (p2 * q0 + p1 * q1 + p0 * q2).times(2.0),
+        (p3 * q0 + p2 * q1 + p1 * q2 + p0 * q3).times(6.0),
     ]
 }
 
-impl Fade {
-    /// Its distance and derivatives at a time, s.
-    pub fn at(&self, t: f64) -> Wanted {
-        let s = ((t - self.begin) / self.duration).max(0.0);
-        if s >= 1.0 {
-            return Wanted::default();
-        }
+impl<S: Number> Fade<S> {
+    /// Its distance and derivatives at a time, s. All are zero after its end.
+    pub fn at(&self, t: S) -> Wanted<S> {
+        let s = ((t - self.begin) / self.duration).within(0.0, 1.0);
         let [x, v, a] = self.from;
-        let (v, a) = (v * self.duration, 0.5 * a * self.duration * self.duration);
-        let p = [x, 4.0 * x + v, 10.0 * x + 4.0 * v + a, 20.0 * x + 10.0 * v + 4.0 * a, 0.0, 0.0];
-        Wanted::at_rate(faded(p, s), 1.0 / self.duration)
+        let (v, a) = (v * self.duration, (a * self.duration * self.duration).times(0.5));
+        let p = [
+            x,
+            x.times(4.0) + v,
+            x.times(10.0) + v.times(4.0) + a,
+            x.times(20.0) + v.times(10.0) + a.times(4.0),
+        ];
+        Wanted::at_rate(faded(p, s), S::one() / self.duration)
     }
 
     /// The time at which it ends, s.
-    pub fn end(&self) -> f64 {
+    pub fn end(&self) -> S {
         self.begin + self.duration
     }
 
     /// Returns a path to rest, and the place where it ends, m. The path begins with a position, a speed and an
     /// acceleration. The deceleration, m/s2, grows where there is less than this room ahead, m.
-    pub fn stop(begin: f64, [x, v, a]: [f64; 3], deceleration: f64, room: f64) -> (Self, f64) {
-        let a = a.clamp(-deceleration, deceleration);
+    pub fn stop(begin: S, [x, v, a]: [S; 3], deceleration: S, room: S) -> (Self, S) {
+        let a = a.max(-deceleration).min(deceleration);
+        let (zero, least) = (S::zero(), S::c(STOP_LEAST_TIME));
         // The speed falls as 1 - 10 s^3 + 15 s^4 - 6 s^5. The distance is half of v T, and the steepest fall is 1.875
         // v/T.
-        let way = |duration: f64| duration * (0.5 * v + 0.1 * a * duration);
-        let mut duration = (STEEPEST * v.abs() / deceleration).max(STOP_LEAST_TIME);
-        let mut a = a;
-        if way(duration) * v.signum() > room {
-            a = 0.0;
-            duration =
-                (2.0 * room.max(0.0) / v.abs().max(f64::MIN_POSITIVE)).clamp(STOP_LEAST_TIME, duration);
-        }
-        let end = x + duration * (0.5 * v + 0.1 * a * duration);
+        let way = |a: S, duration: S| duration * (v.times(0.5) + (a * duration).times(0.1));
+        let usual = (v.abs().times(STEEPEST) / deceleration).max(least);
+        let sign = S::select(v.lt(zero), S::c(-1.0), S::one());
+        let is_short = room.lt(way(a, usual) * sign);
+        let shorter = room.max(zero).times(2.0) / v.abs().max(S::c(f64::MIN_POSITIVE));
+        let duration = S::select(is_short, shorter.max(least).min(usual), usual);
+        let a = S::select(is_short, zero, a);
+        let end = x + way(a, duration);
         (Fade { begin, duration, from: [x - end, v, a] }, end)
     }
+}
 
+impl Fade {
     /// Back to a reference from a distance, a speed and an acceleration relative to it, at an acceleration, m/s2.
     pub fn back(begin: f64, from: [f64; 3], acceleration: f64) -> Self {
         let [x, v, _] = from;

@@ -1,10 +1,14 @@
 //! A law with its observer as source code of other languages. The equations run once on numbers that record each
 //! operation. The record is printed.
 
+mod conformance;
+mod guard;
 mod print;
 mod traced;
 
 use crate::types::Sample;
+pub use guard::STATUS;
+use guard::{Asked, Fixed, GUARD, Guard, Limits};
 pub use print::Language;
 pub use traced::{Function, Graph, Node, Operator, Traced, record};
 
@@ -15,6 +19,7 @@ use crate::hold::Hold;
 use crate::law::Law;
 use crate::observer::Observer;
 use crate::reference::{Reference, Wanted, between, blend};
+use crate::thresholds::FARTHEST;
 use crate::valves::Valves;
 use math::Real;
 
@@ -29,7 +34,8 @@ pub struct Given {
     pub meaning: String,
 }
 
-/// A law with its observer as graphs. All three take [`Program::inputs`], the gains and the state, in that order.
+/// A law with its observer and its checks as graphs. All of them take [`Program::inputs`], the parameters and the state, in that
+/// order.
 #[derive(Clone, Debug)]
 pub struct Program {
     /// The word of the law.
@@ -40,10 +46,14 @@ pub struct Program {
     pub ahead: f64,
     /// Numbers that it is given at a sample.
     pub inputs: Vec<Given>,
-    /// Gains with their values.
-    pub gains: Vec<(Gain, f64)>,
+    /// Parameters with their values: gains of the law, then limits of the checks.
+    pub parameters: Vec<(Given, f64)>,
+    /// How many of them are gains.
+    pub gains: usize,
     /// Numbers that it remembers from one sample to the next, and while it works on one.
     pub memory: [usize; 2],
+    /// [`CHECKED`], the checked inputs, and the state of the checks.
+    pub check: Graph,
     /// State at the first sample.
     pub begin: Graph,
     /// State at a later sample.
@@ -64,6 +74,9 @@ pub fn along_a_move() -> Graph {
         vec![position, velocity, acceleration, jerk]
     })
 }
+
+/// Results of [`Program::check`] before the checked inputs.
+pub const CHECKED: [&str; 3] = ["opens", "begins", "status"];
 
 /// Results of [`Program::command`] before the state.
 pub const RESULTS: [(&str, &str, &str); 4] = [
@@ -96,11 +109,26 @@ fn inputs(with_pressures: bool) -> Vec<Given> {
         }
     }
     all.push(given("stands", "1", "1 while the reference stands from now until then, else 0"));
+    all.push(given("enabled", "1", "1 while the drive may move, else 0"));
     all
 }
 
-/// Source of a law and of its observer; without pressures they run by the model alone. Nothing is learned: the code has the
-/// friction and the valve of the model.
+/// Limits of the checks, with their values for a controller.
+fn limits(controller: &Controller) -> Vec<(Given, f64)> {
+    let rules = controller.supervisor.as_ref().map(|own| own.rules).unwrap_or_default();
+    let [low, high] = [rules.position[0].max(0.0), rules.position[1].min(controller.model.stroke)];
+    [
+        ("position_low", "m", "least position that the reference may ask for", low),
+        ("position_high", "m", "greatest position that the reference may ask for", high),
+        ("speed_limit", "m/s", "highest speed that the reference may ask for", rules.speed.min(FARTHEST)),
+        ("stop_deceleration", "m/s2", "deceleration of a stop ramp", rules.stop_deceleration),
+    ]
+    .map(|(name, unit, meaning, value)| (Given { name: name.into(), unit, meaning: meaning.into() }, value))
+    .into()
+}
+
+/// Source of a law, its observer and its checks; without pressures they run by the model alone. Nothing is learned: the code
+/// has the friction and the valve of the model.
 pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program, String> {
     macro_rules! any {
         ($($law:ident),*) => {
@@ -135,16 +163,8 @@ enum Piece {
     Command,
 }
 
-/// Inputs of the code, in their order.
-struct Inputs {
-    position: Traced,
-    pressures: Option<[Traced; 2]>,
-    now: Wanted<Traced>,
-    then: Wanted<Traced>,
-    stands: Traced,
-}
-
-impl Inputs {
+impl Asked<Traced> {
+    /// From the inputs of the code, in their order.
     fn of(all: &[Traced], with_pressures: bool) -> Self {
         let (first, rest) = all.split_at(if with_pressures { 3 } else { 1 });
         let wanted = |own: &[Traced]| Wanted {
@@ -153,13 +173,23 @@ impl Inputs {
             acceleration: own[2],
             jerk: own[3],
         };
-        Inputs {
+        Asked {
             position: first[0],
             pressures: with_pressures.then(|| [first[1], first[2]]),
             now: wanted(&rest[..4]),
             then: wanted(&rest[4..8]),
             stands: rest[8],
+            enabled: rest[9],
         }
+    }
+
+    fn numbers(&self) -> Vec<Traced> {
+        let of = |own: &Wanted<Traced>| [own.position, own.velocity, own.acceleration, own.jerk];
+        let mut all = vec![self.position];
+        all.extend(self.pressures.into_iter().flatten());
+        all.extend(of(&self.now).into_iter().chain(of(&self.then)));
+        all.extend([self.stands, self.enabled]);
+        all
     }
 
     fn sample(&self, time: f64) -> Sample<Traced> {
@@ -196,7 +226,7 @@ impl Recorder<'_> {
             supervisor: None,
             takeover: Takeover::default(),
             noise: *noise,
-            described: [model.mass, model.load],
+            speed: 0.0,
             observer: Some(observer.at_rest()),
             friction: Some(Traced::zero()),
             push: Traced::zero(),
@@ -210,6 +240,10 @@ impl Recorder<'_> {
     ) -> Program {
         let (mut any, inputs) = (self.controller.law.clone(), inputs(self.with_pressures));
         let gains: Vec<(Gain, f64)> = any.gains().map(|(gain, value)| (*gain, *value)).collect();
+        let of_gain = |&(gain, value): &(Gain, f64)| {
+            (Given { name: gain.key.into(), unit: gain.unit, meaning: gain.meaning.into() }, value)
+        };
+        let parameters: Vec<_> = gains.iter().map(of_gain).chain(limits(self.controller)).collect();
         let settled = self.settled();
         let memory = settled.each_ref().map(|observer| {
             let mut own = self.traced(law(&mut |_, value| Traced::c(value)), observer);
@@ -223,9 +257,9 @@ impl Recorder<'_> {
                 Piece::Observe => (&settled[0], memory[0]),
                 Piece::Command => (&settled[1], memory[1]),
             };
-            record(inputs.len() + gains.len() + remembers, |given| {
+            record(inputs.len() + parameters.len() + remembers, |given| {
                 let (sample, rest) = given.split_at(inputs.len());
-                let (of_gains, remembered) = rest.split_at(gains.len());
+                let (of_gains, remembered) = rest.split_at(parameters.len());
                 let mut of_gain = |key: &'static str, _| {
                     let place = gains.iter().position(|(gain, _)| gain.key == key);
                     of_gains[place.expect("a gain of the law")]
@@ -238,7 +272,7 @@ impl Recorder<'_> {
                     }
                     place += 1;
                 });
-                self.step(piece, &mut own, &Inputs::of(sample, self.with_pressures))
+                self.step(piece, &mut own, &Asked::of(sample, self.with_pressures))
             })
         };
         Program {
@@ -248,10 +282,38 @@ impl Recorder<'_> {
             begin: piece(Piece::Begin),
             observe: piece(Piece::Observe),
             command: piece(Piece::Command),
+            check: self.check(inputs.len(), parameters.len(), gains.len()),
             inputs,
-            gains,
+            gains: gains.len(),
+            parameters,
             memory,
         }
+    }
+
+    /// The checks of a sample. Their state ends with the velocity of the last command.
+    fn check(&self, inputs: usize, parameters: usize, gains: usize) -> Graph {
+        let Controller { model, plant, period, .. } = self.controller;
+        let fixed = Fixed {
+            period: *period,
+            ahead: self.controller.ahead(),
+            grain: self.controller.grain(),
+            fastest: plant.speed,
+            stroke: model.stroke,
+            supply: model.supply.pressure,
+        };
+        record(inputs + parameters + GUARD + 1, |given| {
+            let (sample, rest) = given.split_at(inputs);
+            let (of_limits, state) = rest.split_at(parameters);
+            let [low, high, speed, deceleration] = [0, 1, 2, 3].map(|place| of_limits[gains + place]);
+            let limits = Limits { position: [low, high], speed, deceleration };
+            let mut own = Guard::of(&state[..GUARD]);
+            let asked = Asked::of(sample, self.with_pressures);
+            let checked = own.check(&fixed, &limits, &asked, state[GUARD]);
+            let mut results = vec![checked.opens, checked.begins, checked.status];
+            results.extend(checked.asked.numbers());
+            results.extend(own.numbers());
+            results
+        })
     }
 
     /// A piece of a step, with its results.
@@ -259,7 +321,7 @@ impl Recorder<'_> {
         &self,
         piece: Piece,
         own: &mut Controller<L, Traced>,
-        given: &Inputs,
+        given: &Asked<Traced>,
     ) -> Vec<Traced> {
         let at = given.sample(self.controller.period);
         let mut results = Vec::new();
@@ -275,10 +337,10 @@ impl Recorder<'_> {
             Piece::Observe => own.observe(&at),
             Piece::Command => {
                 let nowhere = Reference::Moves { start: 0.0, moves: vec![] };
-                let Inputs { now, then, stands, .. } = *given;
+                let Asked { now, then, stands, .. } = *given;
                 let preview = Course::from(&nowhere);
                 let ahead = Ahead { now, then, stands, preview: &preview };
-                let Decided { command, velocity, disturbance, holds } = own.command(&at, &ahead, 0.0);
+                let Decided { command, velocity, disturbance, holds } = own.command(&at, &ahead);
                 own.told(at.time, command);
                 let holds = Traced::select(holds, Traced::one(), Traced::zero());
                 results = vec![command, velocity, disturbance, holds];

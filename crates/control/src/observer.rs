@@ -106,6 +106,7 @@ pub struct Observer<S = f64> {
     pub state: State<S>,
     /// The spool.
     pub spool: Spool<S>,
+    /// Gains of position, 1, velocity, 1/s, and of the disturbance over the mass, 1/s2. A learned mass keeps its poles.
     gain: [f64; 3],
     time: f64,
 }
@@ -199,7 +200,8 @@ impl<S: Number> Observer<S> {
             pressures,
             temperatures: [S::c(model.wall_temperature); 2],
         };
-        let gain = steady_gain(model.mass, period, noise);
+        let [of_position, of_velocity, of_force] = steady_gain(model.mass, period, noise);
+        let gain = [of_position, of_velocity, of_force / model.mass];
         Observer { state, spool: Spool::new(&model.valve), gain, time: sample.time }
     }
 
@@ -246,7 +248,7 @@ impl<S: Number> Observer<S> {
 
 /// Corrects a state by a measured position with the gain of a filter, and with the innovation e = x - x_model:
 ///
-///   x += K_x e,   v += K_v e,   F_fr -= s K_d e within +-g,   d += K_d e + (change of F_fr)
+///   x += K_x e,   v += K_v e,   F_fr -= s K_a M e within +-g,   d += K_a M e + (change of F_fr)
 ///
 /// s = 1/(1 + (v/[`OBSERVER_REST`])^2): at rest an unexplained force is friction's, as long as that can bear it. No sensor could tell
 /// them apart.
@@ -254,7 +256,7 @@ fn correct<S: Number>(model: &Model, state: &mut State<S>, measured: S, gain: [f
     let miss = measured - state.position;
     state.position += miss.times(gain[0]);
     state.velocity += miss.times(gain[1]);
-    let force = miss.times(gain[2]);
+    let force = miss.times(gain[2] * model.mass);
     let [level, _] = model.friction_levels([state.position, S::zero()], state.pressures);
     let slides = state.velocity / S::c(OBSERVER_REST);
     let rests = S::one() / (S::one() + slides * slides);

@@ -27,13 +27,13 @@ impl<S: Number> Wanted<S> {
 }
 
 /// A polynomial and three derivatives over their factorials, by Horner's rule; the numbers of the powers 0, 1, ..
-pub fn series(coefficients: &[f64], at: f64) -> [f64; 4] {
-    let [mut p0, mut p1, mut p2, mut p3] = [0.0; 4];
+pub fn series<S: Number>(coefficients: &[S], at: S) -> [S; 4] {
+    let [mut p0, mut p1, mut p2, mut p3] = [S::zero(); 4];
     for own in coefficients.iter().rev() {
         p3 = p3 * at + p2;
         p2 = p2 * at + p1;
         p1 = p1 * at + p0;
-        p0 = p0 * at + own;
+        p0 = p0 * at + *own;
     }
     [p0, p1, p2, p3]
 }

@@ -63,8 +63,7 @@ thresholds! {
     STIFFNESS_RATE: f64 = 0.2, "1", "rate of the stiffness as a fraction of the bandwidth", "assumed";
     STIFFNESS_MEAN: [f64; 2] = [0.25, 0.75], "1", "mean pressures between which a stiffness is reached, from ambient (0) to supply (1)", "assumed";
 
-    NMPC_MASS: f64 = 0.65, "1", "mass of the model of nmpc until it is learned, of the described one", "stable for masses of 0.5 to 1.6 of the described one; measured";
-    NMPC_WANDER: f64 = 0.5, "1", "random walk of the unexplained force for nmpc, of that for other controllers", "assumed";
+    NMPC_WANDER: f64 = 0.5, "1", "random walk of the unexplained force for nmpc, of that for other controllers", "a wrong mass or dry friction then swings less; measured";
 
     // Holding.
     HOLD_MANY: f64 = 10.0, "bands", "error of a kept drive that is tried again", "assumed";
@@ -101,7 +100,9 @@ thresholds! {
     LEARN_MASS_WITHIN: [f64; 2] = [0.5, 3.0], "1", "bounds of the learned mass, of the described one", "assumed";
     LEARN_CONDUCTANCE_WITHIN: [f64; 2] = [0.4, 2.5], "1", "bounds of the learned conductance, of the described one", "assumed";
     LEARN_OVERLAP_WITHIN: [f64; 2] = [0.0, 0.1], "1", "bounds of the learned overlap", "assumed";
-    LEARN_HEAVY: f64 = 0.1, "1", "inertia above which the learned mass is used, in Coulomb friction", "below it other errors look like mass; assumed";
+    LEARN_BAND: [f64; 2] = [3e-3, 0.02], "s", "lags of the band in which the mass is learned: fast, slow", "drives swing at 20 to 60 Hz";
+    LEARN_SWINGS: f64 = 0.1, "1", "inertia in that band above which the mass is learned, in Coulomb friction", "assumed";
+    LEARN_SWING_DEVIATION: f64 = 0.25, "1", "deviation of the force balance in that band, in Coulomb friction", "assumed";
     LEARN_OPEN: f64 = 0.012, "1", "opening beyond the overlap from which the valve is learned", "assumed";
     LEARN_SPOOL_SPEED: f64 = 5.0, "1/s", "speed of the spool below which the valve is learned", "assumed";
     LEARN_SPOOL_CALM: f64 = 0.002, "s", "time for which the spool has to be so slow", "assumed";
@@ -157,6 +158,7 @@ thresholds! {
     PRESSURE_BEYOND: f64 = 1.0, "1", "unexplained force that is assigned to friction, in breakaway friction", "assumed";
     PRESSURE_BORNE: f64 = 0.02, "s", "time in which a modelled pressure takes the rest", "assumed";
     PRESSURE_LOST: u32 = 3, "samples", "readings in a row that are not credible until the sensor is lost", "assumed";
+    GUARD_PRESSURE: [f64; 2] = [1e4, 2.0], "Pa; 1", "pressures that exported code accepts: least, and greatest over that of the supply", "assumed";
     SUPPLY_FALLEN: f64 = 1e5, "Pa", "fall of the supply that is reported", "assumed";
     SUPPLY_FALLEN_FOR: f64 = 0.03, "s", "for how long", "assumed";
     SUPPLY_FLOWN: f64 = 0.5e5, "Pa", "change of a pressure by flow from which a fall is seen", "assumed";

@@ -274,26 +274,28 @@ fn every_law_is_odd() {
     }
 }
 
-/// The work of a law with its observer, recorded and run again, on the samples of a drive that follows poorly and then
-/// rests: its commands.
+/// The exported work of a law, its observer and its checks, on the samples of a drive that follows poorly and then rests: the
+/// bits of its controller.
 #[test]
-fn what_is_recorded_of_a_law_gives_its_commands() {
-    let (model, moves) = (drive(), vec![Move { begin: 0.02, duration: 0.1, to: MIDDLE + 0.01 }]);
+fn an_exported_law_gives_the_bits_of_its_controller() {
+    // Times that have no rounding: a step of the controller lasts the difference of two times.
+    let period = 1.0 / 1024.0;
+    let (mut model, moves) = (drive(), vec![Move { begin: 0.02, duration: 0.1, to: MIDDLE + 0.01 }]);
+    model.valve.delay = period;
     let reference = Reference::Moves { start: MIDDLE, moves };
     for &key in LAWS {
-        let mut law = Controller::tuned(key, &model, PERIOD, 2e-6).expect("a law of that name");
+        let mut law = Controller::tuned(key, &model, period, 2e-6).expect("a law of that name");
         law.adaptation = None;
-        // What is recorded has none.
-        law.supervisor = None;
+        law.supervisor = None; // Exported code has its own checks.
+        law.plant.lag = 3.75 * period;
         let Ok(program) = export::program(&law, true) else {
             assert_eq!(key, "nmpc");
             continue;
         };
-        let (gains, mut kept) = (program.gains.iter().map(|own| own.1), Vec::new());
-        let gains: Vec<f64> = gains.collect();
+        let mut own = program.remembered();
         let (mut holds, mut moves) = (false, false);
         for tick in 0..300_u32 {
-            let time = f64::from(tick) * PERIOD;
+            let time = f64::from(tick) * period;
             let (now, then) = (reference.at(time), reference.at(time + program.ahead));
             let late = reference.at(time - 2e-3);
             let (position, lean) = (late.position + 1e-6 * f64::from(tick % 3), 2e3 * late.acceleration);
@@ -301,17 +303,16 @@ fn what_is_recorded_of_a_law_gives_its_commands() {
             let answer = law.step(&sample, &reference);
             let stands = f64::from(u8::from(reference.stands(time, law.plant.lag)));
             let wanted = |own: Wanted| [own.position, own.velocity, own.acceleration, own.jerk];
-            let given =
-                [&[position, PRESSURE + lean, PRESSURE - lean][..], &wanted(now), &wanted(then), &[stands]];
-            let given = [&given.concat()[..], &gains].concat();
-            let piece = if tick == 0 { &program.begin } else { &program.observe };
-            let seen = piece.run(&[&given[..], &kept].concat());
-            let results = program.command.run(&[&given[..], &seen].concat());
-            kept = results[export::RESULTS.len()..].to_vec();
-            assert_eq!([seen.len(), kept.len()], [program.memory[1], program.memory[0]]);
-            assert_abs_diff_eq!(results[0], answer.command, epsilon = 1e-12);
-            assert_abs_diff_eq!(results[1], answer.velocity, epsilon = 1e-12);
-            assert_eq!(results[3] > 0.0, answer.holds);
+            let given = [
+                &[position, PRESSURE + lean, PRESSURE - lean][..],
+                &wanted(now),
+                &wanted(then),
+                &[stands, 1.0],
+            ];
+            let results = program.step(&mut own, &given.concat());
+            let holding = f64::from(u8::from(answer.holds));
+            let expected = [answer.command, answer.velocity, answer.disturbance, holding, 0.0];
+            assert_eq!(results, expected, "{key}, sample {tick}");
             (holds, moves) = (holds || answer.holds, moves || answer.command.abs() > 0.05);
         }
         assert!(holds && moves, "{key}");
@@ -319,6 +320,46 @@ fn what_is_recorded_of_a_law_gives_its_commands() {
     let wanted = export::along_a_move().run(&[MIDDLE, MIDDLE + 0.01, 0.02, 0.1, 0.05]);
     let exact = reference.at(0.05);
     assert_eq!(wanted, [exact.position, exact.velocity, exact.acceleration, exact.jerk]);
+}
+
+/// Checks of exported code: two lost readings are predicted, a reference that jumps ends in a stop ramp, a lost sensor shuts the
+/// valve until the drive is disabled and enabled again.
+#[test]
+fn exported_code_checks_its_sensors_and_its_reference() {
+    let law = Controller::tuned("inversion", &drive(), PERIOD, 2e-6).expect("a law of that name");
+    let program = export::program(&law, true).expect("code");
+    let mut own = program.remembered();
+    let mut at = |position: f64, pressure: f64, [x, v]: [f64; 2], enabled: f64| {
+        let wanted = [x, v, 0.0, 0.0];
+        let then = [x + v * program.ahead, v, 0.0, 0.0];
+        let given =
+            [&[position, pressure, PRESSURE][..], &wanted, &then, &[f64::from(u8::from(v == 0.0)), enabled]];
+        let results = program.step(&mut own, &given.concat());
+        assert!(results.iter().all(|own| own.is_finite()) && results[0].abs() <= 1.0, "{results:?}");
+        (results[0], results[4])
+    };
+    assert_eq!(at(f64::NAN, f64::NAN, [f64::NAN; 2], 0.0), (0.0, 1.0));
+    let place = |k: i32| MIDDLE + 0.2 * PERIOD * f64::from(k);
+    for k in 0..100 {
+        let position = if (50..52).contains(&k) { f64::INFINITY } else { place(k) };
+        let pressure = if (60..62).contains(&k) { -1.0 } else { PRESSURE };
+        assert_eq!(at(position, pressure, [place(k), 0.2], 1.0).1, 0.0, "sample {k}");
+    }
+    // A reference that jumps: the drive comes to rest ahead, and the reference is not followed any more.
+    assert_eq!(at(place(100), PRESSURE, [place(100) + 0.01, 0.2], 1.0).1, 4.0);
+    assert_eq!(at(place(101), PRESSURE, [place(101), 0.2], 1.0).1, 4.0);
+    // Three readings that the drive cannot have reached.
+    let found: Vec<_> = (0..3).map(|_| at(place(102) + 0.02, PRESSURE, [MIDDLE, 0.0], 1.0)).collect();
+    assert_eq!([found[1].1, found[2].1], [4.0, 2.0]);
+    assert_eq!(found[2].0, 0.0);
+    assert_eq!(at(MIDDLE, PRESSURE, [MIDDLE, 0.0], 1.0), (0.0, 2.0));
+    assert_eq!(at(MIDDLE, PRESSURE, [MIDDLE, 0.0], 0.0), (0.0, 1.0));
+    assert_eq!(at(MIDDLE, PRESSURE, [MIDDLE, 0.0], 1.0).1, 0.0);
+    let found: Vec<_> = (0..3).map(|_| at(MIDDLE, f64::NAN, [MIDDLE, 0.0], 1.0).1).collect();
+    assert_eq!(found, [0.0, 0.0, 3.0]);
+    // A drive far from its reference stays where it is.
+    at(MIDDLE, PRESSURE, [MIDDLE, 0.0], 0.0);
+    assert_eq!(at(MIDDLE, PRESSURE, [MIDDLE + 0.01, 0.0], 1.0).1, 4.0);
 }
 
 #[test]

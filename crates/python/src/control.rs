@@ -3,7 +3,7 @@
 use crate::convert::{Table, Teller, detached, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::{Error, Look};
-use control::export::program;
+use control::export::{RESULTS, STATUS, program};
 use control::{
     AnyLaw, CHOICES, Demand, EventKind, FACTORED, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen,
 };
@@ -86,28 +86,40 @@ pub fn control_tune<'py>(
     Ok((plant, [of_law, ruled(controller.valves.gains())]))
 }
 
-/// Returns source files of a controller and its observer in a language, `"c"` or `"st"`: names and texts. The
-/// file headers contain `about`.
+/// Causality, name, unit, meaning and start value of a variable of exported code.
+type ExportedVariable = (&'static str, String, String, String, f64);
+
+/// Returns source files of a controller in a language, `"c"` or `"st"`: names and texts. Then the variables of the code, in the
+/// order of inputs, parameters, outputs. The file headers contain `about`.
 #[pyfunction]
 pub fn control_export(
     spec: &str,
     setup: &str,
     language: &str,
     about: &str,
-) -> PyResult<Vec<(String, String)>> {
+) -> PyResult<(Vec<(String, String)>, Vec<ExportedVariable>)> {
     let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
     let deviation = Encoder::from(setup.position).deviation();
     let (controller, _) = controller(&spec, deviation).map_err(to_python)?;
     let program = program(&controller, setup.pressures.is_some()).map_err(PyValueError::new_err)?;
-    let name = program.name();
-    match language {
+    let files = match language {
         "c" => {
-            let [header, source] = program.c(about);
-            Ok(vec![(format!("{name}.h"), header), (format!("{name}.c"), source)])
+            let mut files = program.c(about).to_vec();
+            files.push(("conformance.txt".into(), program.conformance()));
+            files
         }
-        "st" => Ok(vec![(format!("{name}.st"), program.st(about))]),
-        _ => Err(PyValueError::new_err(format!("there is no language \"{language}\""))),
-    }
+        "st" => vec![(format!("{}.st", program.name()), program.st(about))],
+        _ => return Err(PyValueError::new_err(format!("there is no language \"{language}\""))),
+    };
+    let inputs = program.inputs.iter().map(|own| ("input", own, 0.0));
+    let parameters = program.parameters.iter().map(|(own, value)| ("parameter", own, *value));
+    let outputs = RESULTS.iter().map(|own| ("output", own.0.into(), own.1.into(), own.2.into(), 0.0));
+    let given = inputs.chain(parameters).map(|(causality, own, value)| {
+        (causality, own.name.clone(), own.unit.into(), own.meaning.clone(), value)
+    });
+    let status: Vec<_> = STATUS.iter().map(|(value, meaning)| format!("{value}: {meaning}")).collect();
+    let status = ("output", "status".into(), "1".into(), status.join("; "), 0.0);
+    Ok((files, given.chain(outputs).chain([status]).collect()))
 }
 
 /// Returns position, velocity, acceleration and jerk of a reference at times, shape (n, 4), SI units.

@@ -79,7 +79,6 @@ fn at<T>(model: &Model, moment: &Moment, then: impl FnOnce(&Tick) -> T) -> T {
         acts: 0.0,
         spool: &spool,
         preview: &Course::from(&reference),
-        mass_beyond: 0.0,
     })
 }
 

@@ -82,7 +82,7 @@ fn deviating(factors: &[(&str, f64)]) -> Circuit {
 
 /// A drive that is not as its law believes: more friction and mass, a smaller valve with more overlap.
 #[test]
-fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
+fn predictive_control_learns_friction_and_valve_of_its_drive() {
     let plant = deviating(&[
         ("conductance", 0.8),
         ("moving_mass", 1.3),
@@ -93,19 +93,17 @@ fn predictive_control_learns_friction_mass_and_valve_of_its_drive() {
     ]);
     let (rows, controller) = run(&plant, "nmpc", &sine(1.0), 12.0, 1);
     let [begin, error] = [&rows[..4000], &rows[8000..]].map(|rows| largest(rows) * 1e3);
-    assert!(begin < 0.4 && error < 0.12, "largest error {error} mm, {begin} mm in the first 4 s");
+    assert!(begin < 0.3 && error < 0.12, "largest error {error} mm, {begin} mm in the first 4 s");
     let [coulomb, viscous] = controller.model.friction_shares;
     assert!((coulomb - 1.2).abs() < 0.03 && (viscous - 1.2).abs() < 0.06, "friction {coulomb}, {viscous}");
     let described = belief(&axis()).expect("a belief").0;
-    let mass = controller.model.mass / described.mass;
-    assert!((mass - 1.3).abs() < 0.04, "mass {mass}");
     let (described, valve) = (described.valve, controller.model.valve);
     assert!((valve.flow.gain / described.flow.gain - 0.8).abs() < 0.03, "conductance");
     assert!((valve.overlap - 0.03).abs() < 0.002, "overlap {}", valve.overlap);
 }
 
-/// Drives of half to 1.6 of the described mass, which a slow sine does not show: a model with all of the mass made the law swing
-/// the lighter ones by 1.7 to 2.4 mm.
+/// Drives of half to 1.6 of the described mass. Without learning, the lighter ones swing by 1.7 to 2.4 mm along a slow sine. The swing
+/// shows the mass.
 #[test]
 fn predictive_control_leads_drives_much_lighter_and_heavier_than_described() {
     for mass in [0.5, 0.6, 1.6] {
@@ -115,12 +113,12 @@ fn predictive_control_leads_drives_much_lighter_and_heavier_than_described() {
     }
 }
 
-/// A law that believes in twice the mass of its drive swings along a sine, and the supervisor reports that once.
+/// A law that assumes twice the mass of its drive, and learns nothing, swings along a sine. The supervisor reports that once.
 #[test]
 fn a_limit_cycle_along_a_moving_reference_is_reported() {
     let light = deviating(&[("moving_mass", 0.5)]);
     let (mut under, mut controller) = begin(axis(), &light, ("nmpc", None), &setup(1), 0.25);
-    controller.model.mass = belief(&axis()).expect("a belief").0.mass;
+    controller.adaptation = None;
     let mut never = |_| false;
     under.run(&mut controller, &sine(0.5), 6.0, &mut Look::new(&mut never)).expect("it runs");
     let log = controller.supervisor.as_ref().expect("a supervisor").log();
@@ -263,20 +261,17 @@ fn a_fine_sensor_of_a_short_stroke_is_not_lost_where_it_rests() {
 fn a_drive_that_slips_in_vain_stands_where_it_is() {
     let falls = [("coulomb", 30.0), ("breakaway", 45.0), ("viscous", 40.0), ("stribeck_velocity", 0.02)];
     let dry = rubbing(2.0, "stribeck", &falls);
-    for (law, slip) in [("nmpc", 1e-3), ("inversion", 5e-3)] {
-        let to = Reference::Moves { start: 0.22, moves: vec![Move { begin: 0.2, duration: 0.3, to: 0.28 }] };
-        let (rows, _) = run_believing(dry.clone(), &dry, law, &to, 10.0, 1);
-        let swings = |rows: &[[f64; COLUMNS.len()]]| {
-            let [low, high] = rows
-                .iter()
-                .fold([f64::MAX, f64::MIN], |[low, high], row| [low.min(row[1]), high.max(row[1])]);
-            high - low
-        };
-        let [tried, stood] = [&rows[500..1500], &rows[8500..]].map(swings);
-        assert!(tried > 0.4e-3 && stood < 30e-6, "{law}: {tried} m, then {stood} m");
-        let error = largest(&rows[8500..]);
-        assert!(error < slip, "{law}: {error} m from its target");
-    }
+    let to = Reference::Moves { start: 0.22, moves: vec![Move { begin: 0.2, duration: 0.3, to: 0.28 }] };
+    let (rows, _) = run_believing(dry.clone(), &dry, "nmpc", &to, 10.0, 1);
+    let swings = |rows: &[[f64; COLUMNS.len()]]| {
+        let [low, high] =
+            rows.iter().fold([f64::MAX, f64::MIN], |[low, high], row| [low.min(row[1]), high.max(row[1])]);
+        high - low
+    };
+    let [tried, stood] = [&rows[500..1500], &rows[8500..]].map(swings);
+    assert!(tried > 0.4e-3 && stood < 30e-6, "{tried} m, then {stood} m");
+    let error = largest(&rows[8500..]);
+    assert!(error < 1e-3, "{error} m from its target");
 }
 
 /// A valve that has twice the overlap that its law believes in, and leaks: within it the command of a law that holds opens

@@ -1,4 +1,4 @@
-"""A law with its observer for other tools: C, structured text of IEC 61131-3 for a PLC, or an FMU."""
+"""A controller for other tools: C, structured text of IEC 61131-3 for a PLC, or an FMU."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pneudrive import __version__, _core
 from pneudrive.control.references import check_reach
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.standard_references import named_or_read
+from pneudrive.control.unit import code_plan, law_plan
 from pneudrive.errors import CommandError, nearest
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.trajectory import whole
@@ -35,11 +36,12 @@ def export(
     along: Reference | str | Path | None = None,
     version: str = "2.0",
 ) -> list[Path]:
-    """Write the source code of a law and of its observer, made from the equations that `pneudrive.control.run` runs.
+    """Write a controller for other tools, made from the equations that `pneudrive.control.run` runs.
 
-    The code takes samples and where the drive is to be, and gives the command. It learns nothing: friction and valve
-    are those of the description. It supervises nothing. An FMU is the whole controller, with adaptation, supervisor and
-    reference: equal samples give the same bits as a run.
+    The code takes samples and the reference, and gives the command. It checks sensors and reference, and has stop
+    ramps. It does not learn: friction and valve are those of the description. An FMU has the same C code in
+    ``sources/``, and a library if this machine has a C compiler. ``nmpc`` cannot be written as source code: its FMU is
+    a library with the whole controller and its reference.
 
     Parameters
     ----------
@@ -52,7 +54,7 @@ def export(
     setup : Setup, str or path-like
         Its position sensor decides the gain of the observer; without pressure sensors the code asks for none.
     along : Reference, str or path-like, optional
-        What an FMU follows from its start on, as for `pneudrive.control.run`.
+        Reference of an FMU of ``nmpc``, as for `pneudrive.control.run`. Others have it as inputs.
     version : str
         ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
 
@@ -72,27 +74,25 @@ def export(
     >>> import pneudrive as pn
     >>> tuning = pn.control.tune(pn.Drive.load("catalogue:reference"), "super-twisting")
     >>> [path.name for path in pn.control.export(tuning, "c", tempfile.mkdtemp())]
-    ['pneudrive_super_twisting.h', 'pneudrive_super_twisting.c']
+    ['pneudrive_super_twisting.h', 'pneudrive_super_twisting.c', 'pneudrive_math.h', 'conformance.txt']
     """
     if to not in LANGUAGES:
         raise CommandError(f'there is no language "{to}"', remedy=nearest(to, LANGUAGES))
     require(tuning, "plant", "tuning", "pn.control.tune(drive)")
     read, _ = read_setup(setup)
-    if to == "fmu":
+    if to == "fmu" and tuning.law == "nmpc":
         if along is None:
             remedy = 'pneudrive control export ... --to fmu --reference "220 mm; 1 s: 280 mm in 0.3 s"'
-            raise CommandError("an FMU of a law needs the reference that it follows", remedy=remedy)
+            raise CommandError("an FMU of nmpc needs the reference that it follows", remedy=remedy)
         return [_unit(tuning, along, read, Path(out), version)]
     if along is not None:
-        raise CommandError(f"{to} takes no reference", remedy='Leave it out; or write an FMU: "fmu".')
-    belief = tuning.belief
-    form = read.core(0, belief.ambient.pressure_pa)
-    about = f"For {belief.name}, description {belief.description_hash}; pneudrive {__version__}."
-    about = about.replace("*", "").encode("ascii", "replace").decode()
-    try:
-        files = _core.control_export(json.dumps(tuning.core()), json.dumps(form), to, about)
-    except ValueError as error:
-        raise CommandError(str(error)) from None
+        raise CommandError(f"{to} of {tuning.law} takes no reference: its inputs are one", remedy="Leave it out.")
+    if to == "fmu":
+        from pneudrive.fmu.package import check_fmu, write_fmu
+
+        target = check_fmu(out, version)
+        return [write_fmu(code_plan(tuning, *_written(tuning, read, "c")), target, version).path]
+    files, _ = _written(tuning, read, to)
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -104,8 +104,21 @@ def export(
     return [folder / name for name, _ in files]
 
 
+def _written(
+    tuning: Tuning, setup: Setup, to: Literal["c", "st"]
+) -> tuple[list[tuple[str, str]], list[tuple[str, str, str, str, float]]]:
+    """Return the files of a controller, and the variables of its code."""
+    belief = tuning.belief
+    form = setup.core(0, belief.ambient.pressure_pa)
+    about = f"For {belief.name}, description {belief.description_hash}; pneudrive {__version__}."
+    about = about.replace("*", "").encode("ascii", "replace").decode()
+    try:
+        return _core.control_export(json.dumps(tuning.core()), json.dumps(form), to, about)
+    except ValueError as error:
+        raise CommandError(str(error)) from None
+
+
 def _unit(tuning: Tuning, along: Reference | str | Path, setup: Setup, path: Path, version: str) -> Path:
-    from pneudrive.control.unit import law_plan
     from pneudrive.fmu.package import check_fmu, write_fmu
 
     target, reach = check_fmu(path, version), (tuning.plant.stroke_m, tuning.plant.speed_m_s)

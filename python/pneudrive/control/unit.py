@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
-from pneudrive.fmu.variables import FmuPlan, FmuVariable
+from pneudrive.fmu.variables import FmuCode, FmuPlan, FmuVariable
 
 if TYPE_CHECKING:
     from pneudrive.control.motion import Reference
@@ -22,6 +22,35 @@ _OUTPUTS = (
     ("holds", "1", "1 where the law stands still on purpose, else 0"),
     ("events", "1", "how many events the supervisor has told so far"),
 )
+
+
+def code_plan(
+    tuning: Tuning, files: list[tuple[str, str]], variables: list[tuple[str, str, str, str, float]]
+) -> FmuPlan:
+    """Return the plan of the FMU of a controller in C.
+
+    Parameters
+    ----------
+    tuning : Tuning
+    files, variables : list
+        Of `pneudrive._core.control_export`.
+    """
+    given = []
+    for causality, name, unit, meaning, value in variables:
+        # FMI has whole exponents of units only.
+        si, what = ("1", f"{meaning}, {unit}") if "^0." in unit else (unit, meaning)
+        si = si.replace("/s2", "/s^2").replace("/s3", "/s^3")
+        start = None if causality == "output" else value
+        given.append(FmuVariable(name, si, what, causality, {"role": causality}, start))
+    identifier = next(name for name, _ in files if name.endswith(".c")).removesuffix(".c")
+    return FmuPlan(
+        title=f"{tuning.law} for {tuning.belief.name}",
+        form={},
+        start={},
+        rtol=1e-6,
+        variables=(FmuVariable("time", "s", "time", "independent", {"role": "time"}), *given),
+        code=FmuCode(identifier, tuple(files), tuning.core()["period_s"]),
+    )
 
 
 def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:

@@ -10,7 +10,7 @@ from pneudrive import __version__
 from pneudrive.fmu.dimensions import DISPLAYED, exponents
 
 if TYPE_CHECKING:
-    from pneudrive.fmu.variables import FmuPlan, FmuVariable
+    from pneudrive.fmu.variables import FmuCode, FmuPlan, FmuVariable
 
 #: Name of the library without its suffix, in every FMU.
 IDENTIFIER = "pneudrive"
@@ -46,7 +46,7 @@ def description(plan: FmuPlan, version: str) -> bytes:
             "fmiVersion": version,
             "modelName": plan.title,
             "guid" if is_two else "instantiationToken": plan.token,
-            "description": _ABOUT if plan.law is None else _ABOUT_LAW.format(period=plan.law["controller"]["period_s"]),
+            "description": _ABOUT if plan.period_s is None else _ABOUT_LAW.format(period=plan.period_s),
             "generationTool": f"pneudrive {__version__}",
             "variableNamingConvention": "structured" if structured else "flat",
             **({"numberOfEventIndicators": str(len(indicators))} if is_two else {}),
@@ -57,8 +57,8 @@ def description(plan: FmuPlan, version: str) -> bytes:
     categories = ElementTree.SubElement(root, "LogCategories")
     ElementTree.SubElement(categories, "Category", name="logStatusError", description="Errors with remedies")
     experiment = {"startTime": "0", "stopTime": "1", "tolerance": repr(plan.rtol)}
-    if plan.law is not None:
-        experiment["stepSize"] = repr(plan.law["controller"]["period_s"])
+    if plan.period_s is not None:
+        experiment["stepSize"] = repr(plan.period_s)
     ElementTree.SubElement(root, "DefaultExperiment", experiment)
     variables = ElementTree.SubElement(root, "ModelVariables")
     places = {one.name: i for i, one in enumerate(plan.variables)}
@@ -89,11 +89,35 @@ def description(plan: FmuPlan, version: str) -> bytes:
     return f"<?xml version='1.0' encoding='utf-8'?>\n{text}".encode()
 
 
+def compiled_files(code: FmuCode, version: str) -> tuple[str, ...]:
+    """Return the names of the C files that a tool compiles."""
+    return (f"fmi{version[0]}.c", *(name for name, _ in code.files if name.endswith(".c")))
+
+
+def build_description(code: FmuCode) -> bytes:
+    """Return sources/buildDescription.xml of FMI 3.0."""
+    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
+    build = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=code.identifier)
+    files = ElementTree.SubElement(build, "SourceFileSet", language="C99")
+    for name in compiled_files(code, "3.0"):
+        ElementTree.SubElement(files, "SourceFile", name=name)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+
+
 def _interfaces(root: ElementTree.Element, plan: FmuPlan, is_two: bool) -> None:
+    steps = {"canHandleVariableCommunicationStepSize": "true"}
+    if plan.code is not None:
+        own = ElementTree.SubElement(root, "CoSimulation", {"modelIdentifier": plan.code.identifier} | steps)
+        if is_two:
+            files = ElementTree.SubElement(own, "SourceFiles")
+            for name in compiled_files(plan.code, "2.0"):
+                ElementTree.SubElement(files, "File", name=name)
+        return
     state = "FMUstate" if is_two else "FMUState"
     common = {"modelIdentifier": IDENTIFIER, f"canGetAndSet{state}": "true"}
     if plan.law is not None:
-        ElementTree.SubElement(root, "CoSimulation", common | {"canHandleVariableCommunicationStepSize": "true"})
+        ElementTree.SubElement(root, "CoSimulation", common | steps)
         return
     common |= {f"canSerialize{state}": "true"}
     derivatives = not plan.is_actuator  # of the force there are none
@@ -105,7 +129,7 @@ def _interfaces(root: ElementTree.Element, plan: FmuPlan, is_two: bool) -> None:
     step = {} if is_two else {"needsCompletedIntegratorStep": "true"}
     ElementTree.SubElement(root, "ModelExchange", common | step)
     if not plan.is_actuator:
-        ElementTree.SubElement(root, "CoSimulation", common | {"canHandleVariableCommunicationStepSize": "true"})
+        ElementTree.SubElement(root, "CoSimulation", common | steps)
 
 
 def _units(root: ElementTree.Element, plan: FmuPlan) -> None:

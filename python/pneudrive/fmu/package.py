@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.fmu.binary import PLATFORMS, binary_path, try_plan
 from pneudrive.fmu.description import IDENTIFIER, description
+from pneudrive.fmu.source_entries import source_entries
 from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
@@ -137,17 +138,18 @@ def check_fmu(path: str | Path, version: str) -> Path:
 
 
 def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
-    """Write the description, the plan and the library as an archive."""
-    suffix, two, three = PLATFORMS.get(sys.platform, PLATFORMS["linux"])
-    place = f"binaries/{two if version == '2.0' else three}/{IDENTIFIER}{suffix}"
+    """Write the description, and the plan with the library or the source code, as an archive."""
+    suffix, *folders = PLATFORMS.get(sys.platform, PLATFORMS["linux"])
+    place = f"binaries/{folders[version != '2.0']}/{plan.code.identifier if plan.code else IDENTIFIER}{suffix}"
+    if plan.code is None:
+        entries = [("resources/drive.json", plan.json().encode()), (place, binary_path().read_bytes())]
+    else:
+        entries = source_entries(plan, version, place)
     with whole(target) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content, rights in (
-            ("modelDescription.xml", description(plan, version), 0o644 << 16),
-            ("resources/drive.json", plan.json().encode(), 0o644 << 16),
-            (place, binary_path().read_bytes(), _EXECUTABLE),
-        ):
+        for name, content in (("modelDescription.xml", description(plan, version)), *entries):
             entry = zipfile.ZipInfo(name, _DATE)
-            entry.external_attr, entry.compress_type = rights, zipfile.ZIP_DEFLATED
+            entry.external_attr = _EXECUTABLE if name == place else 0o644 << 16
+            entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content)
     by = {
         kind: tuple(one for one in plan.variables if one.causality == kind) for kind in ("input", "output", "parameter")

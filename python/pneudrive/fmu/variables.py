@@ -65,6 +65,24 @@ class FmuVariable:
 
 
 @dataclass(frozen=True)
+class FmuCode:
+    """Source code of an FMU: a controller in C99.
+
+    Attributes
+    ----------
+    identifier : str
+        Prefix of its names.
+    files : tuple of (str, str)
+        Names and texts, with the file that checks a compiled copy, ``conformance.txt``.
+    period_s : float
+    """
+
+    identifier: str
+    files: tuple[tuple[str, str], ...]
+    period_s: float
+
+
+@dataclass(frozen=True)
 class FmuPlan:
     """Content of an FMU: a circuit, its start and its variables.
 
@@ -84,6 +102,8 @@ class FmuPlan:
         Warnings and assumed values of the description.
     law : dict or None
         A controller in place of a circuit, in the form of `pneudrive.control`.
+    code : FmuCode or None
+        Source code in place of the library.
     """
 
     title: str
@@ -94,6 +114,14 @@ class FmuPlan:
     is_actuator: bool = False
     notes: tuple[str, ...] = field(default=())
     law: dict[str, Any] | None = None
+    code: FmuCode | None = None
+
+    @property
+    def period_s(self) -> float | None:
+        """Period of the samples of a controller, s."""
+        if self.code is not None:
+            return self.code.period_s
+        return None if self.law is None else self.law["controller"]["period_s"]
 
     def json(self) -> str:
         """Return the plan in the form of the library, with its token."""
@@ -115,6 +143,7 @@ class FmuPlan:
         """Token that binds the description of an FMU to its plan: a hash of everything that runs."""
         roles = [[one.name, one.role, one.start] for one in self.variables]
         law = [] if self.law is None else [self.law]
+        law += [] if self.code is None else [self.code.files]
         text = json.dumps([self.form, self.start, self.rtol, roles, self.is_actuator, *law], sort_keys=True)
         found = hashlib.sha256(text.encode()).hexdigest()
         return "{" + "-".join((found[:8], found[8:12], found[12:16], found[16:20], found[20:32])) + "}"

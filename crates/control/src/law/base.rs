@@ -33,8 +33,6 @@ pub struct Tick<'a, S = f64> {
     pub spool: &'a Spool<S>,
     /// Course of the drive.
     pub preview: &'a Course<'a>,
-    /// Mass beyond that of the model, which is believed to follow the reference, kg.
-    pub mass_beyond: f64,
 }
 
 impl<S: Number> Tick<'_, S> {
@@ -83,9 +81,9 @@ pub trait Law<S: Number = f64>: Memory<S> {
         false
     }
 
-    /// Its model has less mass than described, so that it also leads lighter drives.
-    fn is_cautious(&self) -> bool {
-        false
+    /// Random walk of the force that the observer expects not to explain, relative to the usual one.
+    fn wander(&self) -> f64 {
+        1.0
     }
 
     /// Rate at which a force grows that breaks a resting drive away, relative to the bandwidth. Zero: the law breaks

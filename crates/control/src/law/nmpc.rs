@@ -5,7 +5,7 @@ use crate::gains::law;
 use crate::model::Model;
 use crate::number::{Memory, Number};
 use crate::reference::Wanted;
-use crate::thresholds::{NMPC_ACCELERATION, NMPC_LAST, NMPC_ROUNDS, NMPC_SHORTER, NMPC_SLOW};
+use crate::thresholds::{NMPC_ACCELERATION, NMPC_LAST, NMPC_ROUNDS, NMPC_SHORTER, NMPC_SLOW, NMPC_WANDER};
 use crate::types::{Plant, State};
 use math::{Dual, Over, Real};
 use physics::above;
@@ -302,8 +302,6 @@ fn by_model<S: Over<f64>>(
     for (step, (block, h)) in steps().enumerate() {
         let w = plan[block];
         let [half, whole] = horizon.transitions[STEPS[block] - 1];
-        let turns = horizon.wanted[step].acceleration - tick.now.1.acceleration;
-        state.disturbance = S::c(tick.state.disturbance - tick.mass_beyond * turns);
         let go = |by: [f64; 4]| {
             let e = spool - w;
             [w + e.times(by[0]) + speed.times(by[1]), e.times(by[2]) + speed.times(by[3])]
@@ -332,17 +330,16 @@ impl Tuned for Nmpc {
 }
 
 impl Law for Nmpc {
+    fn wander(&self) -> f64 {
+        NMPC_WANDER
+    }
+
     fn push(&self) -> f64 {
         0.6
     }
 
     fn predicts(&self) -> bool {
         true
-    }
-
-    /// A circuit predicts with all of its mass.
-    fn is_cautious(&self) -> bool {
-        matches!(self.predicting, Predicting::Model)
     }
 
     fn step(&mut self, tick: &Tick) -> f64 {

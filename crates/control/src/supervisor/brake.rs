@@ -42,21 +42,13 @@ pub struct Braking {
     pub swings: Swings,
     /// The model as it was at first, on a supply that has fallen.
     fallen: Option<Box<Model>>,
-    /// The model with all of the mass.
-    whole: Option<Box<Model>>,
     /// For how long no force has been missing, s.
     explained_for: f64,
 }
 
 impl Default for Braking {
     fn default() -> Self {
-        Braking {
-            acts: false,
-            swings: Swings::default(),
-            fallen: None,
-            whole: None,
-            explained_for: f64::INFINITY,
-        }
+        Braking { acts: false, swings: Swings::default(), fallen: None, explained_for: f64::INFINITY }
     }
 }
 
@@ -89,18 +81,6 @@ impl Braking {
         doubted_until: f64,
     ) -> Option<f64> {
         let fallen = self.fallen.get_or_insert_with(|| Box::new(own.model.clone()));
-        [fallen.mass, fallen.load] = own.described;
-        let model = match own.mass_beyond() {
-            beyond if beyond > 0.0 => {
-                let whole = self.whole.get_or_insert_with(|| Box::new(own.model.clone()));
-                [whole.mass, whole.load] = own.described;
-                (whole.friction_shares, whole.valve.overlap) =
-                    (own.model.friction_shares, own.model.valve.overlap);
-                whole.valve.flow.gain = own.model.valve.flow.gain;
-                &**whole
-            }
-            _ => &own.model,
-        };
         let ambient = own.model.ambient.pressure;
         let below = gas.supplied_below().unwrap_or(ambient);
         let has_none = gas.has_no_supply();
@@ -137,7 +117,7 @@ impl Braking {
         if gas.may_lack_supply() {
             return weak(margin);
         }
-        let brake = brakes(model, observer, command, margin, own.period, false);
+        let brake = brakes(&own.model, observer, command, margin, own.period, false);
         let mut brake = brake.map(|found| found.command);
         if gas.is_doubted || is_weak || tries {
             brake = brake.or_else(|| weak(margin));

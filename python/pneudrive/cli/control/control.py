@@ -322,7 +322,9 @@ def export(
     out: Annotated[Path, typer.Option(help="Folder of the files, or an .fmu file.")],
     reference: Annotated[
         str | None,
-        typer.Option(help='Reference of an FMU: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.', metavar="REF"),
+        typer.Option(
+            help='Reference of an FMU of nmpc: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.', metavar="REF"
+        ),
     ] = None,
     fmi: Annotated[str, typer.Option(help="Version of an FMU: 2.0 or 3.0.")] = "2.0",
     drive: Annotated[
@@ -332,7 +334,7 @@ def export(
     setup: SetupOption = "real",
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Write a controller with its observer as source code, or with supervisor and reference as an FMU."""
+    """Write a controller as source code, or as an FMU with its source code (nmpc: as a library)."""
     from pneudrive.control.source_code import export as exported
     from pneudrive.control.tuning import believed_by
     from pneudrive.control.tuning import tune as tuned
@@ -344,7 +346,7 @@ def export(
     believes = None if drive is None else described  # it goes before the drive that the file names
     found = tuned(described, None if file else controller, setup=setup, controller=file, believes=believes)
     written = exported(found, to, out, setup=setup, along=reference, version=fmi)
-    if to != "fmu" and found.adaptation:
+    if found.adaptation and (to != "fmu" or found.law != "nmpc"):
         typer.echo("The exported controller does not adapt: friction and valve are those of the description.")
     tell(written)
 

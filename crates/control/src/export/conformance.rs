@@ -1,0 +1,117 @@
+//! Exported code as the core runs it, sample by sample, and a file of inputs and results by which a compiled copy is
+//! checked bit for bit.
+
+use super::guard::GUARD;
+use super::{CHECKED, Program, RESULTS};
+use crate::reference::{between, blend};
+use std::fmt::Write;
+
+/// What the code remembers from one sample to the next.
+#[derive(Clone, Debug)]
+pub struct Remembered {
+    /// State of the checks, then the velocity of the last command.
+    guard: Vec<f64>,
+    kept: Vec<f64>,
+}
+
+/// Samples of the file.
+const SAMPLES: u32 = 600;
+/// Sample at which a move begins, and how many it takes.
+const MOVES: [u32; 2] = [20, 180];
+/// Samples at which: two readings are lost, the reference jumps, the drive is disabled and enabled, the sensor is lost.
+const EVENTS: [u32; 5] = [120, 300, 400, 420, 520];
+/// Pressure of both chambers, Pa absolute: any usual one.
+const PRESSURE: f64 = 4e5;
+
+impl Program {
+    /// Before the first sample.
+    pub fn remembered(&self) -> Remembered {
+        Remembered { guard: vec![0.0; GUARD + 1], kept: vec![0.0; self.memory[0]] }
+    }
+
+    /// Runs a sample: [`RESULTS`], then the status.
+    pub fn step(&self, own: &mut Remembered, inputs: &[f64]) -> Vec<f64> {
+        let parameters: Vec<f64> = self.parameters.iter().map(|own| own.1).collect();
+        let checked = self.check.run(&[inputs, &parameters, &own.guard].concat());
+        let ([opens, begins, status], rest) = (first(&checked), &checked[CHECKED.len()..]);
+        let (inputs, guard) = rest.split_at(inputs.len());
+        own.guard[..GUARD].copy_from_slice(guard);
+        let mut results = vec![0.0; RESULTS.len()];
+        if opens > 0.5 {
+            let seen = if begins > 0.5 {
+                self.begin.run(&[inputs, &parameters].concat())
+            } else {
+                self.observe.run(&[inputs, &parameters, &own.kept].concat())
+            };
+            results = self.command.run(&[inputs, &parameters, &seen].concat());
+            own.kept = results.split_off(RESULTS.len());
+        }
+        own.guard[GUARD] = results[1];
+        results.push(status);
+        results
+    }
+
+    /// A file of samples: the bits of each input and of each result in hexadecimal digits. The drive is at rest, moves, loses
+    /// two readings, gets a reference that jumps, is disabled and enabled, and loses its position sensor.
+    pub fn conformance(&self) -> String {
+        let names = self.inputs.iter().map(|own| own.name.as_str());
+        let results = RESULTS.iter().map(|own| own.0).chain(["status"]);
+        let mut text = format!(
+            "# Bits of the inputs of {} and of its results, a line for each sample.\n# {} | {}\n",
+            self.name(),
+            names.collect::<Vec<_>>().join(" "),
+            results.collect::<Vec<_>>().join(" ")
+        );
+        let mut own = self.remembered();
+        for k in 0..SAMPLES {
+            let inputs = self.sample(k);
+            let results = self.step(&mut own, &inputs);
+            let bits = |own: &[f64]| {
+                let each = own.iter().map(|x| format!("{:016x}", x.to_bits()));
+                each.collect::<Vec<_>>().join(" ")
+            };
+            let _ = writeln!(text, "{} | {}", bits(&inputs), bits(&results));
+        }
+        text
+    }
+
+    /// Inputs of a sample of the file.
+    fn sample(&self, k: u32) -> Vec<f64> {
+        let limit = |name: &str| {
+            let found = self.parameters.iter().find(|own| own.0.name == name);
+            found.map_or(0.0, |own| own.1)
+        };
+        let [low, high] = ["position_low", "position_high"].map(limit);
+        let middle = 0.5 * (low + high);
+        let end = middle + 0.1 * (high - low);
+        let [begin, lasts] = MOVES.map(|own| f64::from(own) * self.period);
+        let at = |t: f64| between([middle, end], blend((t - begin) / lasts), 1.0 / lasts);
+        let [lost, jumps, off, on, gone] = EVENTS;
+        let t = f64::from(k) * self.period;
+        let [mut now, then, late] = [t, t + self.ahead, t - 2.0 * self.period].map(at);
+        // Noise of a few counts, and pressures that lean.
+        let mut position = late.position + 2e-6 * f64::from((k * 7919) % 5);
+        if (lost..lost + 2).contains(&k) || k >= gone {
+            position = f64::NAN;
+        }
+        if k == jumps {
+            now.position += 5e-3;
+        }
+        let lean = 2e3 * late.acceleration.clamp(-20.0, 20.0);
+        let mut inputs = vec![position];
+        if self.inputs.iter().any(|own| own.name == "pressure_a") {
+            inputs.extend([PRESSURE + lean, PRESSURE - lean]);
+        }
+        for own in [now, then] {
+            inputs.extend([own.position, own.velocity, own.acceleration, own.jerk]);
+        }
+        let stands = t + self.ahead < begin || t > begin + lasts;
+        let enabled = k > 1 && !(off..on).contains(&k);
+        inputs.extend([stands, enabled].map(|own| f64::from(u8::from(own))));
+        inputs
+    }
+}
+
+fn first<const N: usize>(own: &[f64]) -> [f64; N] {
+    std::array::from_fn(|place| own[place])
+}

@@ -1,0 +1,246 @@
+//! Checks around exported code: sensors, limits of the reference, stop ramp. A caller that passes wrong numbers, or no
+//! numbers, gets a command that is safe for the drive.
+//!
+//! A drive that is shut or stopped stays so until it is disabled and enabled again.
+
+use crate::course::Fade;
+use crate::number::Number;
+use crate::reference::Wanted;
+use crate::thresholds::{
+    GUARD_PRESSURE, LIMIT_ROUNDING, POSITION_JUMP, POSITION_LOST, POSITION_SPEED, PRESSURE_LOST,
+    REFERENCE_JUMP, STOP_APART, STOP_NEAR,
+};
+
+/// Values of the output `status`, and their meanings.
+pub const STATUS: [(f64, &str); 5] = [
+    (FOLLOWS, "the drive follows its reference"),
+    (DISABLED, "not enabled: the valve is shut"),
+    (NO_POSITION, "the position sensor is lost: the valve is shut"),
+    (NO_PRESSURE, "a pressure sensor is lost: the valve is shut"),
+    (REJECTED, "the reference was rejected: stop ramp, then the drive stands"),
+];
+const FOLLOWS: f64 = 0.0;
+const DISABLED: f64 = 1.0;
+const NO_POSITION: f64 = 2.0;
+const NO_PRESSURE: f64 = 3.0;
+const REJECTED: f64 = 4.0;
+
+/// Numbers of a guard that do not change.
+#[derive(Clone, Copy, Debug)]
+pub struct Fixed {
+    /// s.
+    pub period: f64,
+    /// Time after which a command of now acts, s.
+    pub ahead: f64,
+    /// Position resolution, m.
+    pub grain: f64,
+    /// Highest speed of the drive, m/s.
+    pub fastest: f64,
+    /// m.
+    pub stroke: f64,
+    /// Pressure of the supply, Pa absolute.
+    pub supply: f64,
+}
+
+/// Limits that a caller may change: least and greatest position, m, speed, m/s, deceleration of a stop ramp, m/s2.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits<S> {
+    pub position: [S; 2],
+    pub speed: S,
+    pub deceleration: S,
+}
+
+/// Inputs of the code for one sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked<S> {
+    pub position: S,
+    pub pressures: Option<[S; 2]>,
+    pub now: Wanted<S>,
+    pub then: Wanted<S>,
+    pub stands: S,
+    pub enabled: S,
+}
+
+/// The inputs after the checks; whether the valve may open, and whether the drive begins to be controlled, 1 or 0; and one
+/// of [`STATUS`].
+#[derive(Clone, Copy, Debug)]
+pub struct Checked<S> {
+    pub asked: Asked<S>,
+    pub opens: S,
+    pub begins: S,
+    pub status: S,
+}
+
+/// State of the checks. All numbers are zero before the first sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Guard<S> {
+    /// 1 if the last sample was enabled, else 0.
+    enabled: S,
+    status: S,
+    /// Position, m, and pressures, Pa, that were passed on, and how many readings in a row were not.
+    position: S,
+    pressures: [S; 2],
+    missed: [S; 3],
+    /// Wanted state that was passed on.
+    followed: Wanted<S>,
+    /// Time since the stop ramp began, s; its duration, s; its begin, m, m/s, m/s2; and its end, m.
+    stops_for: S,
+    duration: S,
+    from: [S; 3],
+    end: S,
+}
+
+/// Size of [`Guard`], in numbers.
+pub const GUARD: usize = 17;
+
+fn flag<S: Number>(a: S, b: S) -> S {
+    S::select(a.lt(b), S::one(), S::zero())
+}
+
+/// 1 where a number lies between two others, else 0; 0 for one that is not a number.
+fn between<S: Number>(low: S, x: S, high: S) -> S {
+    flag(low, x) * flag(x, high)
+}
+
+/// The first of two where a flag is 1, else the second.
+fn either<S: Number>(is: S, yes: S, no: S) -> S {
+    S::select(S::c(0.5).lt(is), yes, no)
+}
+
+fn is<S: Number>(status: S, value: f64) -> S {
+    between(S::c(value - 0.5), status, S::c(value + 0.5))
+}
+
+impl<S: Number> Guard<S> {
+    /// From its numbers, in the order of [`Guard::numbers`].
+    pub fn of(numbers: &[S]) -> Self {
+        let at = |place: usize| numbers[place];
+        let followed = Wanted { position: at(8), velocity: at(9), acceleration: at(10), jerk: S::zero() };
+        Guard {
+            enabled: at(0),
+            status: at(1),
+            position: at(2),
+            pressures: [at(3), at(4)],
+            missed: [at(5), at(6), at(7)],
+            followed,
+            stops_for: at(11),
+            duration: at(12),
+            from: [at(13), at(14), at(15)],
+            end: at(16),
+        }
+    }
+
+    /// Its numbers.
+    pub fn numbers(&self) -> [S; GUARD] {
+        let Guard { enabled, status, position, pressures: [a, b], missed: [m, n, o], .. } = *self;
+        let Wanted { position: x, velocity: v, acceleration: w, .. } = self.followed;
+        let [p, q, r] = self.from;
+        [enabled, status, position, a, b, m, n, o, x, v, w, self.stops_for, self.duration, p, q, r, self.end]
+    }
+
+    /// Checks the inputs of a sample. `velocity` is the estimate at the last sample, m/s.
+    pub fn check(&mut self, fixed: &Fixed, limits: &Limits<S>, asked: &Asked<S>, velocity: S) -> Checked<S> {
+        let one = S::one();
+        let enabled = flag(S::c(0.5), asked.enabled);
+        let begins = enabled * (one - self.enabled);
+        let position = self.position(fixed, asked.position, velocity, begins);
+        let pressures = asked.pressures.map(|read| self.gas(fixed, read, begins));
+        let is_good = self.accepts(fixed, limits, asked, position, begins);
+        let is_lost = |missed: S, most: u32| flag(S::c(f64::from(most) - 0.5), missed);
+        let [x, a, b] = self.missed;
+        let (no_position, no_pressure) = (is_lost(x, POSITION_LOST), is_lost(a.max(b), PRESSURE_LOST));
+        let before = either(begins, S::c(FOLLOWS), self.status);
+        let was_shut = is(before, NO_POSITION) + is(before, NO_PRESSURE);
+        let rejected = either(is_good, before, S::c(REJECTED));
+        let lost = either(no_position, S::c(NO_POSITION), either(no_pressure, S::c(NO_PRESSURE), rejected));
+        let status = either(enabled, either(was_shut, before, lost), S::c(DISABLED));
+        let stops = is(status, REJECTED);
+        let follows = is(status, FOLLOWS);
+        self.stop(fixed, limits, stops * (one - is(before, REJECTED)), begins, position);
+        (self.enabled, self.status) = (enabled, status);
+        let fade =
+            Fade { begin: S::zero(), duration: self.duration.max(S::c(fixed.period)), from: self.from };
+        let at = |ramp: Wanted<S>, own: Wanted<S>| {
+            let pick = |ramp: S, own: S, rests: S| either(follows, own, either(stops, ramp, rests));
+            let zero = S::zero();
+            Wanted {
+                position: pick(self.end + ramp.position, own.position, position),
+                velocity: pick(ramp.velocity, own.velocity, zero),
+                acceleration: pick(ramp.acceleration, own.acceleration, zero),
+                jerk: pick(ramp.jerk, own.jerk, zero),
+            }
+        };
+        let now = at(fade.at(self.stops_for), asked.now);
+        let then = at(fade.at(self.stops_for + S::c(fixed.ahead)), asked.then);
+        let stood = flag(fade.duration, self.stops_for);
+        let stands = either(follows, flag(S::c(0.5), asked.stands), either(stops, stood, one));
+        self.followed = now;
+        self.stops_for = either(stops, self.stops_for + S::c(fixed.period), S::zero());
+        let asked = Asked { position, pressures, now, then, stands, enabled };
+        Checked { asked, opens: follows + stops, begins, status }
+    }
+
+    /// The position, or the prediction where a reading is not credible. |x - x_predicted| > 5 counts + 0.1 T v_max is not.
+    fn position(&mut self, fixed: &Fixed, reading: S, velocity: S, begins: S) -> S {
+        let predicted = self.position + velocity.times(fixed.period);
+        let speed = S::c(POSITION_SPEED * fixed.period * fixed.fastest);
+        let apart = speed * (self.missed[0] + S::one()) + S::c(POSITION_JUMP * fixed.grain);
+        let near = between(-apart, reading - predicted, apart);
+        let inside = between(S::c(-STOP_NEAR), reading, S::c(fixed.stroke + STOP_NEAR));
+        let good = inside * either(begins, S::one(), near);
+        // Without a first reading nothing can be predicted.
+        let missed = either(begins, S::c(f64::from(POSITION_LOST)), self.missed[0] + S::one());
+        self.missed[0] = either(good, S::zero(), missed);
+        self.position = either(good, reading, either(begins, S::zero(), predicted));
+        self.position
+    }
+
+    /// The pressures; the last good one where a reading is not credible.
+    fn gas(&mut self, fixed: &Fixed, read: [S; 2], begins: S) -> [S; 2] {
+        let [low, high] = GUARD_PRESSURE;
+        for (side, reading) in read.into_iter().enumerate() {
+            let good = between(S::c(low), reading, S::c(high * fixed.supply));
+            let missed = &mut self.missed[1 + side];
+            *missed = either(good, S::zero(), either(begins, S::zero(), *missed) + S::one());
+            let usual = either(begins, S::c(0.5 * fixed.supply), self.pressures[side]);
+            self.pressures[side] = either(good, reading, usual);
+        }
+        self.pressures
+    }
+
+    /// 1 if the reference is within the limits, finite and continuous; at the first sample, near the drive.
+    fn accepts(&self, fixed: &Fixed, limits: &Limits<S>, asked: &Asked<S>, position: S, begins: S) -> S {
+        let rounding = S::c(LIMIT_ROUNDING);
+        let [low, high] = limits.position;
+        let within = |own: &Wanted<S>| {
+            let speed = limits.speed + rounding;
+            let far = S::c(f64::MAX);
+            between(low - rounding, own.position, high + rounding)
+                * between(-speed, own.velocity, speed)
+                * between(-far, own.acceleration, far)
+                * between(-far, own.jerk, far)
+        };
+        let way = (self.followed.velocity + asked.now.velocity).times(0.5 * fixed.period);
+        let jump = asked.now.position - self.followed.position - way;
+        let apart = either(begins, asked.now.position - position, jump);
+        let least = either(begins, S::c(STOP_NEAR), S::c(REFERENCE_JUMP));
+        within(&asked.now) * within(&asked.then) * between(-least, apart, least)
+    }
+
+    /// Begins a stop ramp from where the drive was to be; at the first sample, the drive stands where it is.
+    fn stop(&mut self, fixed: &Fixed, limits: &Limits<S>, stops: S, begins: S, position: S) {
+        let (period, zero) = (S::c(fixed.period), S::zero());
+        let Wanted { position: x, velocity: v, acceleration: a, .. } = self.followed;
+        let from = [x + period * (v + (period * a).times(0.5)), v + period * a, a];
+        let from =
+            [either(begins, position, from[0]), either(begins, zero, from[1]), either(begins, zero, from[2])];
+        let ahead = S::select(zero.lt(from[1]), S::c(fixed.stroke) - from[0], from[0]);
+        let (fade, end) = Fade::stop(zero, from, limits.deceleration, ahead - S::c(STOP_APART));
+        self.stops_for = either(stops, zero, self.stops_for);
+        self.duration = either(stops, fade.duration, self.duration);
+        for (own, new) in self.from.iter_mut().zip(fade.from) {
+            *own = either(stops, new, *own);
+        }
+        self.end = either(stops, end, self.end);
+    }
+}
