@@ -51,7 +51,7 @@ def test_what_is_learned_of_a_heavy_vertical_drive_stays_with_what_was_measured(
         "overlap = 0\nleakage = 0.006\nhysteresis = 0.004",
     )
     run = pn.control.run(drive, "nmpc", reference="sine 60 mm 0.5 Hz around 100 mm", duration="5 s", seed=1)
-    assert run.attrs["score"]["max_error_m"] < 5e-4
+    assert run.attrs["score"]["max_error_m"] < 6e-4
 
 
 def test_a_light_drive_that_breaks_away_late_keeps_its_position_sensor():
