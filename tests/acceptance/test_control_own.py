@@ -292,7 +292,7 @@ class Exported:
 def test_exported_c_runs_the_drive_as_its_law_does(law, tmp_path, axis, capsys):
     """Along a move and a rest, in which it holds: the command in each sample, from sensors to valve."""
     assert run(["control", "export", law, "--drive", str(AXIS), "--to", "c", "--out", str(tmp_path)]) == 0
-    assert "does not learn" in capsys.readouterr().out
+    assert "does not adapt" in capsys.readouterr().out
     name = f"pneudrive_{law.replace('-', '_')}"
     library = _compiled(tmp_path, f"{name}.c", name=f"{name}.so")
     ahead = float(re.search(r"now and (\S+) s later", (tmp_path / f"{name}.h").read_text())[1])
