@@ -34,9 +34,11 @@ if TYPE_CHECKING:
 NEEDLES = (0.75, 0.92, 1.12, 1.4, 1.8, 2.5, 4.0)
 CUSHIONS = (0.06, 0.25, 1.0)
 #: Factors of needle and cushion in two refinements about the best of them in all cases.
-FINER = (((0.8, 1.0, 1.25), (0.5, 1.0, 2.0)), ((0.86, 0.93, 1.0, 1.07, 1.15), (0.75, 1.0, 1.35)))
+FINER = (((0.8, 1.0, 1.25), (0.5, 1.0, 2.0)), ((0.86, 0.93, 1.0, 1.07, 1.15), (0.8, 1.0, 1.22)))
 #: Draws that are run before the last refinement, and how many of them, the worst of each limit, become cases of it.
 MORE, WORST = 24, 5
+#: Rounds of this refinement, which ends where the settings stay, or with this margin of the worst case.
+ROUNDS, SETTLED = 3, 0.1
 #: With a nominal margin below this, nothing is refined, and the other stroke is not looked at.
 SMALL = -0.05
 #: With a margin of the worst case below this, rough settings are not refined further.
@@ -163,16 +165,21 @@ def _rough(strokes: DriveStrokes) -> Search:
 
 def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
     """Refine rough settings of a choice, with more cases."""
-    every, setting = [], rough.setting
+    every, setting, draws = [], rough.setting, points(MORE)
     for outward in (True, False):
-        draws = points(MORE)
-        asked = StrokeRuns(strokes, outward, draws, np.tile(np.array(setting), (MORE, 1)))
-        named = _margins(strokes.task, strokes.choice, outward, (yield asked))
-        worst = np.unique([margins.argsort()[:WORST] for *_, margins in named])
-        rows = np.vstack([cases(strokes.task, outward), draws[worst]])
-        near = _near(strokes, outward, setting, FINER[1])
-        every.append((yield from _best(strokes, outward, setting, near, rows)))
-        setting = every[-1].setting
+        rows = cases(strokes.task, outward)
+        for _ in range(ROUNDS):
+            asked = StrokeRuns(strokes, outward, draws, np.tile(np.array(setting), (MORE, 1)))
+            named = _margins(strokes.task, strokes.choice, outward, (yield asked))
+            worst = np.unique([margins.argsort()[:WORST] for *_, margins in named])
+            rows = np.unique(np.vstack([rows[3:], draws[worst]]), axis=0)  # with those of the round before
+            rows = np.vstack([cases(strokes.task, outward), rows])
+            near = _near(strokes, outward, setting, FINER[1])
+            best = yield from _best(strokes, outward, setting, near, rows)
+            is_settled, setting = best.setting == setting, best.setting
+            if is_settled or best.least >= SETTLED:
+                break
+        every.append(best)
     return _joined(every)
 
 
