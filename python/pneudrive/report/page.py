@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 FIGURES, REPORT = "figures", "report.html"
 #: Sections that a long report folds: details, which few readers need. A page of few sections shows them.
-DETAILS = ("paper", "stick-slip", "chambers", "budget", "drift", "recovered", "provenance")
+DETAILS = ("record", "closure", "reversals", "flags", "budget", "drift", "recovered", "provenance")
+DETAILS += ("paper", "stick-slip", "chambers", "identified-axis")
 MOST_OPEN = 8
 #: Permissions of the page: own style, also inside pictures; it loads and runs nothing.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
