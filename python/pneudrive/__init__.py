@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.static.laws import select_friction_law as select_friction_law
     from pneudrive.identify.static.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
+    from pneudrive.platforms import platform as platform
     from pneudrive.signals.measuring import measure as measure
     from pneudrive.simulation.simulate import citations as citations
     from pneudrive.simulation.simulate import simulate as simulate
@@ -87,6 +88,7 @@ _HOME = {
     "export_c": "pneudrive.fmu.c_folder",
     "export_fmu": "pneudrive.fmu.package",
     "lines": "pneudrive.simulation.tube_study",
+    "platform": "pneudrive.platforms",
     "measure": "pneudrive.signals.measuring",
     "size": "pneudrive.sizing.search",
     "save": "pneudrive.simulation.trajectory",

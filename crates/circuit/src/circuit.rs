@@ -3,7 +3,7 @@
 mod build;
 mod fused;
 
-use crate::impacts::Impacts;
+use crate::impacts::{Impacts, Mover};
 use crate::ledger::Channel;
 use crate::net::{AxisNode, Net};
 use crate::part::cylinder::{CHAMBERS, INNER};
@@ -333,6 +333,9 @@ impl<R: Lane> Circuit<R> {
 
     /// Returns the input for the external force on an axis, N in +x.
     pub fn external_force(&self, axis: AxisId) -> InputId {
+        if let Some((index, input, ..)) = self.leg(axis) {
+            return InputId { kind: PartKind::Platform, index, input };
+        }
         let (kind, index, ..) = self.mass(axis);
         InputId { kind, index, input: 0 }
     }
@@ -382,6 +385,20 @@ impl<R: Lane> Circuit<R> {
         // Visits the volumes with their distance from the least room or gas.
         let near = |scarce: &Scarce| scarce.share / scarce.what.least();
         each.min_by(|a, b| near(a).total_cmp(&near(b)))
+    }
+
+    /// Returns the leg of a platform at the end of its reach in a lane, and the pose, in words.
+    pub(crate) fn stretched(&self, y: &[R], lane: usize) -> Option<String> {
+        self.parts.platforms.iter().find_map(|(place, platform)| {
+            let leg = platform.stretched(&y[place.first..place.first + place.count], lane)?;
+            let states = place.first..place.first + platform.nodes.len();
+            let each = states.map(|i| format!("{} = {:.6}", self.topology.names[i].0, y[i].get(lane)));
+            Some(format!(
+                "leg {} is at the end of its reach at {}",
+                leg + 1,
+                each.collect::<Vec<_>>().join(", ")
+            ))
+        })
     }
 
     /// Returns the number of states of each component's parts. The circuit need not be built yet.
@@ -459,13 +476,28 @@ impl<R: Lane> Circuit<R> {
         self.parts.force(part, net)
     }
 
-    /// Returns the mode of an axis' friction: -1, 0, +1.
+    /// Returns a platform of the circuit.
+    pub(crate) fn platform(&self, part: PartId) -> &Platform<R> {
+        &self.parts.platforms[part.index].1
+    }
+
+    /// Returns the motion of a platform, by the index of its output, at state `y` and the nodes.
+    pub(crate) fn pose(&self, part: PartId, output: usize, y: &[R], net: &Net<R>) -> R {
+        let (place, platform) = &self.parts.platforms[part.index];
+        let own = place.first..place.first + place.count;
+        platform.motion(&y[own.clone()], &net.rates[own], output)
+    }
+
+    /// Returns the mode of an axis' friction: -1, 0, +1. The friction of a leg has no mode.
     pub fn mode(&self, axis: AxisId) -> R {
-        self.mass(axis).3.mode
+        self.leg(axis).map_or_else(|| self.mass(axis).3.mode, |_| R::zero())
     }
 
     /// Returns the inner states of an axis' friction within `y`.
     pub fn inner_states<'y>(&self, axis: AxisId, y: &'y [R]) -> &'y [R] {
+        if let Some((_, leg, first, platform)) = self.leg(axis) {
+            return &y[first..][platform.inner_range(leg)];
+        }
         let (.., place, _, inner) = self.mass(axis);
         &y[place.first + inner..place.first + place.count]
     }
@@ -510,9 +542,13 @@ impl Circuit<f64> {
         let each = usual.chain(others).chain(alone).map(|(place, stops, axis)| {
             let mut stops = stops.clone();
             stops.meet(0);
-            Impacts::new(stops, axis.clone(), place.first)
+            Impacts::new(stops, Mover::Mass(axis.clone(), place.first))
         });
-        each.collect()
+        let legs = self.parts.end_stops.iter().filter_map(|(_, stops)| {
+            let (_, leg, first, platform) = self.leg(AxisId(stops.axis))?;
+            Some(Impacts::new(stops.clone(), Mover::Leg(platform.clone(), first, leg)))
+        });
+        each.chain(legs).collect()
     }
 }
 
@@ -529,6 +565,14 @@ impl<P: Real> Circuit<P> {
         axes.chain(usual).chain(others)
     }
 
+    /// Returns the leg of a platform that is this axis: index of the platform, of the leg, and of its first state.
+    fn leg(&self, id: AxisId) -> Option<(usize, usize, usize, &Platform<P>)> {
+        self.parts.platforms.iter().enumerate().find_map(|(index, (place, platform))| {
+            let leg = platform.nodes.iter().position(|node| *node == id.0)?;
+            Some((index, leg, place.first, platform))
+        })
+    }
+
     fn mass(&self, id: AxisId) -> Mass<'_, P> {
         self.masses().find(|(_, _, _, axis, _)| axis.node == id.0).expect("an axis of this circuit")
     }
@@ -542,6 +586,9 @@ impl<P: Real> Circuit<P> {
 
     /// Returns the friction of steady sliding of an axis at the position, speed and pressures of a node, N.
     pub fn steady_friction<S: Over<P>>(&self, axis: AxisId, node: &AxisNode<S>) -> S {
+        if let Some((_, leg, _, platform)) = self.leg(axis) {
+            return platform.contacts[leg].as_ref().map_or(S::zero(), |own| own.steady(&axis::at(node)));
+        }
         self.mass(axis).3.steady_friction(node)
     }
 
@@ -624,6 +671,9 @@ impl<R: Lane> System<R> for Circuit<R> {
         if self.common.gas.virial.is_some() {
             net.enthalpy = vec![S::zero(); self.gas_nodes];
         }
+        if !self.parts.platforms.is_empty() {
+            net.known = vec![Vec::new(); 2 * self.axis_nodes];
+        }
         self.renew(&mut net);
         net
     }
@@ -633,6 +683,7 @@ impl<R: Lane> System<R> for Circuit<R> {
         if net.filled != self.filled {
             self.fill_reservoirs(net);
         }
+        net.known.iter_mut().for_each(Vec::clear);
     }
 
     #[inline(never)]
@@ -677,13 +728,22 @@ impl<R: Lane> System<R> for Circuit<R> {
     }
 
     fn completes(&self) -> bool {
-        !self.topology.channels.is_empty() && self.masses().any(|(.., axis, _)| axis.is_damped())
+        let damped = || {
+            let legs = || self.parts.platforms.iter().any(|(_, platform)| platform.is_damped());
+            self.masses().any(|(.., axis, _)| axis.is_damped()) || legs()
+        };
+        !self.topology.channels.is_empty() && damped()
     }
 
     fn complete(&self, step: &mut Accepted<'_, R>, out: &mut [R]) {
         for (.., place, axis, inner) in self.masses() {
             let account = self.topology.n_states + place.first_account;
             axis.damped_in(place.first, inner, step, &self.common, &mut out[account..account + 3]);
+        }
+        for (place, platform) in &self.parts.platforms {
+            let account = self.topology.n_states + place.first_account;
+            let own = &mut out[account..account + place.accounts];
+            platform.damped_in(place.first, step, &self.common, own);
         }
     }
 
@@ -720,13 +780,18 @@ impl<R: Lane> System<R> for Circuit<R> {
 
     #[inline(always)]
     fn inside(&self, y: &[R], net: &mut Net<R>) -> R::Plain {
-        let inside = self.cylinders_hold(y, |_| [R::Plain::zero(); INNER]);
+        let mut inside = self.cylinders_hold(y, |_| [R::Plain::zero(); INNER]);
+        if R::GENERAL {
+            for (place, platform) in &self.parts.platforms {
+                inside = inside.min(platform.reaches(&y[place.first..place.first + place.count]));
+            }
+        }
         if self.parts.volumes.is_empty() { inside } else { self.volumes_hold(y, net, inside) }
     }
 
     #[inline(always)]
     fn surely_inside(&self, y: &[R], spread: &[R::Plain]) -> R::Plain {
-        if !self.parts.volumes.is_empty() {
+        if !self.parts.volumes.is_empty() || !self.parts.platforms.is_empty() {
             return -R::Plain::one();
         }
         self.cylinders_hold(y, |place| std::array::from_fn(|i| spread[place.first + i]))

@@ -56,7 +56,7 @@ use table::WALL;
 
 pub use formula::formula_kind;
 
-pub use build::{Acts, Build, Piston};
+pub use build::{Acts, Build, Leg, Piston};
 pub(crate) use extra::Given;
 pub use extra::{Extra, Points};
 pub use registry::{kinds, register};
@@ -359,6 +359,8 @@ pub enum Brings<P> {
     Mass { mass: P, incline: Option<P>, force: P, friction: Option<Contact<P>> },
     /// A prescribed motion that no force changes.
     Motion,
+    /// A leg of a mechanism, whose platform has this mass, kg.
+    Guide { mass: P },
     /// A mass coupled to another by a ratio that depends on the position.
     Along,
 }
@@ -508,6 +510,10 @@ components! {
     formula::Force,
     rod_lock::RodLock,
     carriage::Carriage,
+    crate::mechanism::Platform3Rps,
+    crate::mechanism::Platform3Upu,
+    crate::mechanism::Platform6Ups,
+    crate::mechanism::PlatformLinearDelta,
     force_sensor::ForceSensor,
     piston::Bare,
     table_force::OverPosition,

@@ -1,7 +1,7 @@
 //! Impacts on the end stops, computed from the accepted steps.
 
 use crate::circuit::AxisId;
-use crate::part::{Axis, EndStops};
+use crate::part::{Axis, EndStops, Platform};
 use ode::Accepted;
 
 /// A contact with an end stop.
@@ -32,18 +32,44 @@ const POINTS: u32 = 8;
 /// Halvings for the first touch within a step: a resolution of one millionth of the step.
 const HALVINGS: u32 = 20;
 
-/// Follows one mass. x and v are the states `first` and `first + 1`.
+/// The moving body.
+pub(crate) enum Mover {
+    /// A mass, whose x and v are this state and the next.
+    Mass(Axis<f64>, usize),
+    /// A leg of a platform whose first state is this one.
+    Leg(Platform<f64>, usize, usize),
+}
+
+impl Mover {
+    /// Returns position and velocity from the states.
+    #[inline(always)]
+    fn motion(&self, mut state: impl FnMut(usize) -> f64) -> [f64; 2] {
+        match self {
+            Mover::Mass(_, first) => [state(*first), state(first + 1)],
+            Mover::Leg(platform, first, leg) => platform.leg_in((*first, *leg), &mut state),
+        }
+    }
+
+    /// Returns the mass that moves with it, kg.
+    fn mass(&self, x: f64, mut state: impl FnMut(usize) -> f64) -> f64 {
+        match self {
+            Mover::Mass(axis, _) => axis.mass_at(x),
+            Mover::Leg(platform, first, leg) => platform.mass_on((*first, *leg), &mut state),
+        }
+    }
+}
+
+/// Follows one moving body.
 pub(crate) struct Impacts {
     stops: EndStops<f64>,
-    axis: Axis<f64>,
-    first: usize,
+    mover: Mover,
     open: Option<Impact>,
     done: Vec<Impact>,
 }
 
 impl Impacts {
-    pub fn new(stops: EndStops<f64>, axis: Axis<f64>, first: usize) -> Self {
-        Impacts { stops, axis, first, open: None, done: Vec::new() }
+    pub fn new(stops: EndStops<f64>, mover: Mover) -> Self {
+        Impacts { stops, mover, open: None, done: Vec::new() }
     }
 
     fn touches(&self, x: f64) -> bool {
@@ -53,7 +79,8 @@ impl Impacts {
     /// Evaluates an accepted step.
     #[inline(always)]
     pub fn step(&mut self, t: f64, h: f64, states: &mut Accepted<'_, f64>) {
-        let (before, after) = (states.before()[self.first], states.after()[self.first]);
+        let before = self.mover.motion(|i| states.before()[i])[0];
+        let after = self.mover.motion(|i| states.after()[i])[0];
         if self.touches(before) || self.touches(after) {
             self.follow(t, h, states);
         }
@@ -61,8 +88,7 @@ impl Impacts {
 
     #[inline(never)]
     fn follow(&mut self, t: f64, h: f64, states: &mut Accepted<'_, f64>) {
-        let courses = [self.first, self.first + 1].map(|i| states.course(i));
-        let at = |theta: f64| courses.each_ref().map(|course| course.value(theta));
+        let at = |theta: f64| self.mover.motion(|i| states.course(i).value(theta));
         let mut from = 0.0;
         if self.open.is_none() {
             let (mut low, mut high) = (0.0, 1.0);
@@ -78,7 +104,8 @@ impl Impacts {
             let [x, v] = at(if low == 0.0 { 0.0 } else { high });
             let at_b = x > 0.5 * self.stops.stroke;
             let speed = if at_b { v } else { -v };
-            let energy = 0.5 * self.axis.mass_at(x) * v * v;
+            let mass = self.mover.mass(x, |i| states.course(i).value(high));
+            let energy = 0.5 * mass * v * v;
             self.open = Some(Impact {
                 axis: AxisId(self.stops.axis),
                 time: t + low * h,

@@ -16,6 +16,7 @@ mod impacts;
 mod jobs;
 mod ledger;
 mod lifted;
+mod mechanism;
 mod net;
 pub mod own;
 mod part;
@@ -34,6 +35,7 @@ pub use component::{
 pub use impacts::Impact;
 pub use jobs::run_jobs;
 pub use ledger::{Balance, Channel, Kind, balance};
+pub use mechanism::{Evaluated, Platform};
 pub use net::{AxisNode, GasNode, Net};
 pub use part::{
     Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Given, Input, InputId, Link, Part, PartId,

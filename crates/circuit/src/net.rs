@@ -62,6 +62,8 @@ pub struct Net<S> {
     pub cp: S,
     /// Specific enthalpy of each gas node, J/kg, for a real gas. It is empty for an ideal gas, whose enthalpy is cp T.
     pub enthalpy: Vec<S>,
+    /// Slopes of platforms at the last values: two entries for each axis, if there are platforms.
+    pub(crate) known: Vec<Vec<S>>,
     /// Workspace for rates that are not read, when only the nodes are observed.
     pub(crate) rates: Vec<S>,
     /// Number of the reservoir values that it holds: see `Circuit::filled`.
@@ -76,6 +78,7 @@ impl<S: Real> Net<S> {
             signal: vec![S::zero(); signals],
             cp,
             enthalpy: Vec::new(),
+            known: Vec::new(),
             rates: Vec::new(),
             filled: 0,
         }

@@ -50,6 +50,7 @@ use kinds::{Brought, Names, side_by_side};
 use math::{Lane, Over, Real};
 use physics::{Bounds, Gas};
 
+pub use crate::mechanism::Platform;
 pub use axis::Axis;
 pub use bumper::Bumper;
 pub use carriage::Carriage;
@@ -436,6 +437,7 @@ parts! {
         other_restrictions: OtherRestriction,
         other_cylinders: OtherCylinder,
         axes: Axis,
+        platforms: Platform,
         carriages: Carriage,
         // Before the volumes, which receive the gas that it removes.
         columns: Column,

@@ -345,7 +345,10 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
                 format!("another start or command, or more volume in {volume}")
             },
         ),
-        None => (reason, remedy.to_string()),
+        None => match circuit.stretched(y, lane) {
+            Some(leg) => (leg, "another start or command, shorter strokes or longer arms".into()),
+            None => (reason, remedy.to_string()),
+        },
     };
     let shown: Vec<String> = (0..circuit.n_states().min(SHOWN)).map(state).collect();
     format!(

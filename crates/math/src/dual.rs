@@ -1,6 +1,6 @@
 //! Forward-mode automatic differentiation.
 
-use crate::real::{Function, Lane, Over, Real};
+use crate::real::{Function, Lane, MOST_ARGUMENTS, MOST_RESULTS, Map, Over, Real};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// `re + sum_i eps[i] e_i` with `e_i e_j = 0`: a value with `N` directional derivatives. It works over any `Real`, so
@@ -208,6 +208,31 @@ impl<R: Real, const N: usize> Over<R> for Dual<R, N> {
         let own = f.at(std::array::from_fn(|k| Dual::<R, K>::variable(x[k].re, k)));
         let slopes = |i: usize| (0..K).fold(R::zero(), |sum, k| x[k].eps[i].fma(own.eps[k], sum));
         Dual { re: own.re, eps: std::array::from_fn(slopes) }
+    }
+    fn mapped(f: &impl Map<R>, x: &[Self], out: &mut [Self], memory: &mut Vec<Self>) {
+        let (k, m) = (x.len(), out.len());
+        let is_known = memory.len() == k + m + m * k;
+        if !is_known || !x.iter().zip(&*memory).all(|(x, own)| (x.re - own.re).is_zero()) {
+            let (mut values, mut results) = ([R::zero(); MOST_ARGUMENTS], [R::zero(); MOST_RESULTS]);
+            let mut slopes = [[R::zero(); MOST_ARGUMENTS]; MOST_RESULTS];
+            for (value, x) in values.iter_mut().zip(x) {
+                *value = x.re;
+            }
+            f.slopes(&values[..k], &mut results[..m], &mut slopes);
+            let rows = slopes[..m].iter().flat_map(|row| &row[..k]);
+            memory.clear();
+            memory
+                .extend(values[..k].iter().chain(&results[..m]).chain(rows).map(|value| Self::from(*value)));
+        }
+        let (results, slopes) = memory[k..].split_at(m);
+        for ((out, own), row) in out.iter_mut().zip(results).zip(slopes.chunks_exact(k)) {
+            *out = *own;
+            for (x, slope) in x.iter().zip(row) {
+                for (eps, own) in out.eps.iter_mut().zip(x.eps) {
+                    *eps = own.fma(slope.re, *eps);
+                }
+            }
+        }
     }
 }
 

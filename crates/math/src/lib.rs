@@ -18,7 +18,7 @@ pub use both::Both;
 pub use deps::Deps;
 pub use dual::Dual;
 pub use lanes::Lanes;
-pub use real::{Function, Lane, Over, Real, Task, Work, field, power};
+pub use real::{Function, Lane, MOST_ARGUMENTS, MOST_RESULTS, Map, Over, Real, Task, Work, field, power};
 #[cfg(target_feature = "avx2")]
 pub use registers::{V4, has_eight, with_eight};
 

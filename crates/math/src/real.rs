@@ -71,6 +71,12 @@ pub trait Real:
         self
     }
 
+    /// Returns whether this is known to be zero.
+    #[inline(always)]
+    fn is_zero(&self) -> bool {
+        false
+    }
+
     /// Returns 0.
     #[inline(always)]
     fn zero() -> Self {
@@ -118,9 +124,30 @@ pub trait Over<P: Real>: Real<Mask = P::Mask> + From<P> {
     fn composed<const K: usize>(f: &impl Function<P, K>, x: [Self; K]) -> Self {
         f.at(x)
     }
+
+    /// A function of several numbers with several results, whose slopes are known. `memory` keeps the slopes for the
+    /// next call at the same values. Its caller clears it when the function changes.
+    #[inline(always)]
+    fn mapped(f: &impl Map<P>, x: &[Self], out: &mut [Self], _memory: &mut Vec<Self>) {
+        f.at(x, out);
+    }
 }
 
 impl<P: Real> Over<P> for P {}
+
+/// Largest number of arguments of a [`Map`].
+pub const MOST_ARGUMENTS: usize = 18;
+/// Largest number of results of a [`Map`].
+pub const MOST_RESULTS: usize = 12;
+
+/// A function of several numbers of any kind with several results.
+pub trait Map<P: Real> {
+    /// Writes its results at `x`.
+    fn at<S: Over<P>>(&self, x: &[S], out: &mut [S]);
+
+    /// Writes its results at `x`, and the derivatives of each result by each argument. The array is zero at entry.
+    fn slopes(&self, x: &[P], out: &mut [P], slopes: &mut [[P; MOST_ARGUMENTS]]);
+}
 
 /// A function of K numbers of any kind.
 pub trait Function<P: Real, const K: usize> {
@@ -302,6 +329,10 @@ impl Real for f64 {
     #[inline(always)]
     fn lt(self, other: f64) -> bool {
         self < other
+    }
+    #[inline(always)]
+    fn is_zero(&self) -> bool {
+        *self == 0.0
     }
     #[inline(always)]
     fn select(mask: bool, a: f64, b: f64) -> f64 {

@@ -7,6 +7,7 @@ mod friction;
 mod kinds;
 mod network;
 mod parquet;
+mod platform;
 mod session;
 mod shooting;
 mod signals;
@@ -63,6 +64,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<ensemble::PyEnsemble>()?;
     m.add_class::<network::PyCircuit>()?;
     m.add_class::<network::PyMembers>()?;
+    m.add_class::<platform::PyPlatform>()?;
     m.add_class::<session::PySession>()?;
     m.add_class::<tank::PyTank>()?;
     m.add_class::<table::PyColumn>()?;

@@ -1,6 +1,7 @@
 //! `Circuit`: components and joints.
 
 use crate::convert::{Table, Teller, detached, options, parse, run_to_dict, statistics, to_python, watched};
+use crate::platform::PyPlatform;
 use crate::session::PySession;
 use crate::shooting::{Asked, shot_to_dict};
 use circuit::{ALONG, Assembly, Driven, Names, Network, Record, Restart, Servo, Shooting, specification};
@@ -107,6 +108,13 @@ impl PyCircuit {
             (name, (stop, [taken.mass, taken.speed, taken.force, taken.depth]))
         })
         .collect()
+    }
+
+    /// Returns the platforms of the circuit.
+    #[getter]
+    fn platforms(&self) -> Vec<PyPlatform> {
+        let each = self.network.assembly().platforms();
+        each.map(|(name, platform, legs)| PyPlatform::new(name, platform, &legs)).collect()
     }
 
     /// Returns name and unit of each state.

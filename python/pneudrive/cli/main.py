@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 #: Commands in the order of a user's work. Each is a function or a group in the module of its name, imported on use.
 SECTIONS = {
     "Describe": ("catalogue", "components", "check", "draw", "schema"),
-    "Simulate": ("simulate", "sweep", "lines", "web"),
+    "Simulate": ("simulate", "sweep", "lines", "platform", "web"),
     "Measure": ("layout", "measure", "characterise", "campaign", "rig", "compare", "reproduce"),
     "Identify": ("fit", "identify", "apply", "validate", "design", "report"),
     "Size": ("size", "datasheet", "characteristic"),

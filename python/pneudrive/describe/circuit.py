@@ -23,6 +23,7 @@ from pneudrive.describe.short import TABLES, Short, expanded
 from pneudrive.describe.system import System, compiled
 from pneudrive.describe.tables import end_stops
 from pneudrive.describe.tables.parts import Ambient, Gas
+from pneudrive.describe.tables.poses import coordinate_keys
 from pneudrive.describe.tables.starts import PRESSURE, Starts, start_values
 from pneudrive.errors import DescriptionError, Problems, together, warn
 from pneudrive.lazy_names import upper
@@ -312,12 +313,15 @@ class Circuit(Described):
     @cached_property
     def start_names(self) -> dict[str, str]:
         """Names of the start values in the core, by the names that users write."""
-        names = compiled(self.core_json()).start_names
-        return Starts(names, self.components, self.wiring, self.ambient).keys
+        core = compiled(self.core_json())
+        keys = Starts(core.start_names, self.components, self.wiring, self.ambient).keys
+        poses = {f"{own.name}.{key}": f"{own.name}.{key}" for own in core.platforms for key in coordinate_keys(own)}
+        return keys | poses
 
     def _starts(self, initial: Mapping[str, Any] | None = None) -> tuple[dict[str, float], list[str]]:
-        names = compiled(self.core_json()).start_names
-        return Starts(names, self.components, self.wiring, self.ambient).values(self.initial, initial or {})
+        core = compiled(self.core_json())
+        starts = Starts(core.start_names, self.components, self.wiring, self.ambient, core.platforms)
+        return starts.values(self.initial, initial or {})
 
     def start(self, initial: Mapping[str, Any] | str | None = None, *, rtol: float = 1e-6) -> Session:
         """Start a session of the circuit, which its caller advances.

@@ -4,6 +4,7 @@ use super::session::Session;
 use super::variables::{Assembly, Starting, Target};
 use super::wiring::refuse;
 use crate::circuit::Circuit;
+use crate::mechanism::Unreached;
 use crate::part::Given;
 use crate::run::Error;
 use ode::Options;
@@ -34,7 +35,44 @@ impl Assembly {
         options: Options,
     ) -> Result<Session, Error> {
         let age = start.get(AGE).copied().unwrap_or_default();
-        Ok(Session::new(self, 0.0, self.stand(first, &self.numbers(start)?, age), options))
+        let numbers = self.numbers(start)?;
+        self.check_poses(&numbers)?;
+        Ok(Session::new(self, 0.0, self.stand(first, &numbers, age), options))
+    }
+
+    /// Refuses positions of legs that no pose of their platform has.
+    fn check_poses(&self, start: &[f64]) -> Result<(), Error> {
+        let (mut rest, mut axes) = (start, Vec::new());
+        for (starting, names) in &self.variables.starts {
+            let count = match starting {
+                Starting::Gas(_) | Starting::Axis(_) => 2,
+                Starting::Kept(_) => 1,
+                Starting::Inner(_) | Starting::Alike(_) => 0,
+            };
+            if let Starting::Axis(axis) = starting {
+                axes.push((axis.index(), &names[0], [rest[0], rest[1]]));
+            }
+            rest = &rest[count..];
+        }
+        for (name, platform, _) in self.platforms() {
+            let of = |node: &usize| axes.iter().find(|(axis, ..)| axis == node).expect("the start of a leg");
+            let legs: Vec<_> = platform.nodes.iter().map(of).collect();
+            let starts: Vec<[f64; 2]> = legs.iter().map(|(.., start)| *start).collect();
+            platform.check_start(&starts).map_err(|fault| {
+                let x = |leg: usize| format!("the start {} = {} m", legs[leg].1, starts[leg][0]);
+                Error::Specification(match fault {
+                    Unreached::Leg(leg, nearest) => format!(
+                        "{}: no pose of {name} has these positions of its legs. In the nearest pose it is {nearest:.6} m",
+                        x(leg)
+                    ),
+                    Unreached::Pose(tilt) => format!(
+                        "{}: the pose of {name} with these positions is singular, or tilts by {tilt:.0} deg. Start nearer to a level pose",
+                        x(0)
+                    ),
+                })
+            })?;
+        }
+        Ok(())
     }
 
     /// The numbers of a start given by name, in the order of [`Assembly::given_names`].

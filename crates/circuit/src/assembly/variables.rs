@@ -4,7 +4,7 @@ use super::names::{EDGES, Names};
 use super::timing::Timing;
 use crate::circuit::{AxisId, Circuit, GasId, Path};
 use crate::net::Net;
-use crate::part::{Given, Input, InputId, PartId};
+use crate::part::{Given, Input, InputId, PartId, Platform};
 use math::{Lane, Real};
 use physics::Bounds;
 use std::sync::Arc;
@@ -80,6 +80,8 @@ pub enum Quantity {
     OutOf(GasId),
     /// State of a part that has one.
     Force(PartId),
+    /// Motion of a platform, by index.
+    Pose(PartId, usize),
     /// Command of a valve. NaN while its edges are set directly.
     Command([InputId; 4]),
     /// One inner state of an axis' friction.
@@ -173,6 +175,25 @@ impl<P: Lane> Assembly<P> {
         all.fold(0.0, f64::max)
     }
 
+    /// Returns each platform with its name and the names of its legs: the components that move them, or the ports of
+    /// couplings.
+    pub fn platforms(&self) -> impl Iterator<Item = (&str, &Platform<P>, Vec<&str>)> {
+        let Variables { columns, quantities, starts, .. } = &*self.variables;
+        fn owner(name: &str) -> &str {
+            name.rsplit_once('.').map_or("", |(owner, _)| owner)
+        }
+        let leg = |node: &usize| {
+            let own =
+                starts.iter().find(|(own, _)| matches!(own, Starting::Axis(axis) if axis.index() == *node));
+            own.map_or("", |(_, names)| owner(&names[0]))
+        };
+        columns.iter().zip(quantities).filter_map(move |(column, quantity)| {
+            let Quantity::Pose(part, 0) = *quantity else { return None };
+            let platform = self.circuit.platform(part);
+            Some((owner(column), platform, platform.nodes.iter().map(leg).collect()))
+        })
+    }
+
     /// Names of the numbers of a start.
     pub fn start_names(&self) -> Vec<String> {
         self.variables.starts.iter().flat_map(|(_, names)| names.clone()).collect()
@@ -258,6 +279,7 @@ impl<P: Lane> Assembly<P> {
                 }
                 Quantity::OutOf(id) => circuit.flow_out_of(id, net),
                 Quantity::Force(part) => circuit.force_of(part, net),
+                Quantity::Pose(part, output) => circuit.pose(part, output, y, net),
                 Quantity::Command(edges) => command(circuit, edges),
                 Quantity::Inner(id, place) => circuit.inner_states(id, y)[place],
             };

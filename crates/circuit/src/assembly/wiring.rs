@@ -3,8 +3,8 @@
 use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
 use crate::circuit::{AxisId, Circuit, GasId};
 use crate::component::{
-    Acts, Brings, Build, Chain, Instance, Node, Piston, PortId, PortKind, Terminals, Vessel, bring, compose,
-    joint_volume,
+    Acts, Brings, Build, Chain, Instance, Leg, Node, Piston, PortId, PortKind, Terminals, Vessel, bring,
+    compose, joint_volume,
 };
 use crate::part::{ChamberLaw, InputId};
 use crate::run::Error;
@@ -12,6 +12,7 @@ use crate::specification::Junctions;
 use math::{Deps, Lane, Over};
 use ode::Structure;
 use physics::Gas;
+use physics::friction::Contact;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -183,6 +184,7 @@ where
         let (mut sum, mut force, mut incline, mut friction) = (None::<P>, P::zero(), None, None);
         // Components that prescribe the motion of a joint, and other components with a mass.
         let (mut name, mut load, mut driven, mut has_more) = ("", "", false, false);
+        let mut guide = None;
         let each = self.each;
         for &(component, port) in &joint.ports {
             let one = &each[component].name;
@@ -197,6 +199,15 @@ where
                     }
                 }
                 Brings::Motion => (driven, moves) = (true, true),
+                Brings::Guide { mass } => {
+                    if let Some((other, _)) = guide.replace(((component, port), mass)) {
+                        return refuse(format!(
+                            "{} and {} are one joint: a mass moves one leg of a platform",
+                            self.name(other),
+                            self.name((component, port))
+                        ));
+                    }
+                }
                 Brings::Along => (has_more, load) = (true, one),
                 _ => {}
             }
@@ -216,6 +227,10 @@ where
                 "{name} moves as commanded and cannot have the mass of {load}: put a force-sensor between them"
             ));
         }
+        if let Some(((component, port), _)) = guide {
+            let leg = format!("leg {} of {}", each[component].kind().ports[port].name, each[component].name);
+            check_leg(&leg, (name, driven, has_more), incline, friction.as_ref())?;
+        }
         let contact = friction.iter().filter(|_| !self.build.is_like);
         let inner: Vec<String> = contact
             .flat_map(physics::friction::Contact::states)
@@ -223,16 +238,25 @@ where
             .collect();
         let axis = match (sum, incline) {
             _ if driven => self.build.circuit.driven(),
+            _ if guide.is_some() => {
+                let (axis, mass) = (self.build.circuit.driven(), sum.unwrap_or(P::zero()));
+                self.build.legs.push(Leg { axis, mass, force, friction });
+                axis
+            }
             (Some(mass), Some(incline)) => self.build.circuit.axis(mass, incline, force, friction),
             _ => {
                 let names: Vec<String> = joint.ports.iter().map(|&port| self.name(port)).collect();
                 return refuse(format!("no cylinder or slide moves the joint of {}", names.join(", ")));
             }
         };
-        self.build.masses.push((sum.unwrap_or(P::zero()), force));
+        let platform = guide.map_or(P::zero(), |(_, mass)| mass);
+        self.build.masses.push((sum.unwrap_or(P::zero()) + platform, force));
         if self.build.is_like {
             return Ok(axis);
         }
+        // A leg that only a coupling moves has the name of its port.
+        let port = guide.map_or(String::new(), |(port, _)| self.name(port));
+        let name = if name.is_empty() { &port } else { name };
         self.own(name);
         self.build.circuit.call_axis(axis, format!("{name}."));
         let names = ["position_m", "velocity_m_s"].map(|quantity| format!("{name}.{quantity}"));
@@ -240,6 +264,32 @@ where
         self.build.starts.push((Starting::Inner(axis), inner));
         Ok(axis)
     }
+}
+
+/// Refuses components that cannot move a leg of a platform: name, whether it moves as commanded, and whether a mass is
+/// coupled to it by a ratio.
+fn check_leg<P: Lane>(
+    leg: &str,
+    (name, driven, has_more): (&str, bool, bool),
+    incline: Option<P>,
+    friction: Option<&Contact<P>>,
+) -> Result<(), Error> {
+    if driven || has_more {
+        return refuse(format!("{leg}: {name} cannot move it: join a cylinder or a slide"));
+    }
+    if let Some(angle) = incline.map(|angle| angle.get(0)).filter(|angle| *angle != 0.0) {
+        return refuse(format!(
+            "{name}.incline = {angle} rad: {leg} has the direction that the platform gives it. Leave out incline"
+        ));
+    }
+    if friction.is_some_and(|contact| contact.law.meta().sticks) {
+        return refuse(format!(
+            "{name}.friction: this law sticks by a mode of one mass, and {leg} moves with the others. Choose a law \
+             without such a mode, such as lugre or elasto-plastic, or put a coupling with the stiffness of the joint \
+             between rod and platform"
+        ));
+    }
+    Ok(())
 }
 
 /// Refuses a circuit with too many states. The message names the components with most of them.
@@ -372,6 +422,7 @@ where
         pistons: Vec::new(),
         met: Vec::new(),
         coupled: Vec::new(),
+        legs: Vec::new(),
         open: Vec::new(),
         paths: Vec::new(),
         is_like,
@@ -389,9 +440,10 @@ where
         }
     }
     let Wiring { mut build, nodes, joint_volumes, chains, .. } = wiring;
-    // The ends of a cylinder depend on the components joined to it.
+    // The ends of a cylinder depend on the components joined to it, and a platform on its couplings.
     let mut order: Vec<usize> = (0..each.len()).collect();
-    order.sort_by_key(|&i| each[i].kind().friction);
+    let guides = |i: usize| each[i].kind().key.starts_with("platform/");
+    order.sort_by_key(|&i| (each[i].kind().friction, guides(i)));
     for i in order {
         match chains.iter().find(|chain| chain.has(i)) {
             None => compose(&each[i], &Terminals(&nodes[i]), &mut build),

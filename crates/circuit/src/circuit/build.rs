@@ -277,6 +277,10 @@ impl<R: Lane> Circuit<R> {
                 parts.other_cylinders.push((place, OtherCylinder::new(axis, volumes, faces, stops)));
             }
         }
+        for (_, platform) in &parts.platforms {
+            let own = parts.end_stops.iter_mut().filter(|(_, stops)| platform.nodes.contains(&stops.axis));
+            own.for_each(|(_, stops)| (0..R::L).for_each(|lane| stops.meet(lane)));
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use crate::circuit::{AxisId, Circuit, GasId, Path};
 use crate::part::{Between, CheckValve, Edge, Family, Foreign, InputId, Kept, Member, Part, PartId, Wall};
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
+use physics::friction::Contact;
 use physics::{Bounds, Gas};
 
 /// Target of an input, known once the circuit is built.
@@ -42,6 +43,19 @@ pub struct Piston<P> {
     pub dead_volumes: [P; 2],
 }
 
+/// A leg of a mechanism, with the components that are joined to it.
+#[derive(Clone, Debug)]
+pub struct Leg<P> {
+    /// Its axis.
+    pub axis: AxisId,
+    /// Moving mass, kg.
+    pub mass: P,
+    /// External force in +x, N.
+    pub force: P,
+    /// Its friction.
+    pub friction: Option<Contact<P>>,
+}
+
 /// A circuit that is being assembled from components.
 pub struct Build<P> {
     /// The parts so far.
@@ -66,6 +80,8 @@ pub struct Build<P> {
     pub met: Vec<(String, P, AxisId)>,
     /// Axes that move together, except for a play, m.
     pub coupled: Vec<([AxisId; 2], P)>,
+    /// Legs of mechanisms.
+    pub legs: Vec<Leg<P>>,
     /// Restrictions that are always open.
     pub open: Vec<InputId>,
     /// Sonic conductance of each restriction and its ends.

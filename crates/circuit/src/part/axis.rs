@@ -105,7 +105,7 @@ fn deflection_scale<R: Lane>(contact: &Contact<R>) -> f64 {
 }
 
 /// Points and weights in [0, 1] that integrate a product of two states along a step exactly: a polynomial of order 7.
-const GAUSS: [(f64, f64); 4] = [
+pub(crate) const GAUSS: [(f64, f64); 4] = [
     (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
     (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
     (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
@@ -114,7 +114,7 @@ const GAUSS: [(f64, f64); 4] = [
 
 /// Returns the values at which the friction law of a mass is evaluated.
 #[inline(always)]
-fn at<S: Real>(node: &AxisNode<S>) -> At<S> {
+pub(crate) fn at<S: Real>(node: &AxisNode<S>) -> At<S> {
     At {
         v: node.v,
         x: node.x,

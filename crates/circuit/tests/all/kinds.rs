@@ -24,7 +24,11 @@ fn a_port_holds_what_its_component_brings() {
                 Brings::Volume(_) => Holds::Volume,
                 Brings::Reservoir { .. } => Holds::Pressure,
                 Brings::Motion => Holds::Motion,
-                Brings::Mass { .. } | Brings::Along | Brings::Room { .. } | Brings::Nothing => Holds::Nothing,
+                Brings::Mass { .. }
+                | Brings::Guide { .. }
+                | Brings::Along
+                | Brings::Room { .. }
+                | Brings::Nothing => Holds::Nothing,
             };
             let stated = if port.holds == Holds::Set { Holds::Nothing } else { port.holds };
             assert_eq!(holds, stated, "{} {}", table.key, port.name);

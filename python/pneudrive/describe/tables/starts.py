@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe.base import Bounds, Quantity, StatedPressure, within, wrong
+from pneudrive.describe.tables.poses import Poses
 from pneudrive.errors import CommandError, DescriptionError, Problems, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from pneudrive._core import Platform
     from pneudrive.describe.components import Component
     from pneudrive.describe.connections import Joint, Port, Wiring
     from pneudrive.describe.tables.parts import Ambient, Initial
@@ -37,12 +39,20 @@ class Starts:
     components : mapping
     wiring : Wiring
     ambient : Ambient
+    platforms : sequence of Platform
     """
 
     def __init__(
-        self, names: Sequence[str], components: Mapping[str, Component], wiring: Wiring, ambient: Ambient
+        self,
+        names: Sequence[str],
+        components: Mapping[str, Component],
+        wiring: Wiring,
+        ambient: Ambient,
+        platforms: Sequence[Platform] = (),
     ) -> None:
         self.names, self.components, self.wiring, self.ambient = names, components, wiring, ambient
+        self.platforms = platforms
+        self._guides = {platform.name for platform in platforms}
         self.places: dict[str, Joint] = {}  # port or component with gas -> its joint
         self.keys = {_key(name): name for name in names}  # key as users write it -> name in the core
         for name in names:
@@ -77,7 +87,13 @@ class Starts:
         """
         known: dict[str, float] = {}
         problems = Problems()
+        poses = Poses(self.platforms)
+        for table in given:
+            with problems.caught():
+                poses.take(dict(_flat(table)))
         for key, value in (entry for table in given for entry in _flat(table)):
+            if key in poses.keys:
+                continue
             with problems.caught():
                 name = self.keys.get(key)
                 if name is None:
@@ -86,6 +102,8 @@ class Starts:
                 known[name] = self._read(key, name, value)
         problems.tell()
         notes: list[str] = []
+        for leg, x in poses.positions(lambda leg: self._otherwise(leg, POSITION), self._stroke).items():
+            known |= {name: x for own in self._moves_with(leg) if (name := f"{own}.{POSITION}") in self.names}
         out = dict(known)
         for name in self.names:
             if name not in out:
@@ -125,16 +143,23 @@ class Starts:
 
     def _moved(self, of: str, last: str, known: Mapping[str, float]) -> float:
         """Return position or velocity of a mass: one without a stroke moves with the mass to which it is coupled."""
-        found = [of]
-        for name in found:  # grows during the loop
+        for name in self._moves_with(of):
             if f"{name}.{last}" in known:
                 return known[f"{name}.{last}"]
             if self._stroke(name) is not None and f"{name}.{last}" in self.names:
                 return self._otherwise(name, last)
-            for port in self.wiring.ports(name):
+        return self._otherwise(of, last)
+
+    def _moves_with(self, of: str) -> Iterator[str]:
+        """Yield a component or a port, and the components coupled to it. A platform couples nothing."""
+        found = [of]
+        for name in found:  # grows during the loop
+            yield name
+            if name in self._guides:
+                continue
+            for port in [port for port in self.wiring.at if port.id == name] or self.wiring.ports(name):
                 joint = self.wiring.at.get(port) if port.kind == "axis" else None
                 found += [one.component for one in joint.ports if one.component not in found] if joint else []
-        return self._otherwise(of, last)
 
     def _pressure(self, of: str, known: Mapping[str, float], notes: list[str]) -> float:
         """Return the settled pressure of gas: the nearest given or constant one along paths that are always open."""

@@ -1,0 +1,239 @@
+//! Equations of motion of a mechanism.
+//!
+//!   `M_ab = sum w dX/dq_a . dX/dq_b,   J_ia = dx_i/dq_a,   v = J u,   c = x'' at q'' = 0`
+//!   `h_a  = sum w dX/dq_a . X'' at q'' = 0  +  g sum m dX/dq_a . e_z                  [N], [N m]`
+//!   `(M + J^T D J) q'' = J^T (F - D c) - h,   leg acceleration = J q'' + c`
+//!
+//! X are the weighted points, w their weights and m their masses. F_i is the force on leg i in +x, and D_i the mass
+//! inside its friction.
+
+use super::jet::{Curved, Jet};
+use super::{Geometry, MOST, Mechanism, MechanismKind};
+use math::{MOST_ARGUMENTS, Map, Over, Real};
+use physics::constants::STANDARD_GRAVITY;
+
+/// Mass matrix, forces and legs at one pose and rate.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Forms<S, const N: usize> {
+    /// M. Only the lower triangle is used.
+    pub mass: [[S; N]; N],
+    /// h.
+    pub forces: [S; N],
+    /// Positions of the legs.
+    pub legs: [Jet<S, N>; N],
+    /// Kinetic energy and energy in the field of gravity, J.
+    pub energy: S,
+}
+
+/// Evaluates a mechanism at coordinates and rates.
+pub(crate) fn forms<M: Mechanism<N>, P: Real, S: Over<P>, const N: usize>(
+    geometry: &Geometry<P>,
+    q: &[S; N],
+    u: &[S; N],
+) -> Forms<S, N> {
+    let (mut mass, mut forces, mut energy) = ([[S::zero(); N]; N], [S::zero(); N], S::zero());
+    let gravity = S::c(STANDARD_GRAVITY);
+    let legs =
+        M::see(geometry, &Jet::coordinates(q, u), &mut |[weight, heavy]: [P; 2], x: [Jet<S, N>; 3]| {
+            let (w, weight) = (S::from(weight), gravity * S::from(heavy));
+            for a in 0..N {
+                for b in 0..=a {
+                    let dot = (0..3).fold(S::zero(), |sum, k| sum + x[k].by_q[a] * x[k].by_q[b]);
+                    mass[a][b] += w * dot;
+                }
+                let dot = (0..3).fold(S::zero(), |sum, k| sum + x[k].by_q[a] * x[k].a);
+                forces[a] += w * dot + weight * x[2].by_q[a];
+            }
+            let speed = (0..3).fold(S::zero(), |sum, k| sum + x[k].v * x[k].v);
+            energy += S::c(0.5) * w * speed + weight * x[2].x;
+        });
+    Forms { mass, forces, legs, energy }
+}
+
+/// Triangular factor of a symmetric matrix from its lower triangle, with the reciprocals of the diagonal.
+#[derive(Clone, Copy)]
+pub(crate) struct Factor<S, const N: usize>([[S; N]; N]);
+
+impl<S: Real, const N: usize> Factor<S, N> {
+    pub fn of(mut a: [[S; N]; N]) -> Self {
+        for i in 0..N {
+            for j in 0..=i {
+                let sum = (0..j).fold(a[i][j], |sum, k| sum - a[i][k] * a[j][k]);
+                a[i][j] = if i == j { S::one() / sum.sqrt() } else { sum * a[j][j] };
+            }
+        }
+        Factor(a)
+    }
+
+    pub fn solve(&self, mut b: [S; N]) -> [S; N] {
+        for i in 0..N {
+            b[i] = (0..i).fold(b[i], |sum, k| sum - self.0[i][k] * b[k]) * self.0[i][i];
+        }
+        for i in (0..N).rev() {
+            b[i] = (i + 1..N).fold(b[i], |sum, k| sum - self.0[k][i] * b[k]) * self.0[i][i];
+        }
+        b
+    }
+}
+
+impl<S: Real, const N: usize> Forms<S, N> {
+    /// Returns the factor of M + J^T D J.
+    pub fn factor(&self, inertia: &[S; N]) -> Factor<S, N> {
+        let mut matrix = self.mass;
+        for (leg, inertia) in self.legs.iter().zip(inertia) {
+            for a in 0..N {
+                for b in 0..=a {
+                    matrix[a][b] += *inertia * leg.by_q[a] * leg.by_q[b];
+                }
+            }
+        }
+        Factor::of(matrix)
+    }
+
+    /// Returns the accelerations of the coordinates under these forces on the legs, and the factor of their matrix.
+    pub fn accelerate(&self, force: &[S; N], inertia: &[S; N]) -> ([S; N], Factor<S, N>) {
+        let mut right = self.forces.map(|h| -h);
+        for (i, leg) in self.legs.iter().enumerate() {
+            let rest = force[i] - inertia[i] * leg.a;
+            for (right, slope) in right.iter_mut().zip(leg.by_q) {
+                *right += slope * rest;
+            }
+        }
+        let factor = self.factor(inertia);
+        (factor.solve(right), factor)
+    }
+
+    /// Returns the accelerations of the legs.
+    pub fn legs_at(&self, acceleration: &[S; N]) -> [S; N] {
+        self.legs.map(|leg| (0..N).fold(leg.a, |sum, k| sum + leg.by_q[k] * acceleration[k]))
+    }
+}
+
+/// Positions and velocities of the legs, from coordinates and rates.
+pub(crate) struct Places<'g, P>(pub MechanismKind, pub &'g Geometry<P>);
+
+/// Accelerations of coordinates and legs, from coordinates, rates and forces on the legs.
+pub(crate) struct Rates<'g, P> {
+    pub kind: MechanismKind,
+    pub geometry: &'g Geometry<P>,
+    /// Mass inside the friction of each leg, kg.
+    pub inertia: &'g [P],
+}
+
+/// The `i`-th group of N numbers.
+fn group<S: Real, const N: usize>(x: &[S], i: usize) -> [S; N] {
+    std::array::from_fn(|k| x[i * N + k])
+}
+
+impl<P: Real> Map<P> for Places<'_, P> {
+    fn at<S: Over<P>>(&self, x: &[S], out: &mut [S]) {
+        each!(self.0, M, N => {
+            let at = Jet::coordinates(&group::<S, N>(x, 0), &group(x, 1));
+            let legs = <M as Mechanism<N>>::see(self.1, &at, &mut |_: [P; 2], _: [Jet<S, N>; 3]| {});
+            for (i, leg) in legs.iter().enumerate() {
+                (out[i], out[N + i]) = (leg.x, leg.v);
+            }
+        });
+    }
+
+    fn slopes(&self, x: &[P], out: &mut [P], slopes: &mut [[P; MOST_ARGUMENTS]]) {
+        each!(self.0, M, N => {
+            let at = Curved::coordinates(&group::<P, N>(x, 0), &group(x, 1));
+            let legs = <M as Mechanism<N>>::see(self.1, &at, &mut |_: [P; 2], _: [Curved<P, N>; 3]| {});
+            for (i, leg) in legs.iter().enumerate() {
+                (out[i], out[N + i]) = (leg.jet.x, leg.jet.v);
+                for k in 0..N {
+                    slopes[i][k] = leg.jet.by_q[k];
+                    slopes[N + i][k] = leg.v_by_q[k];
+                    slopes[N + i][N + k] = leg.jet.by_q[k];
+                }
+            }
+        });
+    }
+}
+
+const _: () = assert!(3 * MOST <= MOST_ARGUMENTS);
+
+/// Slopes of the sum of forces on the coordinates at constant acceleration.
+struct Residual<P, const N: usize> {
+    by_q: [[P; N]; N],
+    by_u: [[P; N]; N],
+}
+
+impl<P: Real, const N: usize> Residual<P, N> {
+    /// Adds the term `dx/dq . x''` times minus `weight`, and `dx/dq` times `force`.
+    #[inline(always)]
+    fn add(&mut self, x: &Curved<P, N>, weight: P, force: P, acceleration: &[P; N]) {
+        let jet = &x.jet;
+        let second = (0..N).fold(jet.a, |sum, k| sum + jet.by_q[k] * acceleration[k]);
+        let rest = force - weight * second;
+        let two = P::c(2.0);
+        let by_q: [P; N] = std::array::from_fn(|d| {
+            (0..N).fold(x.a_by_q[d], |sum, b| sum + x.second(d, b) * acceleration[b]) * weight
+        });
+        for a in 0..N {
+            for d in 0..N {
+                self.by_q[a][d] += x.second(a, d) * rest - jet.by_q[a] * by_q[d];
+                self.by_u[a][d] -= jet.by_q[a] * (weight * two * x.v_by_q[d]);
+            }
+        }
+    }
+}
+
+impl<P: Real> Map<P> for Rates<'_, P> {
+    fn at<S: Over<P>>(&self, x: &[S], out: &mut [S]) {
+        each!(self.kind, M, N => {
+            let forms = forms::<M, P, S, N>(self.geometry, &group(x, 0), &group(x, 1));
+            let inertia = std::array::from_fn(|i| S::from(self.inertia[i]));
+            let (acceleration, _) = forms.accelerate(&group(x, 2), &inertia);
+            out[..N].copy_from_slice(&acceleration);
+            out[N..2 * N].copy_from_slice(&forms.legs_at(&acceleration));
+        });
+    }
+
+    fn slopes(&self, x: &[P], out: &mut [P], slopes: &mut [[P; MOST_ARGUMENTS]]) {
+        each!(self.kind, M, N => {
+            let (q, u, force) = (group::<P, N>(x, 0), group::<P, N>(x, 1), group::<P, N>(x, 2));
+            let forms = forms::<M, P, P, N>(self.geometry, &q, &u);
+            let inertia: [P; N] = std::array::from_fn(|i| self.inertia[i]);
+            let (acceleration, factor) = forms.accelerate(&force, &inertia);
+            out[..N].copy_from_slice(&acceleration);
+            out[N..2 * N].copy_from_slice(&forms.legs_at(&acceleration));
+
+            let along = |leg: &Jet<P, N>, own: &[P; N]| (0..N).fold(P::zero(), |sum, k| sum + leg.by_q[k] * own[k]);
+            for d in 0..N {
+                let own = factor.solve(forms.legs[d].by_q);
+                for (k, leg) in forms.legs.iter().enumerate() {
+                    slopes[k][2 * N + d] = own[k];
+                    slopes[N + k][2 * N + d] = along(leg, &own);
+                }
+            }
+            let zero = [[P::zero(); N]; N];
+            let mut residual = Residual { by_q: zero, by_u: zero };
+            let gravity = P::c(STANDARD_GRAVITY);
+            let legs = <M as Mechanism<N>>::see(
+                self.geometry,
+                &Curved::coordinates(&q, &u),
+                &mut |[weight, heavy]: [P; 2], x: [Curved<P, N>; 3]| {
+                    for (k, x) in x.iter().enumerate() {
+                        let force = if k == 2 { -(gravity * heavy) } else { P::zero() };
+                        residual.add(x, weight, force, &acceleration);
+                    }
+                },
+            );
+            for (i, leg) in legs.iter().enumerate() {
+                residual.add(leg, inertia[i], force[i], &acceleration);
+            }
+            for d in 0..N {
+                let by_q = factor.solve(residual.by_q.map(|row| row[d]));
+                let by_u = factor.solve(residual.by_u.map(|row| row[d]));
+                for (i, leg) in legs.iter().enumerate() {
+                    (slopes[i][d], slopes[i][N + d]) = (by_q[i], by_u[i]);
+                    let bent = (0..N).fold(leg.a_by_q[d], |sum, b| sum + leg.second(d, b) * acceleration[b]);
+                    slopes[N + i][d] = along(&leg.jet, &by_q) + bent;
+                    slopes[N + i][N + d] = along(&leg.jet, &by_u) + P::c(2.0) * leg.v_by_q[d];
+                }
+            }
+        });
+    }
+}

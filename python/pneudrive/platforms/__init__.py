@@ -1,0 +1,5 @@
+"""Platforms on legs: kinematics and workspace."""
+
+from pneudrive.platforms.kinematics import Platform, PoseLimits, platform
+
+__all__ = ["Platform", "PoseLimits", "platform"]

@@ -1,0 +1,392 @@
+"""Kinematics and statics of a platform of a circuit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from pneudrive import units
+from pneudrive.describe.system import compiled
+from pneudrive.describe.tables.poses import angles, coordinate_keys, coordinates
+from pneudrive.errors import CommandError, nearest
+from pneudrive.repr_tables import Card, Shown
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from pneudrive._core import Platform as CorePlatform
+    from pneudrive.describe import Circuit
+
+    Array = NDArray[np.float64]
+    #: A pose: keys with quantities, or numbers in the order of the coordinates, in m and rad.
+    Pose = Mapping[str, str | float] | ArrayLike
+
+#: Largest residual of a forward solution, m.
+CLOSED = 1e-9
+#: Step of the differences that give second derivatives of leg positions, m and rad. Their relative error is 1e-9.
+STEP = 1e-5
+#: Largest distance from `home` that is searched, m and rad (assumed), and the points of a scan over it.
+REACH = {"m": 2.0, "rad": np.radians(89.0)}
+POINTS = 400
+#: Halvings of the interval in which a limit lies: a millionth of a millimetre.
+HALVINGS = 40
+
+
+@dataclass(frozen=True)
+class Leg:
+    """The cylinder at a leg.
+
+    Attributes
+    ----------
+    name : str
+    stroke_m : float
+        NaN if the component has no stroke.
+    areas_m2, dead_volumes_m3 : tuple of float
+        Of chambers a and b; NaN if the component has no chambers.
+    """
+
+    name: str
+    stroke_m: float
+    areas_m2: tuple[float, float]
+    dead_volumes_m3: tuple[float, float]
+
+    @classmethod
+    def of(cls, circuit: Circuit, name: str) -> Leg:
+        """Return the leg with the component of this name."""
+        own = vars(circuit.components[name]) if name in circuit.components else {}
+        bore, rod = own.get("bore_m", np.nan), own.get("rod_diameter_m") or 0.0
+        through = rod if own.get("kind") == "cylinder/through-rod" else 0.0
+        areas = tuple(0.25 * np.pi * (bore**2 - of**2) for of in (through, rod))
+        dead = tuple(own.get(f"dead_volume_{end}_m3", np.nan) for end in "ab")
+        return cls(name, own.get("stroke_m", np.nan), areas, dead)
+
+
+class Platform(Shown):
+    """A platform on legs, in the coordinates of its component: heave, tilt_1, x.
+
+    Places are in m. Tilts are the angles 2 asin(e) in rad, and e is the vector part of the unit quaternion. The
+    position of a leg is that of its cylinder, in m. Rows of an array are poses.
+
+    Attributes
+    ----------
+    name : str
+    coordinates : tuple of str
+    legs : tuple of Leg
+    home : ndarray, shape (n,)
+        Pose with every leg at half of its stroke.
+    """
+
+    picture_home: ClassVar[str] = "pneudrive.report.circuit.platform_svg:platform_svg"
+
+    def __init__(self, core: CorePlatform, circuit: Circuit) -> None:
+        self.core = core
+        self.name = core.name
+        self.coordinates = tuple(coordinate_keys(core))
+        self.legs = tuple(Leg.of(circuit, name) for name in core.legs)
+        self.ambient_pa = circuit.ambient.pressure_pa
+        self.heat_capacity_ratio = circuit.gas.core()["heat_capacity_ratio"]
+        middle = np.array([0.0 if np.isnan(leg.stroke_m) else 0.5 * leg.stroke_m for leg in self.legs])
+        self.home = angles(core, core.locate(middle[None])[0])[0]
+
+    def _card(self) -> Card:
+        each = zip(self.legs, self.inverse(self.home), self.load(self.home), strict=True)
+        rows = [(leg.name, f"{1e3 * x:.4g} mm", f"{1e3 * leg.stroke_m:.4g} mm", f"{f:.4g} N") for leg, x, f in each]
+        values = ", ".join(f"{value:.3g}" for value in self.singular_values(self.home))
+        notes = [f"at {self.text(self.home)}", f"singular values, without unit: {values}"]
+        return Card(f"Platform {self.name}", ("leg", "position", "stroke", "load"), rows, notes)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI unit of each coordinate."""
+        return tuple("m" if name.endswith("_m") else "rad" for name in self.core.coordinates)
+
+    def pose(self, pose: Pose) -> Array:
+        """Return poses as an array, shape (n,) or (m, n). Coordinates that a mapping leaves out are those of `home`.
+
+        Parameters
+        ----------
+        pose : mapping or array
+
+        Raises
+        ------
+        CommandError
+            A key is unknown, or the number of coordinates is wrong.
+        """
+        if isinstance(pose, Mapping):
+            out = self.home.copy()
+            for key, value in pose.items():
+                if key not in self.coordinates:
+                    remedy = nearest(key, list(self.coordinates))
+                    raise CommandError(f"{key} is not a coordinate of {self.name}", remedy=remedy)
+                k = self.coordinates.index(key)
+                out[k] = units.parse(value, self.units[k]) if isinstance(value, str) else float(value)
+            return out
+        out = np.asarray(pose, dtype=float)
+        if out.ndim not in (1, 2) or out.shape[-1] != len(self.legs):
+            what = f"a pose of {self.name} has {len(self.legs)} coordinates, not an array of shape {out.shape}"
+            raise CommandError(what, remedy=f"Give {', '.join(self.coordinates)}.")
+        return out
+
+    def evaluate(self, pose: Pose, rates: ArrayLike | None = None) -> dict[str, Array]:
+        """Return the mechanism at poses: positions, Jacobian, mass matrix and forces of the core, one row for each.
+
+        Parameters
+        ----------
+        pose : mapping or array
+        rates : array, optional
+            Rates of the coordinates, m/s and rad/s.
+        """
+        rows = np.atleast_2d(self.pose(pose))
+        u = np.zeros_like(rows) if rates is None else np.atleast_2d(np.asarray(rates, dtype=float))
+        slopes = self._slopes(rows)
+        own = self.core.evaluate(coordinates(self.core, rows), u * slopes)
+        own["jacobian"] = own["jacobian"] * slopes[:, None, :]
+        own["twist"] = own["twist"] * slopes[:, None, :]
+        own["forces"] = own["forces"] * slopes
+        own["mass"] = own["mass"] * slopes[:, None, :] * slopes[:, :, None]
+        return own
+
+    def _slopes(self, rows: Array) -> Array:
+        """Return the derivatives of the core's coordinates by those of the pose."""
+        return np.where([unit == "m" for unit in self.units], 1.0, 0.5 * np.cos(0.5 * rows))
+
+    def inverse(self, pose: Pose) -> Array:
+        """Return the positions of the legs, m.
+
+        Raises
+        ------
+        CommandError
+            An arm does not reach the pose.
+        """
+        pose = self.pose(pose)
+        positions = self.evaluate(pose)["positions"].reshape(pose.shape)
+        if not np.all(np.isfinite(positions)):
+            row, leg = np.argwhere(~np.isfinite(np.atleast_2d(positions)))[0]
+            where = self.text(np.atleast_2d(pose)[row])
+            remedy = "Choose a pose nearer to the middle of the workspace."
+            raise CommandError(f"leg {self.legs[leg].name} does not reach {where}", remedy=remedy)
+        return positions
+
+    def forward(self, positions: ArrayLike, near: Pose | None = None) -> Array:
+        """Return the poses at which the legs have these positions, m.
+
+        Parameters
+        ----------
+        positions : array, shape (n,) or (m, n)
+        near : mapping or array, optional
+            Pose from which the search begins; by default one above the frame. Without it, each row of an array begins
+            at the one before.
+
+        Raises
+        ------
+        CommandError
+            No pose has these positions. The message names the leg and its position in the nearest pose.
+        """
+        x = np.asarray(positions, dtype=float)
+        rows = np.atleast_2d(x)
+        if rows.shape[-1] != len(self.legs):
+            raise CommandError(f"{self.name} has {len(self.legs)} legs", rule="one position for each leg")
+        begin = None
+        if near is not None:
+            begin = coordinates(self.core, np.broadcast_to(self.pose(near), rows.shape))
+        q, residuals = self.core.locate(rows, None if begin is None else np.ascontiguousarray(begin))
+        poses = angles(self.core, q)
+        if not np.all(residuals < CLOSED):
+            row = int(np.argmax(~(residuals < CLOSED)))
+            found = self.core.evaluate(q[row : row + 1], np.zeros((1, len(self.legs))))["positions"][0]
+            leg = int(np.argmax(np.abs(found - rows[row])))
+            what = f"no pose of {self.name} has {self.legs[leg].name}.position = {1e3 * rows[row, leg]:.6g} mm here"
+            raise CommandError(what, remedy=f"In the nearest pose it is {1e3 * found[leg]:.6g} mm.")
+        return poses.reshape(x.shape)
+
+    def jacobian(self, pose: Pose) -> Array:
+        """Return the derivatives of leg positions by the coordinates, shape (n, n) or (m, n, n)."""
+        pose = self.pose(pose)
+        return self.evaluate(pose)["jacobian"].reshape(*pose.shape, len(self.legs))
+
+    def load(self, pose: Pose) -> Array:
+        """Return the force of each leg in +x that holds the platform at rest, N."""
+        pose = self.pose(pose)
+        own = self.evaluate(pose)
+        transposed = np.swapaxes(own["jacobian"], -1, -2)
+        held = np.asarray(np.linalg.solve(transposed, own["forces"][..., None])[..., 0], dtype=float)
+        return held.reshape(pose.shape)
+
+    def singular_values(self, pose: Pose) -> Array:
+        """Return the singular values of the pose Jacobian, largest first, without a unit.
+
+        The twist is the velocity of the origin of the platform, and its angular velocity times the mean radius of its
+        joints. A small value means that a motion of the platform hardly moves the legs.
+        """
+        pose = self.pose(pose)
+        own = self.evaluate(pose)
+        radius = float(np.mean(np.linalg.norm(np.asarray(self.core.joints[1]), axis=1)))
+        twist = own["twist"] * np.array([1.0, 1.0, 1.0, radius, radius, radius])[:, None]
+        triangle = np.linalg.qr(twist, mode="r")
+        values = np.linalg.svd(own["jacobian"] @ np.linalg.inv(triangle), compute_uv=False)
+        return np.asarray(values, dtype=float).reshape(pose.shape)
+
+    def stiffness(self, pose: Pose, pressures: ArrayLike, forces: ArrayLike | None = None) -> Array:
+        """Return the stiffness of the platform against its coordinates with shut valves, N/m, N/rad and N m/rad.
+
+        K = J' diag(k) J + sum F_i d2x_i/dq2, with k = kappa (p_a A_a2/V_a + p_b A_b2/V_b) of each leg. The second term
+        is that of the load.
+
+        Parameters
+        ----------
+        pose : mapping or array, shape (n,)
+        pressures : array, shape (2,) or (n, 2)
+            Absolute pressures in chambers a and b, Pa.
+        forces : array, shape (n,), optional
+            Forces of the legs in +x, N; by default those that hold the platform.
+        """
+        pose = self.pose(pose)
+        x = self.inverse(pose)
+        jacobian = self.jacobian(pose)
+        force = self.load(pose) if forces is None else np.asarray(forces, dtype=float)
+        areas, dead = (np.array([getattr(leg, key) for leg in self.legs]) for key in ("areas_m2", "dead_volumes_m3"))
+        strokes = np.array([leg.stroke_m for leg in self.legs])
+        volumes = dead + areas * np.column_stack([x, strokes - x])
+        p = np.broadcast_to(np.asarray(pressures, dtype=float), (len(self.legs), 2))
+        gas = self.heat_capacity_ratio * np.sum(p * areas**2 / volumes, axis=1)
+        step = STEP * np.eye(len(x))
+        above, below = self.jacobian(pose + step), self.jacobian(pose - step)
+        bent = np.einsum("i,bia->ab", force, above - below) / (2.0 * STEP)
+        return jacobian.T @ (gas[:, None] * jacobian) + 0.5 * (bent + bent.T)
+
+    def workspace(self, *, least_singular_value: float = 0.1) -> PoseLimits:
+        """Return the limits of each coordinate from `home`, the others held: by strokes, reach and singular poses.
+
+        Parameters
+        ----------
+        least_singular_value : float
+            Poses with a smaller one count as singular.
+        """
+        return PoseLimits.of(self, least_singular_value)
+
+    def text(self, pose: ArrayLike) -> str:
+        """Return a pose in words."""
+        each = zip(self.coordinates, np.asarray(pose), self.units, strict=True)
+        return ", ".join(
+            f"{key} = {1e3 * value:.4g} mm" if unit == "m" else f"{key} = {np.degrees(value):.4g} deg"
+            for key, value, unit in each
+        )
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One limit of one coordinate.
+
+    Attributes
+    ----------
+    value : float
+        Coordinate at the limit, m or rad.
+    reason : str
+        Leg whose stroke ends there, "singular pose", "out of reach" or "none found".
+    """
+
+    value: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class PoseLimits:
+    """Limits of each coordinate from the pose at half strokes, the other coordinates held.
+
+    Attributes
+    ----------
+    limits : dict
+        Lower and upper `Limit` of each coordinate.
+    least_singular_value : float
+        Smallest singular value of the poses at home and at the limits.
+    """
+
+    limits: dict[str, tuple[Limit, Limit]]
+    least_singular_value: float
+
+    @classmethod
+    def of(cls, platform: Platform, least: float) -> PoseLimits:
+        """Search the limits of a platform.
+
+        Parameters
+        ----------
+        platform : Platform
+        least : float
+            Smallest singular value of a pose that does not count as singular.
+        """
+        limits, smallest = {}, float(platform.singular_values(platform.home)[-1])
+        for k, key in enumerate(platform.coordinates):
+            ends = []
+            for sign in (-1.0, 1.0):
+                limit = _limit(platform, k, sign, least)
+                pose = platform.home.copy()
+                pose[k] = limit.value
+                smallest = min(smallest, float(platform.singular_values(pose)[-1]))
+                ends.append(limit)
+            limits[key] = (ends[0], ends[1])
+        return cls(limits, smallest)
+
+
+def _limit(platform: Platform, k: int, sign: float, least: float) -> Limit:
+    reach = sign * np.linspace(0.0, REACH[platform.units[k]], POINTS)
+    if platform.units[k] == "rad":
+        reach = reach[np.abs(platform.home[k] + reach) < np.pi - 1e-6]
+    poses = np.tile(platform.home, (len(reach), 1))
+    poses[:, k] += reach
+    wrong = next((i for i, pose in enumerate(poses) if _reason(platform, pose, least)), None)
+    if wrong is None:
+        return Limit(float(poses[-1, k]), "none found")
+    if wrong == 0:
+        return Limit(float(platform.home[k]), _reason(platform, poses[0], least))
+    inside, outside = poses[wrong - 1], poses[wrong]
+    for _ in range(HALVINGS):
+        middle = 0.5 * (inside + outside)
+        inside, outside = (inside, middle) if _reason(platform, middle, least) else (middle, outside)
+    return Limit(float(inside[k]), _reason(platform, outside, least))
+
+
+def _reason(platform: Platform, pose: np.ndarray, least: float) -> str:
+    """Return the reason for which a pose is outside the workspace, or an empty text."""
+    with np.errstate(invalid="ignore"):
+        positions = platform.evaluate(pose)["positions"][0]
+    if not np.all(np.isfinite(positions)):
+        return "out of reach"
+    for leg, x in zip(platform.legs, positions, strict=True):
+        if x < 0.0 or x > leg.stroke_m:
+            return f"{leg.name} {'in' if x < 0.0 else 'out'}"
+    return "singular pose" if platform.singular_values(pose)[-1] < least else ""
+
+
+def platform(circuit: Circuit, name: str | None = None) -> Platform:
+    """Return a platform of a circuit.
+
+    Parameters
+    ----------
+    circuit : Circuit
+    name : str, optional
+        Name of the component, if the circuit has several platforms.
+
+    Raises
+    ------
+    CommandError
+        The circuit has no platform, or several without a name.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> circuit = pn.Circuit.load("examples/tripod.toml")
+    >>> tripod = pn.platform(circuit)
+    >>> (1e3 * tripod.inverse({"tilt_1": "5 deg"})).round(1).tolist()
+    [100.0, 115.1, 85.1]
+    """
+    each = {own.name: own for own in compiled(circuit.core_json()).platforms}
+    if not each:
+        raise CommandError("the circuit has no platform", remedy='Add a component with kind = "platform/3-rps".')
+    if name is None and len(each) > 1:
+        raise CommandError("the circuit has several platforms", remedy=f"Name one of {', '.join(each)}.")
+    if name is not None and name not in each:
+        raise CommandError(f"{name} is not a platform", remedy=nearest(name, list(each)))
+    return Platform(each[name or next(iter(each))], circuit)
