@@ -158,11 +158,11 @@ def test_a_reference_that_is_lost_is_still_the_one_that_counts(axis):
 
 
 def test_tune_says_which_controller_suits_a_light_sticky_piston():
-    """Half of its mass loses super-twisting; nmpc comes first, and pid is a baseline."""
+    """Half of its mass loses sliding-mode and the baselines; nmpc comes first."""
     found = pn.control.suitability(pn.Circuit.load(AXIS.parent / "axes/starter.toml"))
     assert found[0].law == "nmpc"
     assert found[0].suits
     by_law = {one.law: one for one in found}
-    assert not by_law["super-twisting"].suits
-    assert "lost" in by_law["super-twisting"].reason
-    assert by_law["pid"].reason.startswith("a baseline")
+    assert not by_law["sliding-mode"].suits
+    assert "lost" in by_law["sliding-mode"].reason
+    assert not by_law["pid"].suits

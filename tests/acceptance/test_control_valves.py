@@ -64,7 +64,7 @@ def test_what_has_no_several_valves_says_so(tmp_path):
     with pytest.raises(CommandError, match="one command"):
         pn.control.export(tuning, "c", tmp_path / "law")
     with pytest.raises(CommandError, match="one command"):
-        pn.control.export(tuning, "fmu", tmp_path / "law.fmu", along=MOVE)
+        pn.control.export(tuning, "fmu", tmp_path / "law.fmu")
     with pytest.raises(DescriptionError, match="no spool that could deviate"):
         pn.control.run(pn.Circuit.load(SWITCHING), "inversion", reference=MOVE, mismatch="slow-spool")
 
