@@ -6,7 +6,7 @@ mod fused;
 use crate::impacts::{Impacts, Mover};
 use crate::ledger::Channel;
 use crate::net::{AxisNode, Net};
-use crate::part::cylinder::{CHAMBERS, INNER};
+use crate::part::mechanics::cylinder::{CHAMBERS, INNER};
 use crate::part::*;
 pub(crate) use fused::glance;
 use fused::{Fused, Linearised, Rates};
@@ -90,8 +90,8 @@ impl Lacking {
     /// Fraction at which a volume has none left.
     pub fn least(self) -> f64 {
         match self {
-            Lacking::Room => volume::LEAST_ROOM,
-            Lacking::Gas => volume::LEAST_GAS,
+            Lacking::Room => gas::volume::LEAST_ROOM,
+            Lacking::Gas => gas::volume::LEAST_GAS,
         }
     }
 }
@@ -587,7 +587,9 @@ impl<P: Real> Circuit<P> {
     /// Returns the friction of steady sliding of an axis at the position, speed and pressures of a node, N.
     pub fn steady_friction<S: Over<P>>(&self, axis: AxisId, node: &AxisNode<S>) -> S {
         if let Some((_, leg, _, platform)) = self.leg(axis) {
-            return platform.contacts[leg].as_ref().map_or(S::zero(), |own| own.steady(&axis::at(node)));
+            return platform.contacts[leg]
+                .as_ref()
+                .map_or(S::zero(), |own| own.steady(&mechanics::axis::at(node)));
         }
         self.mass(axis).3.steady_friction(node)
     }
@@ -656,7 +658,7 @@ impl<R: Lane> Circuit<R> {
             let room = net.gas[volume.node].volume.plain();
             let (states, scales): ([R; 2], _) =
                 (Own::of(y, *place).first(), Own::of(&self.scale, *place).first());
-            let least = R::Plain::c(volume::LEAST_ROOM);
+            let least = R::Plain::c(gas::volume::LEAST_ROOM);
             inside = volume.holds(room, states.map(|state| state.plain()), scales, least, inside);
         }
         inside

@@ -1,49 +1,17 @@
 //! Components that users can order. Each has a table (ports, parameters, inputs, outputs) and parts. A new component is
 //! a file here and a word in `components!`.
 
-mod boxes;
 mod build;
-mod bumper;
-mod carriage;
-mod check_valve;
-mod compressor;
-mod coupling;
-pub(crate) mod cylinder;
-mod ejector;
 mod extra;
-mod fitting;
-mod flow_control;
-mod force_sensor;
+mod flow;
 mod formula;
-mod impulse;
-mod inertia;
-mod leak;
-mod line;
-mod load;
-mod lumped;
-mod magnetic_coupling;
-mod motor;
-mod orifice;
-mod piloted;
-mod piston;
-mod pulsating;
-mod quick_exhaust;
+mod gas;
+pub(crate) mod mechanics;
 mod registry;
-mod regulator;
-mod reservoir;
-mod rod_lock;
 mod series;
-mod shock_absorber;
-mod silencer;
-mod slide;
-mod soft_start;
-mod switching;
 mod symbol;
 mod table;
-mod table_force;
-mod tank;
-mod tube;
-mod valve;
+mod valves;
 
 use crate::circuit::{AxisId, GasId};
 use crate::part::ChamberLaw;
@@ -473,63 +441,63 @@ macro_rules! components {
 }
 
 components! {
-    reservoir::Reservoir,
-    tank::Tank,
-    fitting::Fitting,
-    orifice::Orifice,
-    leak::Leak,
-    silencer::Silencer,
-    tube::Tube,
-    line::Line,
-    lumped::Lumped,
-    lumped::Auto,
-    check_valve::CheckValve,
-    piloted::PilotedCheckValve,
-    flow_control::FlowControl,
-    soft_start::SoftStart,
-    regulator::PressureRegulator,
-    regulator::ElectroPneumatic,
-    quick_exhaust::QuickExhaust,
-    compressor::Compressor,
-    pulsating::Pulsating,
-    ejector::Ejector,
-    valve::Proportional53,
-    valve::Proportional32,
-    switching::Switching22,
-    switching::Switching32,
-    switching::Switching52,
-    switching::Switching53,
-    impulse::Impulse52,
-    load::Load,
-    load::Spring,
-    slide::Slide,
-    coupling::Coupling,
-    motor::Motor,
-    magnetic_coupling::MagneticCoupling,
+    gas::reservoir::Reservoir,
+    gas::tank::Tank,
+    flow::fitting::Fitting,
+    flow::orifice::Orifice,
+    flow::leak::Leak,
+    flow::silencer::Silencer,
+    flow::tube::Tube,
+    flow::line::Line,
+    flow::lumped::Lumped,
+    flow::lumped::Auto,
+    flow::check_valve::CheckValve,
+    valves::piloted::PilotedCheckValve,
+    flow::flow_control::FlowControl,
+    valves::soft_start::SoftStart,
+    valves::regulator::PressureRegulator,
+    valves::regulator::ElectroPneumatic,
+    flow::quick_exhaust::QuickExhaust,
+    gas::compressor::Compressor,
+    gas::pulsating::Pulsating,
+    gas::ejector::Ejector,
+    valves::valve::Proportional53,
+    valves::valve::Proportional32,
+    valves::switching::Switching22,
+    valves::switching::Switching32,
+    valves::switching::Switching52,
+    valves::switching::Switching53,
+    valves::impulse::Impulse52,
+    mechanics::load::Load,
+    mechanics::load::Spring,
+    mechanics::slide::Slide,
+    mechanics::coupling::Coupling,
+    mechanics::motor::Motor,
+    mechanics::magnetic_coupling::MagneticCoupling,
     formula::Restriction,
     formula::Force,
-    rod_lock::RodLock,
-    carriage::Carriage,
+    mechanics::rod_lock::RodLock,
+    mechanics::carriage::Carriage,
     crate::mechanism::Platform3Rps,
     crate::mechanism::Platform3Upu,
     crate::mechanism::Platform6Ups,
     crate::mechanism::PlatformLinearDelta,
-    force_sensor::ForceSensor,
-    piston::Bare,
-    table_force::OverPosition,
-    table_force::OverVelocity,
-    table_force::OverTime,
-    inertia::Table,
-    inertia::Lever,
-    inertia::Toggle,
-    bumper::Bumper,
-    shock_absorber::ShockAbsorber,
+    mechanics::force_sensor::ForceSensor,
+    mechanics::piston::Bare,
+    mechanics::table_force::OverPosition,
+    mechanics::table_force::OverVelocity,
+    mechanics::table_force::OverTime,
+    mechanics::inertia::Table,
+    mechanics::inertia::Lever,
+    mechanics::inertia::Toggle,
+    mechanics::bumper::Bumper,
+    mechanics::shock_absorber::ShockAbsorber,
     // Last, because the end stops of a cylinder depend on the components joined to it.
-    cylinder::Rodless,
-    cylinder::ThroughRod,
-    cylinder::SingleRod,
-    cylinder::SingleActing,
-    cylinder::Tandem,
+    mechanics::cylinder::Rodless,
+    mechanics::cylinder::ThroughRod,
+    mechanics::cylinder::SingleRod,
+    mechanics::cylinder::SingleActing,
+    mechanics::cylinder::Tandem,
 }
 
 /// Returns the least volume of a joint to which ports add `ports` m3.

@@ -1,46 +1,12 @@
 //! Parts of a circuit. A new part is a file here and a line in `parts!`.
 
+pub(crate) mod flow;
+pub(crate) mod gas;
+pub(crate) mod mechanics;
+pub(crate) mod valves;
 #[macro_use]
 mod kinds;
-pub(crate) mod axis;
-mod bumper;
-mod carriage;
-pub(crate) mod check_valve;
-mod column;
-mod compressor;
-mod coupling;
-mod cup;
-mod cushion;
-pub(crate) mod cylinder;
-pub(crate) mod damper;
-mod edge;
-mod ejector;
-mod end_stops;
-mod face;
 mod foreign;
-mod formula_force;
-mod formula_path;
-mod gap;
-mod latch;
-mod link;
-mod lock;
-mod magnet;
-mod motor;
-mod path;
-mod poppet;
-mod pulsation;
-mod regulator;
-mod reservoir;
-pub(crate) mod restriction;
-mod second_order;
-mod series;
-mod shock_absorber;
-pub(crate) mod signal;
-mod spring;
-mod table_edge;
-mod table_force;
-pub(crate) mod volume;
-mod wall;
 
 use crate::circuit::{AxisId, GasId};
 use crate::ledger::{Channel, Kind};
@@ -51,46 +17,46 @@ use math::{Lane, Over, Real};
 use physics::{Bounds, Gas};
 
 pub use crate::mechanism::Platform;
-pub use axis::Axis;
-pub use bumper::Bumper;
-pub use carriage::Carriage;
-pub use check_valve::CheckValve;
-pub use column::Column;
-pub use compressor::Compressor;
-pub use coupling::Coupling;
-pub use cup::Cup;
-pub use cushion::Cushion;
-pub use cylinder::{Cylinder, OtherCylinder};
-pub use damper::Meets;
-pub use edge::Edge;
-pub use ejector::Ejector;
-pub(crate) use end_stops::Follows;
-pub use end_stops::{Covers, EndStops};
-pub use face::Face;
+pub use flow::check_valve::CheckValve;
+pub use flow::cup::Cup;
+pub use flow::cushion::Cushion;
+pub use flow::edge::Edge;
+pub use flow::formula_path::FormulaPath;
+pub use flow::gap::Gap;
+pub use flow::path::Between;
+pub use flow::restriction::{OtherRestriction, Restriction};
+pub use flow::series::Series;
+pub use flow::table_edge::TableEdge;
 pub use foreign::{Family, Foreign, Member};
-pub use formula_force::FormulaForce;
-pub use formula_path::FormulaPath;
-pub use gap::Gap;
-pub use latch::Latch;
-pub use link::Link;
-pub use lock::Lock;
-pub use magnet::Magnet;
-pub use motor::Motor;
-pub use path::Between;
-pub use poppet::Poppet;
-pub use pulsation::Pulsation;
-pub use regulator::Regulator;
-pub use reservoir::Reservoir;
-pub use restriction::{OtherRestriction, Restriction};
-pub use second_order::SecondOrder;
-pub use series::Series;
-pub use shock_absorber::ShockAbsorber;
-pub use signal::{Armature, Held, Spool, SpoolLeak};
-pub use spring::Spring;
-pub use table_edge::TableEdge;
-pub use table_force::{Along, TableForce};
-pub use volume::{ChamberLaw, Volume};
-pub use wall::Wall;
+pub use gas::column::Column;
+pub use gas::compressor::Compressor;
+pub use gas::ejector::Ejector;
+pub use gas::pulsation::Pulsation;
+pub use gas::reservoir::Reservoir;
+pub use gas::volume::{ChamberLaw, Volume};
+pub use gas::wall::Wall;
+pub use mechanics::axis::Axis;
+pub use mechanics::bumper::Bumper;
+pub use mechanics::carriage::Carriage;
+pub use mechanics::coupling::Coupling;
+pub use mechanics::cylinder::{Cylinder, OtherCylinder};
+pub use mechanics::damper::Meets;
+pub(crate) use mechanics::end_stops::Follows;
+pub use mechanics::end_stops::{Covers, EndStops};
+pub use mechanics::face::Face;
+pub use mechanics::formula_force::FormulaForce;
+pub use mechanics::link::Link;
+pub use mechanics::lock::Lock;
+pub use mechanics::magnet::Magnet;
+pub use mechanics::motor::Motor;
+pub use mechanics::shock_absorber::ShockAbsorber;
+pub use mechanics::spring::Spring;
+pub use mechanics::table_force::{Along, TableForce};
+pub use valves::latch::Latch;
+pub use valves::poppet::Poppet;
+pub use valves::regulator::Regulator;
+pub use valves::second_order::SecondOrder;
+pub use valves::signal::{Armature, Held, Spool, SpoolLeak};
 
 /// The owner of a state, which gives its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -315,7 +281,7 @@ pub trait Part<P: Real> {
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
         for (path, ends) in self.paths().iter().enumerate() {
-            path::post(net, *ends, self.flow(path, net));
+            flow::path::post(net, *ends, self.flow(path, net));
         }
     }
     /// Fifth phase: the rates of its states.
@@ -332,7 +298,7 @@ pub trait Part<P: Real> {
     }
     /// The part's balances.
     fn channels(&self) -> Vec<(&'static str, Kind)> {
-        self.paths().iter().flat_map(|_| path::CHANNELS).collect()
+        self.paths().iter().flat_map(|_| flow::path::CHANNELS).collect()
     }
     /// Whether its balances are constant in the present state.
     fn rests(&self) -> bool {
@@ -340,9 +306,9 @@ pub trait Part<P: Real> {
     }
     /// Computes the rates of the balances. `dy` are the rates of the states.
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let own = out.chunks_exact_mut(path::CHANNELS.len());
+        let own = out.chunks_exact_mut(flow::path::CHANNELS.len());
         for ((path, ends), own) in self.paths().iter().enumerate().zip(own) {
-            path::throttling(net, *ends, self.flow(path, net), common, own);
+            flow::path::throttling(net, *ends, self.flow(path, net), common, own);
         }
     }
     /// Sets the part's states to the given start of its nodes. It is called with unknown volumes in `net`, then with

@@ -1,6 +1,6 @@
 //! Output of a session: samples, impacts, balances, and error messages.
 
-use crate::assembly::glances::Glances;
+use crate::assembly::evaluate::glances::Glances;
 use crate::assembly::{Assembly, Session};
 use crate::circuit::{Circuit, Lacking, Scarce};
 use crate::impacts::{Impact, Impacts};

@@ -88,6 +88,8 @@ pub fn control_tune<'py>(
 
 /// Causality, name, unit, meaning and start value of a variable of exported code.
 type ExportedVariable = (&'static str, String, String, String, f64);
+/// Name and text of a source file.
+type SourceFile = (String, String);
 
 /// Returns source files of a controller in a language, `"c"` or `"st"`: names and texts. Then the variables of the code, in the
 /// order of inputs, parameters, outputs. The file headers contain `about`.
@@ -97,7 +99,7 @@ pub fn control_export(
     setup: &str,
     language: &str,
     about: &str,
-) -> PyResult<(Vec<(String, String)>, Vec<ExportedVariable>)> {
+) -> PyResult<(Vec<SourceFile>, Vec<ExportedVariable>)> {
     let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
     let deviation = Encoder::from(setup.position).deviation();
     let (controller, _) = controller(&spec, deviation).map_err(to_python)?;

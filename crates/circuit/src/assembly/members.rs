@@ -1,11 +1,11 @@
 //! Circuits of one topology that differ in numbers. The topology is analysed once, and each member sets its numbers.
 
 use super::drive::{CYLINDER, Drive, Wired, components};
+use super::evaluate::shoot::{DIRECTIONS, Sensitive};
 use super::friction::{contact, meta, with_values};
 use super::gas::gas;
 use super::network::Network;
 use super::numbers::{place, refuse, split, unfit};
-use super::shoot::{DIRECTIONS, Sensitive};
 use super::variables::Assembly;
 use super::wiring::{Joints, wire};
 use crate::component::{Instance, check};

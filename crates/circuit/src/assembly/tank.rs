@@ -1,5 +1,5 @@
+use super::evaluate::shoot::{Shooting, Shot, shoot};
 use super::gas;
-use super::shoot::{Shooting, Shot, shoot};
 use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use super::wiring::{self, Joint, Joints};
 use crate::component::{Acts, Instance, Node};

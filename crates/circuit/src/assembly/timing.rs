@@ -3,7 +3,7 @@
 
 use super::session::Session;
 use crate::circuit::Circuit;
-use crate::part::{InputId, PartId, signal};
+use crate::part::{InputId, PartId, valves::signal};
 use math::Lane;
 
 /// Timing of a command.

@@ -166,7 +166,7 @@ impl<R: Lane> Circuit<R> {
         let friction = friction.map(|contact| contact.surrounded(self.common.ambient_temperature));
         let inertia = friction.as_ref().map_or(R::zero(), Contact::inertia);
         let inverse_mass = R::one() / (mass + inertia);
-        let largest_scales = friction.as_ref().map_or(Vec::new(), axis::largest_scales);
+        let largest_scales = friction.as_ref().map_or(Vec::new(), mechanics::axis::largest_scales);
         let part = Axis {
             mass,
             inertia,

@@ -6,7 +6,7 @@ pub(crate) mod glance;
 
 use super::{Circuit, GasId};
 use crate::net::{AxisNode, GasNode};
-use crate::part::restriction::passing;
+use crate::part::flow::restriction::passing;
 use crate::part::*;
 use math::{Both, Dual, Lane, Over, Real, Work};
 use ode::Dense;

@@ -6,7 +6,7 @@ use crate::circuit::AxisId;
 use crate::component::{
     Brings, Build, Component, Instance, Kind, Row, Stroke, Symbol, Terminals, axis, count, join,
 };
-use crate::part::axis::largest_scales;
+use crate::part::mechanics::axis::largest_scales;
 use crate::run::Error;
 use crate::table;
 use math::Lane;

@@ -4,7 +4,7 @@ use super::dynamics::{Factor, Places, Rates, forms};
 use super::{Geometry, MOST, Mechanism, MechanismKind};
 use crate::ledger::Kind;
 use crate::net::Net;
-use crate::part::axis::{GAUSS, at};
+use crate::part::mechanics::axis::{GAUSS, at};
 use crate::part::{Common, Given, Input, Of, Own, OwnMut, Part, State};
 use math::{Lane, MOST_ARGUMENTS, Map, Over, Real};
 use ode::Accepted;

@@ -1,6 +1,6 @@
 //! Parts of other crates, stored as objects: a circuit uses only their trait.
 
-use super::path::Between;
+use super::flow::path::Between;
 use super::{Common, Given, Input, Own, OwnMut, Part, State};
 use crate::ledger::Kind;
 use crate::net::Net;

@@ -1,6 +1,7 @@
 use super::{
     AnyLaw, At, Direction, Dwell, Heating, InnerState, Levels, Position, Relaxation, SealLips, SideLoad,
-    Wear, dwell, relaxation, temperature, wear,
+    Wear,
+    modifiers::{dwell, relaxation, temperature, wear},
 };
 use math::{Lane, Over, Real};
 

@@ -2,7 +2,7 @@
 
 use super::super::{AxisId, Circuit, GasId};
 use super::Chambers;
-use crate::part::cylinder::INNER;
+use crate::part::mechanics::cylinder::INNER;
 use math::Both;
 
 /// Position, velocity, acceleration, friction, end stop force towards -x. Then pressure, temperature and net mass flow

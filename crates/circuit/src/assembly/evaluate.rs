@@ -1,0 +1,6 @@
+//! Evaluations of a circuit along given states.
+
+pub(crate) mod along;
+pub(crate) mod foresight;
+pub(crate) mod glances;
+pub(crate) mod shoot;

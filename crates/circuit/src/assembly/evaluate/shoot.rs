@@ -1,0 +1,371 @@
+//! Several runs of an assembly, each from its own start, with derivatives, for multiple shooting.
+
+use crate::assembly::drive::{Drive, Wired};
+use crate::assembly::driven::later;
+use crate::assembly::session::Session;
+use crate::assembly::variables::{Assembly, Starting};
+use crate::circuit::Circuit;
+use crate::jobs::run_jobs;
+use crate::lifted::{Lifted, seeds};
+use crate::net::Net;
+use crate::run::{Error, Look, budget};
+use crate::specification;
+use math::{Dual, Lane};
+use ode::{Options, Output, System};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Number of derivatives of one pass.
+pub const DIRECTIONS: usize = 8;
+pub(in crate::assembly) type Sensitive = Dual<f64, DIRECTIONS>;
+
+/// Start values to differentiate by.
+#[derive(Clone, Debug)]
+pub enum ByStart {
+    /// No start value.
+    None,
+    /// Every start value.
+    All,
+    /// These start values, by index in [`Drive::start_names`].
+    Of(Vec<usize>),
+}
+
+impl From<bool> for ByStart {
+    fn from(all: bool) -> Self {
+        if all { ByStart::All } else { ByStart::None }
+    }
+}
+
+impl ByStart {
+    fn places(&self, states: usize) -> Result<Vec<usize>, Error> {
+        match self {
+            ByStart::None => Ok(Vec::new()),
+            ByStart::All => Ok((0..states).collect()),
+            ByStart::Of(places) => match places.iter().find(|&&place| place >= states) {
+                Some(place) => refuse(format!("a start has {states} numbers; there is no number {place}")),
+                None => Ok(places.clone()),
+            },
+        }
+    }
+}
+
+/// A request: segments of a record, each from its own start.
+#[derive(Clone, Debug)]
+pub struct Shooting {
+    /// The command is constant from each of these times, s, to the next.
+    pub times: Vec<f64>,
+    /// The command from each of these times on, in the unit of the first input.
+    pub commands: Vec<f64>,
+    /// s, increasing; the first is the start of the first segment, the last the end of the last one.
+    pub sample_times: Vec<f64>,
+    /// Sample index at which each segment starts.
+    pub starts: Vec<usize>,
+    /// The start of each segment, row by row; see [`Drive::start_names`].
+    pub initial: Vec<f64>,
+    /// Numbers of the description to differentiate by, as paths of its JSON.
+    pub parameters: Vec<String>,
+    /// Differentiate by the starts as well.
+    pub with_initial: ByStart,
+    /// Columns of a run.
+    pub outputs: Vec<String>,
+    /// Relative tolerance of the integrator.
+    pub options: Options,
+    /// Largest number of threads for segments.
+    pub threads: usize,
+}
+
+/// The result; arrays row by row, derivatives last.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    /// (samples, outputs). The outputs of a segment's first sample belong to its start.
+    pub values: Vec<f64>,
+    /// (samples, outputs, directions)
+    pub sensitivities: Vec<f64>,
+    /// (segments, states of a start): the end of each segment.
+    pub ends: Vec<f64>,
+    /// (segments, states, directions)
+    pub end_sensitivities: Vec<f64>,
+    /// Reasons why segments failed. Later numbers of a failed segment are not finite.
+    pub failures: Vec<Option<String>>,
+    /// Number of derivatives of each value.
+    pub directions: usize,
+}
+
+impl Drive {
+    /// Names of the numbers that a run starts from.
+    pub fn start_names(&self) -> Vec<String> {
+        self.assembly().start_names()
+    }
+
+    /// Runs the segments of `asked`, with exact derivatives of the discrete solution. The result does not depend on the
+    /// number of threads. `json` is the description of this drive.
+    pub fn shoot(
+        &self,
+        json: &str,
+        asked: &Shooting,
+        interrupted: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Shot, Error> {
+        let all = All::of(asked, self.assembly())?;
+        if all.directions == 0 {
+            return all.run(std::slice::from_ref(self.assembly()), interrupted);
+        }
+        let seeds = seeds::<specification::Drive>(json, "", &asked.parameters)?;
+        let like = Some(self.circuit()).filter(|circuit| circuit.channels().is_empty());
+        if all.directions == 1 && self.circuit().serves_all() {
+            let own = Wired::<Dual<f64, 1>>::lifted(&Lifted::new(&seeds, 0), false, like);
+            // The checks for unknown numbers and refusals hold for all scalar types.
+            if let Some(own) = own.ok().filter(|own| own.assembly.circuit.serves_all()) {
+                return all.run(&[own.assembly], interrupted);
+            }
+        }
+        let lift = |first| Ok(Wired::lifted(&Lifted::new(&seeds, first), false, like)?.assembly);
+        all.shoot(self.assembly(), || Ok(lift), interrupted)
+    }
+}
+
+/// Runs `plain`, or with derivatives the assembly that `lift` makes for each pass of directions.
+pub(in crate::assembly) fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
+    plain: &Assembly,
+    lift: impl FnOnce() -> Result<F, Error>,
+    asked: &Shooting,
+    interrupted: &mut dyn FnMut(f64) -> bool,
+) -> Result<Shot, Error> {
+    All::of(asked, plain)?.shoot(plain, lift, interrupted)
+}
+
+fn refuse<T>(message: String) -> Result<T, Error> {
+    Err(Error::Specification(message))
+}
+
+fn column(names: &[String], name: &str) -> Result<usize, Error> {
+    match names.iter().position(|column| column == name) {
+        Some(column) => Ok(column),
+        None => refuse(format!("\"{name}\" is not an output; choose one of {}", names.join(", "))),
+    }
+}
+
+/// Number of values of a start, for a valid request.
+fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
+    let increasing = |times: &[f64]| times.windows(2).all(|pair| pair[0] < pair[1]);
+    let n = asked.sample_times.len();
+    if n < 2 || !increasing(&asked.sample_times) {
+        return refuse("sample_times must be two or more increasing times".into());
+    }
+    if asked.times.len() != asked.commands.len() || !increasing(&asked.times) {
+        return refuse("times must increase, and there must be one command for each".into());
+    }
+    if asked.times.first().is_none_or(|&first| first > asked.sample_times[0]) {
+        return refuse(format!("the first command must come at or before {} s", asked.sample_times[0]));
+    }
+    let ordered = asked.starts.windows(2).all(|pair| pair[0] < pair[1]);
+    if asked.starts.first() != Some(&0) || !ordered || asked.starts.last().is_some_and(|&last| last + 1 >= n)
+    {
+        return refuse(format!("starts must be increasing samples from 0 to below {}", n - 1));
+    }
+    let names: Vec<(&String, bool)> = (of.variables.starts.iter())
+        .flat_map(|(of, names)| names.iter().map(|name| (name, matches!(of, Starting::Gas(_)))))
+        .collect();
+    let width = names.len();
+    if asked.initial.len() != asked.starts.len() * width {
+        return refuse(format!(
+            "initial must have {} rows, one for each segment, of {}",
+            asked.starts.len(),
+            of.start_names().join(", ")
+        ));
+    }
+    for (j, row) in asked.initial.chunks_exact(width).enumerate() {
+        for (value, &(name, of_gas)) in row.iter().zip(&names) {
+            if !value.is_finite() || (of_gas && *value <= 0.0) {
+                let rule = if of_gas { "above zero" } else { "finite" };
+                return refuse(format!("initial: {name} = {value} of segment {j} must be {rule}"));
+            }
+        }
+    }
+    Ok(width)
+}
+
+/// All runs of a request.
+pub(in crate::assembly) struct All<'a> {
+    asked: &'a Shooting,
+    columns: Vec<usize>,
+    states: usize,
+    by_start: Vec<usize>,
+    n_parameters: usize,
+    pub directions: usize,
+}
+
+/// One run: the outputs at its samples, and its end state.
+struct Done<P> {
+    rows: Vec<P>,
+    end: Vec<P>,
+    failure: Option<String>,
+}
+
+impl<'a> All<'a> {
+    /// Checked request for an assembly.
+    pub fn of(asked: &'a Shooting, plain: &Assembly) -> Result<Self, Error> {
+        let states = check(asked, plain)?;
+        let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
+        let columns = columns.collect::<Result<Vec<_>, _>>()?;
+        let n_parameters = asked.parameters.len();
+        let by_start = asked.with_initial.places(states)?;
+        let directions = n_parameters + by_start.len();
+        Ok(All { asked, columns, states, by_start, n_parameters, directions })
+    }
+
+    pub fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
+        &self,
+        plain: &Assembly,
+        lift: impl FnOnce() -> Result<F, Error>,
+        interrupted: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Shot, Error> {
+        if self.directions == 0 {
+            return self.run(std::slice::from_ref(plain), interrupted);
+        }
+        let passes = (0..self.directions).step_by(DIRECTIONS).map(lift()?).collect::<Result<Vec<_>, _>>()?;
+        self.run(&passes, interrupted)
+    }
+
+    /// Runs every segment with the assembly of each pass.
+    pub fn run<P: Lane>(
+        &self,
+        drives: &[Assembly<P>],
+        interrupted: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Shot, Error> {
+        let (segments, samples) = (self.asked.starts.len(), self.asked.sample_times.len());
+        let (outputs, directions) = (self.columns.len(), self.directions);
+        let mut shot = Shot {
+            values: vec![f64::NAN; samples * outputs],
+            sensitivities: vec![f64::NAN; samples * outputs * directions],
+            ends: vec![f64::NAN; segments * self.states],
+            end_sensitivities: vec![f64::NAN; segments * self.states * directions],
+            failures: vec![None; segments],
+            directions,
+        };
+        let jobs = segments * drives.len();
+        let of = |job: usize| (job / drives.len(), job % drives.len());
+        let whole = run_jobs(
+            (self.asked.threads, jobs),
+            || (),
+            |(), job, stop| {
+                let (segment, pass) = of(job);
+                self.segment(&drives[pass], segment, pass, stop)
+            },
+            |job, done| {
+                let (segment, pass) = of(job);
+                self.enter(&mut shot, segment, pass, done?);
+                Ok(())
+            },
+            &mut || interrupted(self.asked.sample_times[0]),
+        )?;
+        if !whole {
+            return Err(Error::Interrupted { t: self.asked.sample_times[0] });
+        }
+        Ok(shot)
+    }
+
+    /// The samples of a segment: its start and those before the next one's.
+    fn samples(&self, segment: usize) -> std::ops::Range<usize> {
+        let starts = &self.asked.starts;
+        starts[segment]..starts.get(segment + 1).copied().unwrap_or(self.asked.sample_times.len())
+    }
+
+    fn segment<P: Lane>(
+        &self,
+        drive: &Assembly<P>,
+        segment: usize,
+        pass: usize,
+        stop: &AtomicBool,
+    ) -> Result<Done<P>, Error> {
+        let asked = self.asked;
+        let samples = self.samples(segment);
+        let last = asked.starts.get(segment + 1).copied().unwrap_or(samples.end - 1);
+        let (from, end) = (asked.sample_times[samples.start], asked.sample_times[last]);
+        let row = &asked.initial[segment * self.states..][..self.states];
+        let first = pass * P::DIRECTIONS;
+        let seed = |i: usize, direction: usize| {
+            let of = direction.checked_sub(self.n_parameters).and_then(|k| self.by_start.get(k));
+            f64::from(u8::from(of == Some(&i)))
+        };
+        let start: Vec<P> = (0..self.states)
+            .map(|i| P::from_parts(|part| if part == 0 { row[i] } else { seed(i, first + part - 1) }))
+            .collect();
+        let at = asked.times.partition_point(|&time| time <= from) - 1;
+        let begun = drive.begin(&start, P::c(asked.commands[at]));
+        let mut tracker = Tracker::new(drive, &self.columns, &asked.sample_times[samples], begun.0.work());
+        let commands = asked.times.partition_point(|&time| time < end) - at;
+        let work = budget(end - from, commands, begun.0.n_states());
+        let options = Options { max_attempts: asked.options.max_attempts.min(work), ..asked.options };
+        let mut session = Session::new(drive, from, begun, options);
+        session.plan(0, later(&asked.times, &asked.commands, from, end));
+        let mut stopped = |_| stop.load(Ordering::Relaxed);
+        match session.advance(end, &mut tracker, &mut Look::new(&mut stopped)) {
+            Ok(()) => {
+                tracker.finish(&session);
+                Ok(Done { rows: tracker.rows, end: session.outside(), failure: None })
+            }
+            Err(Error::Stopped(message)) => {
+                Ok(Done { rows: tracker.rows, end: Vec::new(), failure: Some(message) })
+            }
+            Err(other) => Err(other),
+        }
+    }
+
+    /// Writes the result of one pass of one segment.
+    fn enter<P: Lane>(&self, shot: &mut Shot, segment: usize, pass: usize, done: Done<P>) {
+        let first = pass * P::DIRECTIONS;
+        let write = |values: &mut [f64], derivatives: &mut [f64], numbers: &[P]| {
+            for (i, number) in numbers.iter().enumerate() {
+                if pass == 0 {
+                    values[i] = number.get(0);
+                }
+                for direction in first..self.directions.min(first + P::DIRECTIONS) {
+                    derivatives[i * self.directions + direction] = number.part(1 + direction - first);
+                }
+            }
+        };
+        let row = self.samples(segment).start * self.columns.len();
+        write(&mut shot.values[row..], &mut shot.sensitivities[row * self.directions..], &done.rows);
+        let row = segment * self.states;
+        write(&mut shot.ends[row..], &mut shot.end_sensitivities[row * self.directions..], &done.end);
+        shot.failures[segment] = done.failure;
+    }
+}
+
+/// Keeps the outputs at the samples of one segment.
+pub(in crate::assembly) struct Tracker<'a, P> {
+    drive: &'a Assembly<P>,
+    columns: &'a [usize],
+    times: &'a [f64],
+    next: usize,
+    net: Net<P>,
+    row: Vec<P>,
+    rows: Vec<P>,
+}
+
+impl<'a, P: Lane> Tracker<'a, P> {
+    /// Returns these columns at these times, s.
+    pub fn new(drive: &'a Assembly<P>, columns: &'a [usize], times: &'a [f64], net: Net<P>) -> Self {
+        let row = vec![P::zero(); drive.columns().len()];
+        Tracker { drive, columns, times, next: 0, net, row, rows: Vec::new() }
+    }
+
+    /// The remaining samples are due at the end.
+    fn finish(&mut self, session: &Session<P>) {
+        let y = session.settled();
+        while self.next < self.times.len() {
+            self.sample(0, self.times[self.next], &y, session.circuit());
+        }
+    }
+}
+
+impl<P: Lane> Output<P, Circuit<P>> for Tracker<'_, P> {
+    fn due(&self, _lane: usize) -> f64 {
+        self.times.get(self.next).copied().unwrap_or(f64::INFINITY)
+    }
+
+    fn sample(&mut self, _lane: usize, t: f64, y: &[P], circuit: &Circuit<P>) {
+        self.drive.row(circuit, P::c(t), y, &mut self.net, &mut self.row);
+        self.rows.extend(self.columns.iter().map(|&column| self.row[column]));
+        self.next += 1;
+    }
+}

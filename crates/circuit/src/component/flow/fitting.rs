@@ -1,0 +1,54 @@
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::component::{
+    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas,
+    table,
+};
+use math::Lane;
+
+/// A restriction that is open unless its input is set.
+pub struct Fitting;
+
+impl Component for Fitting {
+    const KIND: Kind = Kind {
+        key: "fitting",
+        title: "Fitting, orifice",
+        text: "A flow path by ISO 6358: m_dot = y C p1 rho0 sqrt(T0/T1) phi(p2/p1), in both directions; y is its opening, \
+               1 unless set.",
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), gas("2")],
+        parameters: table! {
+            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+        },
+        open: true,
+        inputs: &[("opening", "1", "share of the full opening")],
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        own.in_series(own.number("conductance"))
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
+        let law = own.path("conductance", build);
+        let edge = build.passage(law, from, to);
+        build.input(own, 0, Acts::On(edge));
+        build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
+    }
+}
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
+        Stroke::Arc([-1.4, 2.0], 1.0, [-55.0, 55.0]),
+        Stroke::Arc([1.4, 2.0], 1.0, [125.0, 235.0]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};

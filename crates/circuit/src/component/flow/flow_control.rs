@@ -1,0 +1,90 @@
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::component::{
+    Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas,
+    table,
+};
+use math::Lane;
+
+/// A one-way flow control: a needle parallel to a check valve.
+pub struct FlowControl;
+
+/// Port 1 is on the valve's side, and port 2 on the cylinder's.
+impl Component for FlowControl {
+    const KIND: Kind = Kind {
+        key: "flow-control",
+        title: "One-way flow control",
+        text: "A needle of conductance C_n in parallel with a check valve of conductance C. Port 1 is the side of the \
+               valve, port 2 that of the cylinder; throttles = out lets gas into the cylinder freely and throttles what \
+               leaves it (meter-out).",
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), gas("2")],
+        parameters: table! {
+            needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle at its setting, for air";
+            check_conductance: "m3/(s Pa)", physics::above(0.0), unless "throttles = both", was "conductance",
+                "Sonic conductance C of the check valve, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a fitting of this kind",
+                "Critical pressure ratio b of both paths";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+            cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "a usual spring",
+                "Cracking pressure of the check valve, a difference";
+        },
+        choices: &[Choice {
+            name: "throttles",
+            options: &["out", "in", "both"],
+            meaning: "Throttled direction: gas out of the cylinder, gas into it, or both",
+        }],
+        open: true,
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(valve), Some(cylinder)) = (at.gas(0), at.gas(1)) else { return };
+        let needle = own.path("needle_conductance", build);
+        let needle = Path::of(build.passage(needle, valve, cylinder));
+        let cracking = own.number("cracking_pressure");
+        let free = match own.choices[0] {
+            0 => Some(build.check_valve(own.path("check_conductance", build), cracking, valve, cylinder)),
+            1 => Some(
+                build.check_valve(own.path("check_conductance", build), cracking, cylinder, valve).backward(),
+            ),
+            _ => None,
+        };
+        build.column(own, 0, Quantity::Flow([Some(needle), free]));
+    }
+}
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Dashed(&[[-2.5, 1.0], [-2.5, 5.0], [2.5, 5.0], [2.5, 1.0], [-2.5, 1.0]]),
+        Stroke::Line(&[[0.0, 0.0], [0.0, 1.5], [1.2, 1.5], [1.2, 4.5], [0.0, 4.5], [0.0, 6.0]]),
+        Stroke::Arc([0.1, 3.0], 0.8, [-55.0, 55.0]),
+        Stroke::Arc([2.3, 3.0], 0.8, [125.0, 235.0]),
+        Stroke::Line(&[[0.4, 2.2], [2.0, 3.8]]),
+        Stroke::Head([[2.2, 4.0], [1.7, 3.8], [2.0, 3.5]]),
+    ],
+    when: &[
+        (
+            "out",
+            &[
+                Stroke::Line(&[[0.0, 1.5], [-1.2, 1.5], [-1.2, 2.4]]),
+                Stroke::Line(&[[-1.9, 3.1], [-1.2, 2.4], [-0.5, 3.1]]),
+                Stroke::Arc([-1.2, 3.04], 0.45, [0.0, 360.0]),
+                Stroke::Line(&[[-1.2, 3.49], [-1.2, 4.5], [0.0, 4.5]]),
+            ],
+        ),
+        (
+            "in",
+            &[
+                Stroke::Line(&[[0.0, 4.5], [-1.2, 4.5], [-1.2, 3.6]]),
+                Stroke::Line(&[[-1.9, 2.9], [-1.2, 3.6], [-0.5, 2.9]]),
+                Stroke::Arc([-1.2, 2.96], 0.45, [0.0, 360.0]),
+                Stroke::Line(&[[-1.2, 2.51], [-1.2, 1.5], [0.0, 1.5]]),
+            ],
+        ),
+    ],
+    ports: &[[0.0, 0.0], [0.0, 6.0]],
+};

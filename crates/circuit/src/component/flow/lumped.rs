@@ -1,0 +1,152 @@
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::component::flow::line::{self, LAMINAR_HEAT};
+use crate::component::flow::tube::{self, SYMBOL, Tube, steady};
+use crate::component::{
+    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Row, Terminals, Vessel, gas, table,
+};
+use crate::part::ChamberLaw;
+use crate::run::Error;
+use math::{Deps, Lane, Over, Real};
+use std::f64::consts::PI;
+
+/// A tube as one volume between two flow paths.
+pub struct Lumped;
+
+const PORTS: &[Port] = &[Port { volume: 0.0, ..gas("1") }, Port { volume: 0.0, ..gas("2") }];
+
+/// Parameters of every tube, and of a measured tube.
+const STEADY: [Row; 5] = *table! {
+    length: "m", physics::above(0.0), "Length L";
+    diameter: "m", physics::above(0.0), "Inner diameter d";
+    conductance: "m3/(s Pa)", physics::above(0.0), follows "length and diameter, by an empirical formula (assumed)",
+        "Measured sonic conductance C of the whole tube; without waves";
+    critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "conductance and diameter, by an empirical formula (assumed)",
+        "Measured critical pressure ratio b of the whole tube; without waves";
+    LINEAR_ABOVE;
+};
+
+const WALL: [Row; 2] = *table! {
+    heat_transfer: "W/(m2 K)", physics::at_least(0.0), follows "laminar flow, 3.66 times 0.026 W/(m K) over the diameter (assumed)",
+        "Heat-transfer coefficient to the wall";
+    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
+};
+
+const KIND: Kind =
+    Kind { sources: &["iso6358-2013"], ports: PORTS, open: true, symbol: SYMBOL, ..Kind::PLAIN };
+
+/// Iterations for the halves of a tube. Each leaves less than half of the error.
+const ITERATIONS: usize = 60;
+
+/// Returns sonic conductance and critical pressure ratio of each of two equal paths that have C and b in series. The
+/// series rule of ISO 6358-3 applies, with u = 1 - b of a half:
+///
+///   `C = g C_half,   1 - b = 2 u g^2,   g = (1 - u + u sqrt(2 u))/(1 + u^2)`
+fn halves<P: Real>([conductance, ratio]: [P; 2]) -> [P; 2] {
+    let (one, two) = (P::one(), P::c(2.0));
+    let g = |u: P| (one - u + u * (two * u).sqrt()) / (one + u * u);
+    let left = one - ratio;
+    let u = (0..ITERATIONS).fold(left, |u, _| {
+        let g = g(u);
+        left / (two * g * g)
+    });
+    [conductance / g(u), one - u]
+}
+
+impl Component for Lumped {
+    const KIND: Kind = Kind {
+        key: "tube/lumped",
+        title: "Tube, lumped",
+        text: "The whole volume of the tube with its wall, between two equal flow paths by ISO 6358 that have in series the C \
+               and b of the steady tube; subsonic flow is up to 0.7 % higher. It stores gas and heat, without waves.",
+        parameters: table! {
+            ..STEADY;
+            ..WALL;
+        },
+        outputs: &[
+            ("mass_flow_kg_s", "kg/s", "mass flow from port 1 into the tube"),
+            ("outlet_flow_kg_s", "kg/s", "mass flow out of the tube at port 2"),
+        ],
+        ..KIND
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
+        let (length, diameter) = (own.number("length"), own.number("diameter"));
+        let cell = build.volume(Vessel {
+            law: ChamberLaw::EnergyBalance,
+            dead_volume: P::c(0.25 * PI) * diameter * diameter * length,
+            wall: P::c(PI) * diameter * length,
+            heat_transfer: own.given("heat_transfer").unwrap_or_else(|| P::c(LAMINAR_HEAT) / diameter),
+            wall_temperature: own.given("wall_temperature").unwrap_or(build.ambient[1]),
+        });
+        build.gas_starts(cell, format!("{}.cell", own.name));
+        let half = tube::law(own, halves(steady(own)), build);
+        let edges = [build.passage(half.clone(), from, cell), build.passage(half, cell, to)];
+        for (output, edge) in edges.into_iter().enumerate() {
+            build.column(own, output, Quantity::Flow([Some(Path::of(edge)), None]));
+        }
+    }
+}
+
+/// A tube whose model depends on its length.
+pub struct Auto;
+
+/// Speed of sound for the decision between short and long tubes, m/s: air at 20 degC.
+const SOUND: f64 = 343.2;
+/// Fraction of a wave length below which a tube is short.
+const SHORT: f64 = 0.05;
+
+/// Returns whether waves are negligible up to the bandwidth.
+fn is_short<P: Lane>(own: &Instance<P>) -> bool {
+    own.number("length").get(0) * own.number("bandwidth").get(0) < SHORT * SOUND
+}
+
+impl Component for Auto {
+    const KIND: Kind = Kind {
+        key: "tube/auto",
+        title: "Tube, steady or with waves",
+        text: "A steady tube, kind tube, where L < c/(20 f_max) with c = 343.2 m/s, 0.86 m for 20 Hz; else one with waves, \
+               kind tube/distributed. Each model uses its own keys.",
+        sources: &["modelica-straight-pipe", "iso6358-2013"],
+        parameters: table! {
+            ..STEADY;
+            bandwidth: "Hz", physics::above(0.0), default 20.0, assumed "of a positioning drive",
+                "Frequency f_max up to which the tube must be accurate";
+            cells: "1", physics::within(1.0, 150.0), follows "length and bandwidth", "With waves: number N of lengths with inertia";
+            friction_scale: "1", physics::at_least(0.0), default 1.0, "With waves: factor on the friction of a smooth pipe";
+            loss: "1", physics::at_least(0.0), default 0.0, "With waves: coefficient zeta of local losses, bends included, over the whole tube";
+            viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "of air at 20 degC", "With waves: dynamic viscosity";
+            ..WALL;
+        },
+        discrete: line::Line::KIND.discrete,
+        outputs: line::Line::KIND.outputs,
+        ..KIND
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+        if is_short(own) { Tube::bring(own, port, ambient_temperature) } else { Brings::Nothing }
+    }
+
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        is_short(own).then(|| steady(own))
+    }
+
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        line::Line::check(own)
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>)
+    where
+        Deps: Over<P>,
+    {
+        if !is_short(own) {
+            return line::Line::compose(own, at, build);
+        }
+        let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
+        let edge = build.passage(tube::law(own, steady(own), build), from, to);
+        for output in 0..2 {
+            build.column(own, output, Quantity::Flow([Some(Path::of(edge)), None]));
+        }
+    }
+}

@@ -1,0 +1,67 @@
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::component::{
+    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, table,
+};
+use math::Lane;
+use physics::IdealGas;
+use physics::constants::{RHO_0, T_0};
+use physics::flow::NOZZLE_RATIO;
+use physics::flow::choked_factor;
+use std::f64::consts::PI;
+
+/// A hole of known diameter.
+pub struct Orifice;
+
+impl Component for Orifice {
+    const KIND: Kind = Kind {
+        key: "orifice",
+        title: "Orifice, nozzle",
+        text: "A hole of diameter d and discharge coefficient C_d as a flow path by ISO 6358, in both directions: \
+               C = C_d (pi d^2/4) psi/(rho0 sqrt(R T0)) with psi = sqrt(k) (2/(k + 1))^((k + 1)/(2 (k - 1))) of choked air, \
+               0.199 dm3/(s bar) per mm2 of C_d pi d^2/4.",
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), gas("2")],
+        parameters: table! {
+            diameter: "m", physics::above(0.0), "Diameter d";
+            discharge_coefficient: "1", physics::Bounds { open: true, ..physics::within(0.0, 1.0) }, default 0.8,
+                assumed "of a short hole with sharp edges", "Discharge coefficient C_d in choked flow";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default NOZZLE_RATIO, assumed "of an ideal nozzle",
+                "Critical pressure ratio b";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+        },
+        open: true,
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        own.in_series(conductance(own))
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
+        let law = own.path_of(conductance(own), build);
+        let edge = build.passage(law, from, to);
+        build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
+    }
+}
+
+fn conductance<P: Lane>(own: &Instance<P>) -> P {
+    let (air, diameter) = (IdealGas::air(), own.number("diameter"));
+    let area = P::c(0.25 * PI) * diameter * diameter * own.number("discharge_coefficient");
+    let choked = choked_factor(air.heat_capacity_ratio) / (RHO_0 * (air.gas_constant * T_0).sqrt());
+    area * P::c(choked)
+}
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0]]),
+        Stroke::Line(&[[-1.0, 2.8], [-0.25, 2.0], [-1.0, 1.2]]),
+        Stroke::Line(&[[1.0, 2.8], [0.25, 2.0], [1.0, 1.2]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};

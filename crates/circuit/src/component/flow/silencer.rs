@@ -1,0 +1,60 @@
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::component::{
+    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, exhaust, gas,
+    table,
+};
+use math::Lane;
+
+/// A silencer: a flow path into the ambient air.
+pub struct Silencer;
+
+impl Component for Silencer {
+    const KIND: Kind = Kind {
+        key: "silencer",
+        title: "Silencer",
+        text: "A flow path by ISO 6358 from port 1 into the ambient air; clogging reduces its conductance C.",
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), exhaust("2")],
+        parameters: table! {
+            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the clean silencer, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
+            clogging: "1", physics::Bounds { open_above: true, ..physics::within(0.0, 1.0) }, default 0.0, "Share of C lost by dirt";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+        },
+        open: true,
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow into the ambient air")],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        own.in_series(clogged(own))
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
+        let law = own.path_of(clogged(own), build);
+        let edge = build.passage(law, from, to);
+        build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
+    }
+}
+
+/// Returns the conductance with dirt.
+fn clogged<P: Lane>(own: &Instance<P>) -> P {
+    own.number("conductance") * (P::one() - own.number("clogging"))
+}
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 4.0], [0.0, 3.0]]),
+        Stroke::Line(&[[-0.9, 1.0], [-0.9, 3.0], [0.9, 3.0], [0.9, 1.0], [-0.9, 1.0]]),
+        Stroke::Line(&[[-0.9, 2.5], [0.9, 2.5]]),
+        Stroke::Line(&[[-0.9, 2.0], [0.9, 2.0]]),
+        Stroke::Line(&[[-0.9, 1.5], [0.9, 1.5]]),
+        Stroke::Line(&[[0.0, 1.0], [0.0, 0.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 4.0], [0.0, 0.0]],
+};

@@ -1,0 +1,83 @@
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::component::{
+    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Stroke, Symbol, Terminals, gas, table,
+};
+use math::Lane;
+use physics::flow::{Iso6358, NOZZLE_RATIO};
+use std::f64::consts::PI;
+
+/// A tube without waves: a flow path, and half of its volume at each end.
+pub struct Tube;
+
+impl Component for Tube {
+    const KIND: Kind = Kind {
+        key: "tube",
+        title: "Tube, steady",
+        text: "A flow path by ISO 6358 with C = 0.029 d^2/sqrt(L/d^1.25 + 510) and b = 474 C/d^2 (d and L in m, C in m3/(s Pa); \
+               an empirical formula, assumed), and half of the volume pi d^2 L/4 at each end. It has no waves: for tubes \
+               much shorter than a quarter of the wave length. Smooth-pipe theory at 7 bar gives C some 10 to 15 % higher.",
+        sources: &["iso6358-2013"],
+        ports: &[Port { volume: 0.0, ..gas("1") }, Port { volume: 0.0, ..gas("2") }],
+        parameters: table! {
+            length: "m", physics::above(0.0), "Length L";
+            diameter: "m", physics::above(0.0), "Inner diameter d";
+            conductance: "m3/(s Pa)", physics::above(0.0), follows "length and diameter, by an empirical formula (assumed)",
+                "Measured sonic conductance C";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "conductance and diameter, by an empirical formula (assumed)",
+                "Measured critical pressure ratio b";
+            LINEAR_ABOVE;
+        },
+        open: true,
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        let (length, diameter) = (own.number("length"), own.number("diameter"));
+        Brings::Room { volume: P::c(0.125 * PI) * diameter * diameter * length }
+    }
+
+    fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+        Some(steady(own))
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
+        let edge = build.passage(law(own, steady(own), build), from, to);
+        build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
+    }
+}
+
+/// Returns sonic conductance and critical pressure ratio of the whole tube.
+pub(in crate::component) fn steady<P: Lane>(own: &Instance<P>) -> [P; 2] {
+    let (length, diameter) = (own.number("length"), own.number("diameter"));
+    let square = diameter * diameter;
+    let conductance = own
+        .given("conductance")
+        .unwrap_or_else(|| P::c(0.029) * square / (length / diameter.pow(P::c(1.25)) + P::c(510.0)).sqrt());
+    let ratio = own
+        .given("critical_pressure_ratio")
+        .unwrap_or_else(|| (P::c(474.0) * conductance / square).min(P::c(NOZZLE_RATIO)));
+    [conductance, ratio]
+}
+
+pub(in crate::component) fn law<P: Lane>(
+    own: &Instance<P>,
+    [conductance, ratio]: [P; 2],
+    build: &Build<P>,
+) -> Iso6358<P> {
+    let above = own.number("linear_above");
+    Iso6358::for_gas(conductance, ratio, P::c(0.5), above, true, &build.gas, build.is_air)
+}
+
+pub(in crate::component) const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Dot([0.0, 0.0], 0.2),
+        Stroke::Arc([1.5, 2.0], 2.5, [126.87, 233.13]),
+        Stroke::Dot([0.0, 4.0], 0.2),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 4.0]],
+};

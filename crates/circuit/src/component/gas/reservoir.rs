@@ -1,0 +1,46 @@
+use crate::assembly::Quantity;
+use crate::component::{
+    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Stroke, Symbol, Terminals, gas, table,
+};
+use math::Lane;
+
+/// Gas of constant pressure and temperature.
+pub struct Reservoir;
+
+impl Component for Reservoir {
+    const KIND: Kind = Kind {
+        key: "reservoir",
+        title: "Reservoir",
+        text: "An unlimited amount of gas at constant pressure and temperature: a mains, an open room.",
+        ports: &[Port { holds: Holds::Pressure, ..gas("1") }],
+        parameters: table! {
+            pressure: "Pa abs", physics::above(0.0), "Pressure";
+            temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature";
+        },
+        inputs: &[("pressure_pa", "Pa", "absolute pressure"), ("temperature_k", "K", "temperature")],
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow out of the reservoir")],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, _port: usize, ambient_temperature: P) -> Brings<P> {
+        let temperature = own.given("temperature").unwrap_or(ambient_temperature);
+        Brings::Reservoir { pressure: own.number("pressure"), temperature }
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let Some(node) = at.gas(0) else { return };
+        build.input(own, 0, Acts::Pressure(node));
+        build.input(own, 1, Acts::Temperature(node));
+        build.column(own, 0, Quantity::OutOf(node));
+    }
+}
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Triangle([[0.0, 1.6], [-1.0, 0.0], [1.0, 0.0]]),
+        Stroke::Line(&[[0.0, 1.6], [0.0, 3.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 3.0]],
+};

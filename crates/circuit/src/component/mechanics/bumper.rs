@@ -1,0 +1,102 @@
+use crate::assembly::Quantity;
+use crate::circuit::AxisId;
+use crate::component::{Build, Choice, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
+use crate::part::{Bumper as Elastomer, Meets};
+use math::{Lane, Real};
+
+/// An elastomer bumper that a mass hits.
+pub struct Bumper;
+
+/// Side of an axis on which a contact is placed.
+pub(in crate::component) const SIDE: Choice = Choice {
+    name: "side",
+    options: &["b", "a"],
+    meaning: "Side: b is met in +x, like the end of chamber b, a in -x",
+};
+
+/// Returns the position of contact of a component with a position and a side.
+pub(in crate::component) fn meets<P: Lane>(
+    own: &Instance<P>,
+    axis: AxisId,
+    build: &mut Build<P>,
+) -> Meets<P> {
+    let position = own.number("position");
+    build.met.push((own.name.clone(), position, axis));
+    Meets { position, ahead: own.chosen(SIDE.name) == Some("b"), axis: axis.index() }
+}
+
+/// Newton steps. Each at least halves the distance, and convergence is quadratic in the end.
+const STEPS: usize = 40;
+
+/// Returns the product y of damping and impact speed for which a contact F = k d^n (1 + lambda d') has the coefficient
+/// of restitution e. From m v dv = -F dd on both ways,
+///
+///   `y (1 + e) = ln((1 + y)/(1 - e y)),   or   y = g(y) = (1 - (1 + y) exp(-(1 + e) y))/e`
+///
+/// independent of k, n and m. To the right of the root, g is concave. Newton's method converges to the root from 1/e.
+fn damped<P: Real>(e: P) -> P {
+    let (one, a) = (P::one(), P::one() + e);
+    (0..STEPS).fold(one / e, |y, _| {
+        let decay = (-a * y).exp() / e;
+        let over = one / e - (one + y) * decay - y;
+        let slope = (a * (one + y) - one) * decay - one;
+        y - over / slope
+    })
+}
+
+impl Component for Bumper {
+    const KIND: Kind = Kind {
+        key: "bumper",
+        title: "Elastomer bumper",
+        text: "An elastomer at position x_0 that the mass runs into, by Hunt and Crossley: F = F_r (d/d_r)^n (1 + lambda d'), \
+               never pulling. lambda follows from the restitution: speed of a free mass after impact over its speed before.",
+        ports: &[axis("1", false)],
+        parameters: table! {
+            position: "m", physics::any(), "Position x_0 of first contact";
+            rated_force: "N", physics::above(0.0), "Static force F_r at the depth d_r";
+            rated_depth: "m", physics::above(0.0), "Depth d_r";
+            exponent: "1", physics::at_least(1.0), default 1.5, assumed "of a round body", "Exponent n";
+            restitution: "1", physics::between(0.0, 1.0), default 0.5, assumed "of a usual elastomer",
+                "Speed after a free impact over speed before it";
+            impact_speed: "m/s", physics::above(0.0), default 0.5, assumed "a usual speed of impact",
+                "Speed of impact for this ratio; a faster impact returns less";
+        },
+        choices: &[SIDE],
+        outputs: &[("force_n", "N", "force, positive where it pushes towards -x")],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let Some(axis) = at.axis(0) else { return };
+        let meets = meets(own, axis, build);
+        let part = build.circuit.add(Elastomer {
+            rated_force: own.number("rated_force"),
+            rated_depth: own.number("rated_depth"),
+            exponent: own.number("exponent"),
+            damping: damped(own.number("restitution")) / own.number("impact_speed"),
+            meets,
+        });
+        build.column(own, 0, Quantity::Force(part));
+    }
+}
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 1.0], [1.0, 1.0]]),
+        Stroke::Line(&[[1.0, 0.2], [1.0, 1.8]]),
+        Stroke::Arc([2.9, 1.0], 0.8, [90.0, 270.0]),
+        Stroke::Line(&[[2.9, 0.0], [2.9, 2.0]]),
+        Stroke::Line(&[[2.9, 1.9], [3.4, 1.4]]),
+        Stroke::Line(&[[2.9, 1.3], [3.4, 0.8]]),
+        Stroke::Line(&[[2.9, 0.7], [3.4, 0.2]]),
+    ],
+    when: MET_FROM,
+    ports: &[[0.0, 1.0]],
+};
+
+/// Returns the direction of contact for the side of the bumper.
+pub(in crate::component) const MET_FROM: &[(&str, &[Stroke])] = &[
+    ("b", &[Stroke::Line(&[[0.0, 2.6], [1.2, 2.6]]), Stroke::Head([[1.8, 2.6], [1.1, 2.85], [1.1, 2.35]])]),
+    ("a", &[Stroke::Line(&[[1.8, 2.6], [0.6, 2.6]]), Stroke::Head([[0.0, 2.6], [0.7, 2.85], [0.7, 2.35]])]),
+];

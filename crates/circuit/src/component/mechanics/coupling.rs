@@ -1,0 +1,67 @@
+use crate::assembly::Quantity;
+use crate::component::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
+use crate::part::Coupling as Play;
+use math::Lane;
+use physics::mechanics::EndStop;
+
+/// A coupling of two masses, with or without play.
+pub struct Coupling;
+
+impl Component for Coupling {
+    const KIND: Kind = Kind {
+        key: "coupling",
+        title: "Coupling",
+        text: "A spring and a damper between two masses, with play g. Beyond the play, on either side, F = k d + c d' \
+               min(d/d_c, 1), d = |x_1 - x_2| - g/2; it never pulls back into the play. Without play F = k (x_1 - x_2) + c (v_1 - v_2).",
+        ports: &[axis("1", false), axis("2", false)],
+        parameters: table! {
+            stiffness: "N/m", physics::above(0.0), "Stiffness k";
+            damping: "N s/m", physics::at_least(0.0), default 0.0, "Damping c";
+            play: "m", physics::at_least(0.0), default 0.0, "Play g between both sides";
+            damping_depth: "m", physics::above(0.0), default 1e-4, assumed "a modelling parameter", only "play",
+                "Depth d_c at which the damper acts fully, if there is play";
+        },
+        outputs: &[("force_n", "N", "force in +x on the mass at port 2")],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(from), Some(to)) = (at.axis(0), at.axis(1)) else { return };
+        let [stiffness, damping, play] = ["stiffness", "damping", "play"].map(|key| own.number(key));
+        build.coupled.push(([from, to], play));
+        let part = if play.get(0) > 0.0 || own.is_free("play") {
+            let law = EndStop { stiffness, damping, damping_depth: own.number("damping_depth") };
+            build.circuit.add(Play { play, law, from: from.index(), to: to.index() })
+        } else {
+            build.circuit.link(from, to, stiffness, damping)
+        };
+        build.column(own, 0, Quantity::Force(part));
+    }
+}
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 2.0], [1.0, 2.0]]),
+        Stroke::Line(&[[1.0, 0.8], [1.0, 3.2]]),
+        Stroke::Line(&[
+            [1.0, 3.0],
+            [1.7, 3.0],
+            [1.95, 3.5],
+            [2.45, 2.5],
+            [2.95, 3.5],
+            [3.45, 2.5],
+            [3.95, 3.5],
+            [4.2, 3.0],
+            [5.0, 3.0],
+        ]),
+        Stroke::Line(&[[1.0, 1.2], [2.6, 1.2]]),
+        Stroke::Line(&[[2.6, 0.7], [2.6, 1.7]]),
+        Stroke::Line(&[[2.2, 1.8], [3.6, 1.8], [3.6, 0.6], [2.2, 0.6]]),
+        Stroke::Line(&[[3.6, 1.2], [5.0, 1.2]]),
+        Stroke::Line(&[[5.0, 0.8], [5.0, 3.2]]),
+        Stroke::Line(&[[5.0, 2.0], [6.0, 2.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 2.0], [6.0, 2.0]],
+};

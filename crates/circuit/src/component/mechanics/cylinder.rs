@@ -1,0 +1,682 @@
+use crate::assembly::Quantity;
+use crate::assembly::end_stop::{Driven, ends};
+use crate::assembly::leak::leak;
+use crate::circuit::{AxisId, GasId, PistonSide};
+use crate::component::{
+    Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, Row, SUBSONIC_INDEX,
+    Stroke, Symbol, Terminals, Variable, Vessel, WALL, axis, chamber, count, exhaust, join, table,
+};
+use crate::part::{ChamberLaw, Cushion};
+use crate::run::Error;
+use math::Lane;
+use physics::flow::{BORE_CONDUCTANCE, Iso6358};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Cylinders with two chambers. The port of a chamber has no separate volume, because the dead volume includes it.
+const PORTS: &[Port] = &[chamber("a"), chamber("b"), axis("rod", true)];
+
+/// Parameters of every cylinder.
+const PARAMETERS: &[Row] = table! {
+    bore: "m", physics::above(0.0), "Bore D";
+    rod_diameter: "m", physics::at_least(0.0), default 0.0, "Diameter of the rod d";
+    stroke: "m", physics::above(0.0), "Stroke";
+    dead_volume_a: "m3", physics::above(0.0), "Volume of chamber a at x = 0, port and line included";
+    dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
+    moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
+    incline: "rad", physics::within(-FRAC_PI_2, FRAC_PI_2), default 0.0, "Incline of the axis; positive: x points up";
+    heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
+        "Heat-transfer coefficient to the wall";
+    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", only "heat_transfer",
+        "Temperature of the wall; its start if the wall stores heat";
+    ..WALL;
+    leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
+    end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a sensible run never reaches a cover",
+        "Stiffness of the end stops";
+    end_stop_damping: "N s/m", physics::at_least(0.0), follows "the stiffness of the end stop",
+        "Damping of the end stops";
+    end_stop_damping_depth: "m", physics::above(0.0), follows "the dead volumes",
+        "Depth from which the damper acts fully";
+};
+
+/// Returns the parameters of the cushion at an end, by their keys.
+macro_rules! cushion_rows {
+    ($table:literal, [$length:ident, $plunger_diameter:ident, $needle_conductance:ident, $port_volume:ident, $check_conductance:ident, $cracking_pressure:ident, $bore_conductance:ident, $critical_pressure_ratio:ident, $transition:ident $(,)?]) => {
+        table! {
+            $length: "m", physics::above(0.0), within $table,
+                    "Distance from the end at which the plunger enters its bore";
+            $plunger_diameter: "m", physics::above(0.0), within $table,
+                    "Diameter of the plunger";
+            $needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within $table,
+                    "Sonic conductance of the needle at its setting, for air";
+            $port_volume: "m3", physics::above(0.0), within $table,
+                    "Volume of port and line behind the bore with the plunger all the way in; the dead volume is then that of the chamber alone";
+            $check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "of a lip seal of this size", within $table,
+                    "Sonic conductance of the check valve that lets gas from the port into the chamber";
+            $cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "of a lip seal", within $table,
+                    "Cracking pressure of the check valve, a difference";
+            $bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within $table,
+                    "Sonic conductance of the bore without the plunger";
+            $critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a needle", within $table,
+                    "Critical pressure ratio of needle, check valve and bore";
+            $transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within $table,
+                    "Distance over which the bore shuts";
+        }
+    };
+}
+
+const CUSHION_A: &[Row] = cushion_rows!(
+    "cushion_a",
+    [
+        cushion_a_length,
+        cushion_a_plunger_diameter,
+        cushion_a_needle_conductance,
+        cushion_a_port_volume,
+        cushion_a_check_conductance,
+        cushion_a_cracking_pressure,
+        cushion_a_bore_conductance,
+        cushion_a_critical_pressure_ratio,
+        cushion_a_transition,
+    ]
+);
+const CUSHION_B: &[Row] = cushion_rows!(
+    "cushion_b",
+    [
+        cushion_b_length,
+        cushion_b_plunger_diameter,
+        cushion_b_needle_conductance,
+        cushion_b_port_volume,
+        cushion_b_check_conductance,
+        cushion_b_cracking_pressure,
+        cushion_b_bore_conductance,
+        cushion_b_critical_pressure_ratio,
+        cushion_b_transition,
+    ]
+);
+
+const OUTPUTS: &[Variable] = &[
+    ("position_m", "m", "position"),
+    ("velocity_m_s", "m/s", "velocity"),
+    ("acceleration_m_s2", "m/s2", "acceleration"),
+    ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
+    ("end_stop_force_n", "N", "force of the end stops, positive where it pushes towards -x"),
+    ("a.pressure_pa", "Pa", "absolute pressure in chamber a"),
+    ("a.temperature_k", "K", "temperature in chamber a"),
+    ("a.mass_flow_kg_s", "kg/s", "mass flow into chamber a"),
+    ("b.pressure_pa", "Pa", "absolute pressure in chamber b"),
+    ("b.temperature_k", "K", "temperature in chamber b"),
+    ("b.mass_flow_kg_s", "kg/s", "mass flow into chamber b"),
+];
+
+const KIND: Kind = Kind {
+    key: "",
+    title: "",
+    text: "Two chambers of gas, each with its balance of mass and energy, a piston with friction between them, and end \
+           stops. x grows from chamber a's end to chamber b's.",
+    sources: &["bejan2016"],
+    ports: PORTS,
+    parameters: table! {
+        ..PARAMETERS;
+        ..CUSHION_A;
+        ..CUSHION_B;
+    },
+    choices: &[Choice {
+        name: "chamber_law",
+        options: &["energy-balance", "as-printed"],
+        meaning: "Balance of the chambers; as-printed breaks it and is for reproducing the source paper only",
+    }],
+    friction: true,
+    needs_friction: true,
+    inputs: &[("load_force_n", "N", "external force in +x")],
+    outputs: OUTPUTS,
+    ..Kind::PLAIN
+};
+
+fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {
+    if own.choices[0] == 0 { ChamberLaw::EnergyBalance } else { ChamberLaw::AsPrinted }
+}
+
+/// Returns whether an end has a cushion.
+fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
+    let is_length = |key: &str| {
+        key.strip_prefix("cushion_").and_then(|key| key.strip_suffix("_length")).is_some_and(|of| of == end)
+    };
+    let rows = own.kind().parameters.iter().zip(&own.numbers);
+    rows.into_iter().any(|(row, number)| number.is_some() && is_length(row.key))
+}
+
+/// Returns the volume at the port of a chamber: the chamber itself, or the volume behind its cushion.
+fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> Brings<P> {
+    let behind = || own.number(&format!("cushion_{end}_port_volume"));
+    let volume = if cushioned(own, end) { behind() } else { dead_volume(own, end) };
+    Brings::Volume(vessel(own, volume, ambient_temperature))
+}
+
+/// Returns the dead volume of the chamber at an end, m3.
+fn dead_volume<P: Lane>(own: &Instance<P>, end: &str) -> P {
+    let mut each = own.kind().parameters.iter().zip(&own.numbers);
+    let own = each.find(|(row, _)| row.key.strip_prefix("dead_volume_") == Some(end));
+    own.and_then(|(_, number)| *number).expect("a number that was checked")
+}
+
+/// Adds a chamber with this dead volume, m3.
+fn vessel<P: Lane>(own: &Instance<P>, dead_volume: P, ambient_temperature: P) -> Vessel<P> {
+    // A wall that stores heat gives the heat itself.
+    let by_wall = own.given("wall_capacity").is_some();
+    Vessel {
+        law: chamber_law(own),
+        dead_volume,
+        wall: P::zero(),
+        heat_transfer: if by_wall { P::zero() } else { own.number("heat_transfer") },
+        wall_temperature: own.given("wall_temperature").unwrap_or(ambient_temperature),
+    }
+}
+
+fn bring_rod<P: Lane>(own: &Instance<P>) -> Brings<P> {
+    Brings::Mass {
+        mass: own.number("moving_mass"),
+        incline: Some(own.number("incline")),
+        force: P::zero(),
+        friction: own.friction.clone(),
+    }
+}
+
+fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
+    let (bore, rod) = (own.number("bore"), own.number("rod_diameter"));
+    let refuse = |message: String| Err(Error::Specification(message));
+    if chamber_law(own) == ChamberLaw::AsPrinted && own.given("wall_capacity").is_some() {
+        return refuse(format!(
+            "{}: chamber law \"as-printed\" does not support a wall that stores heat",
+            own.name
+        ));
+    }
+    if own.friction.is_none() {
+        return refuse(format!("{}: a cylinder needs a friction table", own.name));
+    }
+    match (has_rod, rod) {
+        (false, rod) if rod != 0.0 => {
+            refuse(format!("{}.rod_diameter = {rod} m: a rodless cylinder has no rod", own.name))
+        }
+        (true, 0.0) => {
+            refuse(format!("{}.rod_diameter is missing: this kind of cylinder has a rod", own.name))
+        }
+        (true, rod) if rod >= bore => {
+            refuse(format!("{}.rod_diameter = {rod} m must be less than the bore, {bore} m", own.name))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Returns the area of the plunger at an end, m2.
+fn plunger<P: Lane>(own: &Instance<P>, end: &str) -> P {
+    let diameter = own.number(&format!("cushion_{end}_plunger_diameter"));
+    P::c(0.25 * PI) * diameter * diameter
+}
+
+fn check_cushions(own: &Instance<f64>) -> Result<(), Error> {
+    check_cushion(own, "a")?;
+    check_cushion(own, "b")?;
+    if !(cushioned(own, "a") && cushioned(own, "b")) {
+        return Ok(());
+    }
+    let [a, b, stroke] = ["cushion_a_length", "cushion_b_length", "stroke"].map(|key| own.number(key));
+    if a + b > stroke {
+        return Err(Error::Specification(format!(
+            "{}.cushion_b_length = {b} m overlaps {}.cushion_a_length = {a} m: together they must not be longer than the \
+             stroke, {stroke} m",
+            own.name, own.name
+        )));
+    }
+    Ok(())
+}
+
+fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error> {
+    if !cushioned(own, end) {
+        return Ok(());
+    }
+    let number = |key: &str| own.number(&format!("cushion_{end}_{key}"));
+    let refuse = |message: String| Err(Error::Specification(message));
+    let (diameter, bore) = (number("plunger_diameter"), own.number("bore"));
+    let (length, stroke) = (number("length"), own.number("stroke"));
+    if diameter >= bore {
+        return refuse(format!(
+            "{}.cushion_{end}_plunger_diameter = {diameter} m must be less than the bore, {bore} m",
+            own.name
+        ));
+    }
+    if length >= stroke {
+        return refuse(format!(
+            "{}.cushion_{end}_length = {length} m must be less than the stroke, {stroke} m",
+            own.name
+        ));
+    }
+    if chamber_law(own) == ChamberLaw::AsPrinted {
+        return refuse(format!("{}: chamber law \"as-printed\" does not support a cushion", own.name));
+    }
+    Ok(())
+}
+
+/// Returns the chamber at an end with this port. With a cushion, it is a separate volume with paths to the port.
+fn cushion<P: Lane>(
+    own: &Instance<P>,
+    end: &str,
+    (port, axis): (GasId, AxisId),
+    build: &mut Build<P>,
+) -> GasId {
+    if !cushioned(own, end) {
+        return port;
+    }
+    let chamber = build.volume(vessel(own, dead_volume(own, end), build.ambient[1]));
+    build.circuit.starts_as(chamber, port);
+    build.circuit.call_gas(chamber, format!("{}.{end}.", own.name));
+    build.circuit.call_gas(port, format!("{}.{end}.port_", own.name));
+    let key = |key: &str| format!("cushion_{end}_{key}");
+    let number = |name: &str| own.number(&key(name));
+    let area = plunger(own, end);
+    let law = |conductance: P, build: &Build<P>| {
+        let (b, linear) = (number("critical_pressure_ratio"), P::c(physics::flow::LINEAR_ABOVE));
+        Iso6358::for_gas(conductance, b, P::c(0.5), linear, true, &build.gas, build.is_air)
+    };
+    for way in ["needle_conductance", "check_conductance"] {
+        let conductance = number(way);
+        if conductance.get(0) == 0.0 && !own.is_free(&key(way)) {
+            continue;
+        }
+        let law = law(conductance, build);
+        if way == "needle_conductance" {
+            build.passage(law, chamber, port);
+        } else {
+            build.check_valve(law, number("cracking_pressure"), port, chamber);
+        }
+    }
+    let conductance = own.given(&key("bore_conductance")).unwrap_or(P::c(BORE_CONDUCTANCE) * area);
+    let grows = end == "a";
+    let part = Cushion {
+        area,
+        length: number("length"),
+        transition: number("transition"),
+        offset: if grows { P::zero() } else { own.number("stroke") },
+        bore: law(conductance, build),
+        axis: axis.index(),
+        grows,
+        path: build.circuit.between(chamber, port),
+    };
+    build.flow_part(part, &[conductance]);
+    let columns =
+        [("port_pressure_pa", Quantity::Pressure(port)), ("port_mass_flow_kg_s", Quantity::MassFlow(port))];
+    for (name, quantity) in columns {
+        build.columns.push((format!("{}.{end}.{name}", own.name), quantity));
+    }
+    chamber
+}
+
+/// Returns the volume that an end stop may use, m3. This is the dead volume, or a smaller volume that keeps the plunger
+/// inside its cushion.
+fn room<P: Lane>(own: &Instance<P>, end: &str, area: P) -> P {
+    let chamber = dead_volume(own, end);
+    if !cushioned(own, end) {
+        return chamber;
+    }
+    let behind = own.number(&format!("cushion_{end}_port_volume"));
+    chamber.min(behind / plunger(own, end) * area)
+}
+
+/// A chamber of a cylinder.
+struct Chamber {
+    gas: GasId,
+    /// Letter of the chamber, as in the key of its dead volume.
+    name: &'static str,
+    /// Whether it grows with x.
+    grows: bool,
+    has_rod: bool,
+}
+
+impl Chamber {
+    fn new(gas: GasId, name: &'static str, has_rod: bool) -> Self {
+        Chamber { gas, name, grows: name.starts_with('a'), has_rod }
+    }
+}
+
+/// Returns the pressurised area in one direction, and the part of the volume that an end stop may use, m3.
+fn one_side<P: Lane>(
+    own: &Instance<P>,
+    chambers: &[Chamber],
+    sides: &[PistonSide<P>],
+    grows: bool,
+) -> (PistonSide<P>, P) {
+    let each = chambers.iter().zip(sides).filter(|(chamber, _)| chamber.grows == grows);
+    let each = each.map(|(chamber, side)| (*side, room(own, chamber.name, side.area)));
+    let both = each.reduce(|(sum, dead), (side, other)| {
+        let area = sum.area + side.area;
+        (PistonSide { area, ..sum }, (dead / sum.area).min(other / side.area) * area)
+    });
+    both.expect("a chamber on either side")
+}
+
+/// Adds faces, end stops, leaks and columns of a cylinder. Each pair of chambers has a piston in between. Gas leaves
+/// each chamber through at most `widest` m3/(s Pa).
+fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, widest: P, build: &mut Build<P>) {
+    let (bore, stroke, rod) = (own.number("bore"), own.number("stroke"), own.number("rod_diameter"));
+    let mut sides: Vec<_> = chambers
+        .iter()
+        .map(|own| PistonSide::of_bore(bore, if own.has_rod { rod } else { P::zero() }))
+        .collect();
+    if chamber_law(own) == ChamberLaw::AsPrinted {
+        // The source prints pi (D x + 0.25 D^3). The second term does not have the dimension of an area.
+        for side in &mut sides {
+            (side.perimeter, side.end_wall) = (P::c(PI) * bore, P::c(0.25 * PI) * (bore * bore * bore));
+        }
+    }
+    for (chamber, side) in chambers.iter().zip(&sides) {
+        build.circuit.face(chamber.gas, axis, chamber.grows, stroke, *side);
+    }
+    let both = [true, false].map(|grows| one_side(own, chambers, &sides, grows));
+    let (sides, dead_volumes) = (both.map(|(side, _)| side), both.map(|(_, dead)| dead));
+    let spring = build
+        .springs
+        .iter()
+        .filter(|(of, ..)| *of == axis)
+        .fold(P::zero(), |sum, (_, k, rest)| sum + *k * rest.abs().max((stroke - *rest).abs()));
+    let (mass, force) = build.masses[axis.index()];
+    let ends = ends(&Driven {
+        sides: &sides,
+        dead_volumes,
+        mass,
+        stroke,
+        incline: own.number("incline"),
+        supply_pressure: build.highest.unwrap_or(build.ambient[0]),
+        hottest: build.hottest,
+        forces: [force, spring],
+        gas_constant: build.gas.gas_constant,
+        conductance: widest * P::c(0.5 * chambers.len() as f64),
+        given: ["end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth"].map(|key| own.given(key)),
+    });
+    build.circuit.end_stops(axis, ends.stop.clone(), stroke);
+    if let Some(follows) = &ends.follows {
+        build.circuit.stops_follow(axis, follows.clone());
+    }
+    if let Some(covers) = &ends.covers {
+        build.circuit.covers(axis, covers.clone());
+    }
+    let areas = sides.map(|side| side.area);
+    build.pistons.push(Piston { axis, name: own.name.clone(), stroke, ends, areas, dead_volumes });
+    let leakage = own.number("leakage");
+    if leakage.get(0) != 0.0 || own.is_free("leakage") {
+        for pair in chambers.chunks(2) {
+            let law = leak(leakage, &build.gas, build.is_air);
+            build.passage(law, pair[0].gas, pair[1].gas);
+        }
+    }
+    if own.given("wall_capacity").is_some() {
+        let gas: Vec<GasId> = chambers.iter().map(|chamber| chamber.gas).collect();
+        build.wall(own, &gas);
+    }
+    build.input(own, 0, Acts::Force(axis));
+    build.motion(own, axis);
+    build.column(own, 4, Quantity::EndStop(axis));
+    let each = chambers.iter().map(|chamber| chamber.gas);
+    let quantities =
+        each.flat_map(|gas| [Quantity::Pressure(gas), Quantity::Temperature(gas), Quantity::MassFlow(gas)]);
+    for (output, quantity) in quantities.enumerate() {
+        build.column(own, 5 + output, quantity);
+    }
+    build.inner_states(own, axis);
+}
+
+/// Draws the barrel with an opening for the rod on the right.
+const BARREL: Stroke =
+    Stroke::Line(&[[12.0, 2.3], [12.0, 4.0], [0.0, 4.0], [0.0, 0.0], [12.0, 0.0], [12.0, 1.7]]);
+const PISTON: Stroke = Stroke::Line(&[[3.0, 0.0], [3.0, 4.0], [3.8, 4.0], [3.8, 0.0]]);
+const PORT_A: Stroke = Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]);
+const PORT_B: Stroke = Stroke::Line(&[[11.0, 0.0], [11.0, -1.0]]);
+const ROD: Stroke = Stroke::Line(&[[3.8, 2.3], [15.0, 2.3], [15.0, 1.7], [3.8, 1.7]]);
+/// Draws cushions at the piston, with an arrow if they are adjustable.
+const CUSHIONS: &[(&str, &[Stroke])] = &[
+    (
+        "cushion_a_length",
+        &[
+            Stroke::Line(&[[2.2, 1.4], [2.2, 2.6], [3.0, 2.6], [3.0, 1.4], [2.2, 1.4]]),
+            Stroke::Line(&[[2.0, 0.6], [4.9, 3.5]]),
+            Stroke::Head([[5.2, 3.8], [4.65, 3.55], [4.95, 3.25]]),
+        ],
+    ),
+    (
+        "cushion_b_length",
+        &[
+            Stroke::Line(&[[3.8, 1.4], [4.6, 1.4], [4.6, 2.6], [3.8, 2.6]]),
+            Stroke::Line(&[[2.0, 0.6], [4.9, 3.5]]),
+            Stroke::Head([[5.2, 3.8], [4.65, 3.55], [4.95, 3.25]]),
+        ],
+    ),
+];
+
+const SINGLE_ROD: Symbol = Symbol {
+    strokes: &[BARREL, PISTON, PORT_A, PORT_B, ROD],
+    when: CUSHIONS,
+    ports: &[[1.0, -1.0], [11.0, -1.0], [15.0, 2.0]],
+};
+const THROUGH_ROD: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 2.3], [0.0, 4.0], [12.0, 4.0], [12.0, 2.3]]),
+        Stroke::Line(&[[0.0, 1.7], [0.0, 0.0], [12.0, 0.0], [12.0, 1.7]]),
+        PISTON,
+        PORT_A,
+        PORT_B,
+        ROD,
+        Stroke::Line(&[[3.0, 2.3], [-3.0, 2.3], [-3.0, 1.7], [3.0, 1.7]]),
+    ],
+    ..SINGLE_ROD
+};
+const RODLESS: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0], [12.0, 4.0], [12.0, 0.0], [0.0, 0.0]]),
+        PISTON,
+        PORT_A,
+        PORT_B,
+        // Draws the carriage.
+        Stroke::Line(&[[1.0, 4.5], [1.0, 6.0], [5.0, 6.0], [5.0, 4.5], [1.0, 4.5]]),
+        Stroke::Line(&[[3.4, 4.0], [3.4, 4.5]]),
+    ],
+    ports: &[[1.0, -1.0], [11.0, -1.0], [3.0, 6.0]],
+    ..SINGLE_ROD
+};
+
+const TANDEM: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[16.0, 2.3], [16.0, 4.0], [0.0, 4.0], [0.0, 0.0], [16.0, 0.0], [16.0, 1.7]]),
+        Stroke::Line(&[[8.0, 0.0], [8.0, 1.7]]),
+        Stroke::Line(&[[8.0, 2.3], [8.0, 4.0]]),
+        Stroke::Line(&[[2.4, 0.0], [2.4, 4.0], [3.2, 4.0], [3.2, 0.0]]),
+        Stroke::Line(&[[10.4, 0.0], [10.4, 4.0], [11.2, 4.0], [11.2, 0.0]]),
+        Stroke::Line(&[[3.2, 2.3], [10.4, 2.3]]),
+        Stroke::Line(&[[3.2, 1.7], [10.4, 1.7]]),
+        Stroke::Line(&[[11.2, 2.3], [19.0, 2.3], [19.0, 1.7], [11.2, 1.7]]),
+        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
+        Stroke::Line(&[[7.0, 0.0], [7.0, -1.0]]),
+        Stroke::Line(&[[9.0, 0.0], [9.0, -1.0]]),
+        Stroke::Line(&[[15.0, 0.0], [15.0, -1.0]]),
+    ],
+    when: &[],
+    ports: &[[1.0, -1.0], [7.0, -1.0], [9.0, -1.0], [15.0, -1.0], [19.0, 2.0]],
+};
+
+macro_rules! cylinder {
+    ($(#[$attribute:meta])* $name:ident = $key:literal, $title:literal, rods $rods:expr, $symbol:expr) => {
+        $(#[$attribute])*
+        pub struct $name;
+
+        impl Component for $name {
+            const KIND: Kind = Kind { key: $key, title: $title, symbol: $symbol, ..KIND };
+
+            fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+                match port {
+                    0 => bring_port(own, "a", ambient_temperature),
+                    1 => bring_port(own, "b", ambient_temperature),
+                    _ => bring_rod(own),
+                }
+            }
+
+            fn check(own: &Instance<f64>) -> Result<(), Error> {
+                check(own, $rods != [false; 2])?;
+                check_cushions(own)
+            }
+
+            fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+                let (Some(a), Some(b), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
+                let widest = build.widest(a).max(build.widest(b));
+                let [a, b] = [(a, "a"), (b, "b")].map(|(port, end)| cushion(own, end, (port, axis), build));
+                let [rod_a, rod_b] = $rods;
+                let chambers = [Chamber::new(a, "a", rod_a), Chamber::new(b, "b", rod_b)];
+                compose(own, &chambers, axis, widest, build);
+            }
+        }
+    };
+}
+
+cylinder! {
+    /// A cylinder without a rod on either side.
+    Rodless = "cylinder/rodless", "Rodless cylinder", rods [false, false], RODLESS
+}
+cylinder! {
+    /// A cylinder with a rod on both sides.
+    ThroughRod = "cylinder/through-rod", "Cylinder with a through rod", rods [true, true], THROUGH_ROD
+}
+cylinder! {
+    /// A cylinder with a rod on the side of chamber b.
+    SingleRod = "cylinder/single-rod", "Cylinder with a rod on the side of chamber b", rods [false, true], SINGLE_ROD
+}
+
+/// Pressure in chamber a pushes the rod out, and a spring in chamber b pushes it back.
+pub struct SingleActing;
+
+impl Component for SingleActing {
+    const KIND: Kind = Kind {
+        key: "cylinder/single-acting",
+        title: "Single-acting cylinder with a spring",
+        symbol: Symbol {
+            strokes: &[
+                BARREL,
+                PISTON,
+                PORT_A,
+                PORT_B,
+                ROD,
+                Stroke::Line(&[
+                    [3.8, 3.2],
+                    [4.6, 3.8],
+                    [5.8, 2.6],
+                    [7.0, 3.8],
+                    [8.2, 2.6],
+                    [9.4, 3.8],
+                    [10.6, 2.6],
+                    [11.4, 3.8],
+                    [12.0, 3.2],
+                ]),
+            ],
+            when: &[],
+            ..SINGLE_ROD
+        },
+        text: "A cylinder with a rod on the side of chamber b that pressure in chamber a drives out, and a spring in \
+               chamber b, F = F_0 + k x towards chamber a, drives back. Chamber b breathes through a hole in its cover.",
+        sources: &["bejan2016", "iso6358-2013"],
+        ports: &[chamber("a"), exhaust("exhaust"), axis("rod", true)],
+        parameters: table! {
+        ..PARAMETERS;
+            spring_stiffness: "N/m", physics::above(0.0), "Stiffness k of the spring";
+            spring_preload: "N", physics::at_least(0.0), "Force F_0 of the spring at x = 0";
+            breather_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the breather, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a hole with a filter",
+                "Critical pressure ratio b of the breather";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+        },
+        ..KIND
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+        match port {
+            0 => Brings::Volume(vessel(own, dead_volume(own, "a"), ambient_temperature)),
+            1 => Brings::Nothing,
+            _ => bring_rod(own),
+        }
+    }
+
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        check(own, true)
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(a), Some(around), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
+        let b = build.volume(vessel(own, dead_volume(own, "b"), build.ambient[1]));
+        build.gas_starts(b, format_args!("{}.b", own.name));
+        build.passage(own.path("breather_conductance", build), b, around);
+        let stiffness = own.number("spring_stiffness");
+        build.spring(axis, stiffness, -own.number("spring_preload") / stiffness);
+        let widest = build.widest(a).max(build.widest(b));
+        let chambers = [Chamber::new(a, "a", false), Chamber::new(b, "b", true)];
+        compose(own, &chambers, axis, widest, build);
+    }
+}
+
+const SECOND_PAIR: &[Variable] = &[
+    ("a2.pressure_pa", "Pa", "absolute pressure in chamber a2"),
+    ("a2.temperature_k", "K", "temperature in chamber a2"),
+    ("a2.mass_flow_kg_s", "kg/s", "mass flow into chamber a2"),
+    ("b2.pressure_pa", "Pa", "absolute pressure in chamber b2"),
+    ("b2.temperature_k", "K", "temperature in chamber b2"),
+    ("b2.mass_flow_kg_s", "kg/s", "mass flow into chamber b2"),
+];
+
+/// Two pistons on one rod.
+pub struct Tandem;
+
+impl Component for Tandem {
+    const KIND: Kind = Kind {
+        key: "cylinder/tandem",
+        title: "Tandem cylinder",
+        symbol: TANDEM,
+        text: "Two pistons on one rod, in two barrels in a row with a wall between them. Chambers a and a2 drive the rod \
+               out, b and b2 drive it in; the rod goes through all of them but a. Friction that follows pressure takes \
+               those of a2 and b2.",
+        sources: &["bejan2016"],
+        ports: &[chamber("a"), chamber("b"), chamber("a2"), chamber("b2"), axis("rod", true)],
+        parameters: table! {
+            ..PARAMETERS;
+            dead_volume_a2: "m3", physics::above(0.0), "Volume of chamber a2 at x = 0, port and line included";
+            dead_volume_b2: "m3", physics::above(0.0), "Volume of chamber b2 at the end of the stroke, port and line included";
+        },
+        outputs: {
+            const ALL: [Variable; count(&[OUTPUTS, SECOND_PAIR])] = join(&[OUTPUTS, SECOND_PAIR]);
+            &ALL
+        },
+        ..KIND
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+        match port {
+            0..4 => {
+                let key = ["dead_volume_a", "dead_volume_b", "dead_volume_a2", "dead_volume_b2"][port];
+                Brings::Volume(vessel(own, own.number(key), ambient_temperature))
+            }
+            _ => bring_rod(own),
+        }
+    }
+
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        check(own, true)
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(a), Some(b), Some(a2), Some(b2), Some(axis)) =
+            (at.gas(0), at.gas(1), at.gas(2), at.gas(3), at.axis(4))
+        else {
+            return;
+        };
+        let widest = [a, b, a2, b2].into_iter().fold(P::zero(), |most, gas| build.widest(gas).max(most));
+        let chambers = [
+            Chamber::new(a, "a", false),
+            Chamber::new(b, "b", true),
+            Chamber::new(a2, "a2", true),
+            Chamber::new(b2, "b2", true),
+        ];
+        compose(own, &chambers, axis, widest, build);
+    }
+}

@@ -1,0 +1,133 @@
+use crate::component::mechanics::table_force::{CURVE, POSITION, curve};
+use crate::component::{
+    Brings, Build, Choice, Component, Extra, Instance, Kind, Stroke, Symbol, Terminals, axis, table,
+};
+use math::Lane;
+use physics::Parameter;
+use physics::mechanics::Inertia;
+
+const KIND: Kind = Kind { ports: &[axis("1", false)], ..Kind::PLAIN };
+
+fn moves<P: Lane>(law: Inertia<P>, at: &Terminals, build: &mut Build<P>) {
+    let Some(axis) = at.axis(0) else { return };
+    build.masses[axis.index()].0 += law.usual();
+    build.circuit.moves(axis, law);
+}
+
+/// A mass whose value depends on the position of an axis, from a table.
+pub struct Table;
+
+impl Component for Table {
+    const KIND: Kind = Kind {
+        key: "inertia/table",
+        title: "Position-dependent mass",
+        text: "A mechanism coupled to a mass M by a ratio that depends on its position x, as a mass m(x) beside M: (M + m) x'' + m' x'^2/2 = F, \
+               so energy is conserved. m is given at points; beyond them it is constant. Weight is not \
+               included: add it as a force/position.",
+        sources: &["fritsch1984"],
+        symbol: CURVE,
+        extra: Extra::points(&[
+            POSITION,
+            Parameter {
+                key: "mass",
+                unit: "kg",
+                bounds: physics::at_least(0.0),
+                default: None,
+                meaning: "Mass m there",
+            },
+        ]),
+        choices: &[Choice {
+            name: "shape",
+            options: &["smooth", "straight"],
+            meaning: "A smooth curve without overshoot between the points, or straight lines, at whose corners the force jumps",
+        }],
+        ..KIND
+    };
+
+    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Along
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        moves(Inertia::Table(curve(own, own.choices[0] == 0)), at, build);
+    }
+}
+
+/// A lever with a slot.
+pub struct Lever;
+
+impl Component for Lever {
+    const KIND: Kind = Kind {
+        key: "inertia/lever",
+        title: "Lever with a slot",
+        text: "A lever that a pin on the mass turns, in a slot: tan(phi) = s/h, s = x - x_0. It moves as a mass \
+               m = J h^2/(h^2 + s^2)^2 beside M: (M + m) x'' + m' x'^2/2 = F. Without weight.",
+        parameters: table! {
+            moment_of_inertia: "kg m2", physics::above(0.0), "Moment of inertia J about its pivot";
+            distance: "m", physics::above(0.0), "Distance h of the pivot from the axis of the pin";
+            centre: "m", physics::any(), "Position x_0 at which it is perpendicular to the axis";
+        },
+        symbol: Symbol {
+            strokes: &[
+                Stroke::Line(&[[0.0, 2.0], [2.0, 2.0]]),
+                Stroke::Dot([2.0, 2.0], 0.2),
+                Stroke::Line(&[[2.5, 0.7], [1.75, 2.6], [2.0, 2.7], [2.75, 0.8]]),
+                Stroke::Arc([2.6, 0.4], 0.4, [0.0, 360.0]),
+                Stroke::Line(&[[1.6, 0.0], [3.6, 0.0]]),
+            ],
+            when: &[],
+            ports: &[[0.0, 2.0]],
+        },
+        ..KIND
+    };
+
+    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Along
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let [inertia, distance, centre] =
+            ["moment_of_inertia", "distance", "centre"].map(|key| own.number(key));
+        moves(Inertia::Lever { inertia, distance, centre }, at, build);
+    }
+}
+
+/// A toggle of two links.
+pub struct Toggle;
+
+impl Component for Toggle {
+    const KIND: Kind = Kind {
+        key: "inertia/toggle",
+        title: "Toggle",
+        text: "Two links of length l whose knee the mass moves: stretched at x_0, they draw a slide of mass W along by \
+               2 (l - sqrt(l^2 - s^2)), s = x - x_0. It moves as a mass m = 4 W s^2/(l^2 - s^2) beside M: \
+               (M + m) x'' + m' x'^2/2 = F. Without weight.",
+        parameters: table! {
+            mass: "kg", physics::above(0.0), "Mass W of the slide";
+            link_length: "m", physics::above(0.0), "Length l of each link";
+            centre: "m", physics::any(), "Position x_0 at which the links are stretched";
+        },
+        symbol: Symbol {
+            strokes: &[
+                Stroke::Line(&[[0.0, 2.0], [1.6, 2.0]]),
+                Stroke::Line(&[[2.4, 0.7], [1.6, 2.0], [2.4, 3.3]]),
+                Stroke::Dot([1.6, 2.0], 0.2),
+                Stroke::Arc([2.4, 0.35], 0.35, [0.0, 360.0]),
+                Stroke::Line(&[[1.4, 0.0], [3.4, 0.0]]),
+                Stroke::Line(&[[1.8, 3.3], [3.0, 3.3], [3.0, 4.0], [1.8, 4.0], [1.8, 3.3]]),
+            ],
+            when: &[],
+            ports: &[[0.0, 2.0]],
+        },
+        ..KIND
+    };
+
+    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Along
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let [mass, link, centre] = ["mass", "link_length", "centre"].map(|key| own.number(key));
+        moves(Inertia::Toggle { mass, link, centre }, at, build);
+    }
+}

@@ -1,0 +1,60 @@
+use crate::component::{
+    Acts, Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table,
+};
+use math::Lane;
+use std::f64::consts::FRAC_PI_2;
+
+/// A mass on a separate line.
+pub struct Slide;
+
+impl Component for Slide {
+    const KIND: Kind = Kind {
+        key: "slide",
+        title: "Slide",
+        text: "A mass with its own axis, with optional friction, moved by a coupling or by an impact.",
+        ports: &[axis("1", false)],
+        parameters: table! {
+            mass: "kg", physics::above(0.0), "Mass";
+            incline: "rad", physics::within(-FRAC_PI_2, FRAC_PI_2), default 0.0, "Incline of the axis; positive: x points up";
+        },
+        friction: true,
+        inputs: &[("load_force_n", "N", "external force in +x")],
+        outputs: &[
+            ("position_m", "m", "position"),
+            ("velocity_m_s", "m/s", "velocity"),
+            ("acceleration_m_s2", "m/s2", "acceleration"),
+            ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
+        ],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn bring<P: Lane>(own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Mass {
+            mass: own.number("mass"),
+            incline: Some(own.number("incline")),
+            force: P::zero(),
+            friction: own.friction.clone(),
+        }
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let Some(axis) = at.axis(0) else { return };
+        build.input(own, 0, Acts::Force(axis));
+        build.motion(own, axis);
+        build.inner_states(own, axis);
+    }
+}
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Line(&[[0.0, 2.0], [1.0, 2.0]]),
+        Stroke::Line(&[[1.0, 0.7], [1.0, 3.3], [5.0, 3.3], [5.0, 0.7], [1.0, 0.7]]),
+        Stroke::Text([3.0, 2.0], "m"),
+        Stroke::Arc([2.0, 0.35], 0.35, [0.0, 360.0]),
+        Stroke::Arc([4.0, 0.35], 0.35, [0.0, 360.0]),
+        Stroke::Line(&[[0.3, 0.0], [5.7, 0.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 2.0]],
+};

@@ -1,0 +1,96 @@
+use crate::assembly::Quantity;
+use crate::circuit::Path;
+use crate::component::{
+    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, table,
+};
+use crate::part::Latch;
+use crate::run::Error;
+use math::Lane;
+
+/// A valve that first fills a system slowly.
+pub struct SoftStart;
+
+impl Component for SoftStart {
+    const KIND: Kind = Kind {
+        key: "soft-start",
+        title: "Soft-start valve",
+        text: "A needle of conductance C_n from port 1 to port 2 until the gauge pressure at port 2 exceeds a share of that \
+               at port 1, then an open seat of conductance C; it stays open until the pressure at port 1 falls below the \
+               reset pressure, and opens again from 1.2 times that on.",
+        sources: &["iso6358-2013"],
+        ports: &[gas("1"), gas("2")],
+        parameters: table! {
+            needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle at its setting, for air";
+            conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open valve, for air";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a valve of this kind",
+                "Critical pressure ratio b";
+            opening_share: "1", physics::between(0.0, 1.0), default 0.5, assumed "of a valve of this kind",
+                "Share of the inlet's gauge pressure above which it opens";
+            reset_pressure: "Pa abs", physics::above(0.0), default 2.5e5, assumed "of a valve of this kind",
+                "Pressure at the inlet below which it shuts";
+            SUBSONIC_INDEX;
+            LINEAR_ABOVE;
+        },
+        open: true,
+        outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
+        symbol: SYMBOL,
+        ..Kind::PLAIN
+    };
+
+    fn check(own: &Instance<f64>) -> Result<(), Error> {
+        let [needle, open] = ["needle_conductance", "conductance"].map(|key| own.number(key));
+        if needle > open {
+            return Err(Error::Specification(format!(
+                "{}.needle_conductance = {needle} m3/(s Pa) is above {}.conductance = {open} m3/(s Pa): the open valve \
+                 lets more through than its needle",
+                own.name, own.name
+            )));
+        }
+        Ok(())
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
+        let law = own.path("conductance", build);
+        let conductance = law.conductance;
+        let latch = Latch {
+            needle_share: own.number("needle_conductance") / conductance,
+            opening_share: own.number("opening_share"),
+            reset_pressure: own.number("reset_pressure"),
+            ambient_pressure: build.ambient[0],
+            mode: P::zero(),
+            law,
+            path: build.circuit.between(from, to),
+        };
+        let part = build.flow_part(latch, &[conductance]);
+        build.column(own, 0, Quantity::Flow([Some(Path::along(part, 0)), None]));
+    }
+}
+
+const SYMBOL: Symbol = Symbol {
+    strokes: &[
+        Stroke::Dashed(&[[-5.0, 1.0], [-5.0, 8.0], [5.0, 8.0], [5.0, 1.0], [-5.0, 1.0]]),
+        Stroke::Line(&[[0.0, 0.0], [0.0, 2.0], [2.0, 2.0], [2.0, 3.0]]),
+        Stroke::Line(&[[2.0, 5.0], [2.0, 7.0], [0.0, 7.0], [0.0, 9.0]]),
+        Stroke::Dot([0.0, 2.0], 0.2),
+        Stroke::Dot([0.0, 7.0], 0.2),
+        Stroke::Dot([2.0, 6.0], 0.2),
+        Stroke::Line(&[[0.0, 2.0], [-3.0, 2.0], [-3.0, 7.0], [0.0, 7.0]]),
+        Stroke::Arc([-4.1, 4.5], 0.8, [-55.0, 55.0]),
+        Stroke::Arc([-1.9, 4.5], 0.8, [125.0, 235.0]),
+        Stroke::Line(&[[-3.8, 3.7], [-2.4, 5.1]]),
+        Stroke::Head([[-2.1, 5.4], [-2.65, 5.2], [-2.3, 4.85]]),
+        Stroke::Line(&[[-1.0, 3.0], [-1.0, 5.0], [3.0, 5.0], [3.0, 3.0], [-1.0, 3.0]]),
+        Stroke::Line(&[[1.0, 3.0], [1.0, 5.0]]),
+        Stroke::Line(&[[0.0, 3.0], [0.0, 5.0]]),
+        Stroke::Head([[0.0, 5.0], [-0.3, 4.3], [0.3, 4.3]]),
+        Stroke::Line(&[[2.0, 3.0], [2.0, 3.5]]),
+        Stroke::Line(&[[1.75, 3.5], [2.25, 3.5]]),
+        Stroke::Line(&[[2.0, 5.0], [2.0, 4.5]]),
+        Stroke::Line(&[[1.75, 4.5], [2.25, 4.5]]),
+        Stroke::Line(&[[3.0, 4.0], [3.1, 4.4], [3.3, 3.6], [3.5, 4.4], [3.7, 3.6], [3.9, 4.4], [4.0, 4.0]]),
+        Stroke::Dashed(&[[2.0, 6.0], [-1.6, 6.0], [-1.6, 4.0], [-1.0, 4.0]]),
+    ],
+    when: &[],
+    ports: &[[0.0, 0.0], [0.0, 9.0]],
+};

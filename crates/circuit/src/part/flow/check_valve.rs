@@ -1,0 +1,31 @@
+use crate::net::Net;
+use crate::part::Part;
+use crate::part::flow::path::{Between, gathered};
+use math::{Over, Real};
+use physics::flow::Iso6358;
+use std::slice;
+
+gathered! {
+    /// A flow path that opens without a command in one direction. See [`Iso6358::one_way`].
+    pub struct CheckValve {
+        numbers {
+            /// Pressure difference at which it opens, Pa.
+            cracking_pressure,
+        }
+        laws { law: Iso6358 }
+        same { path: Between }
+    }
+}
+
+impl<P: Real> Part<P> for CheckValve<P> {
+    fn paths(&self) -> &[Between] {
+        slice::from_ref(&self.path)
+    }
+
+    #[inline(always)]
+    fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
+        let (one, two) = (&net[self.path.from], &net[self.path.to]);
+        let m_dot = self.law.one_way(S::from(self.cracking_pressure), one.p, one.inverse_sqrt_t, two.p);
+        (m_dot, m_dot.lt(S::zero())) // never backward
+    }
+}

@@ -1,0 +1,37 @@
+use crate::net::Net;
+use crate::part::Part;
+use crate::part::flow::path::{Between, gathered};
+use math::{Over, Real};
+use physics::flow::{Iso6358, opened};
+use std::slice;
+
+gathered! {
+    /// An edge of a valve that opens with a position:
+    ///
+    ///   `s = clip(offset + slope x, 0, 1) + leak`
+    ///
+    /// * `x`: position of the spool or the armature, a signal.
+    /// * `leak`: leaking fraction of the conductance, a signal, if there is leakage.
+    pub struct Edge {
+        numbers { offset, slope }
+        laws { law: Iso6358 }
+        same { signal: usize, leak: Option<usize>, path: Between }
+    }
+}
+
+impl<P: Real> Part<P> for Edge<P> {
+    fn paths(&self) -> &[Between] {
+        slice::from_ref(&self.path)
+    }
+
+    #[inline(always)]
+    fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
+        let (one, two) = (&net[self.path.from], &net[self.path.to]);
+        let x = net.signal[self.signal];
+        let mut share = opened(S::from(self.offset), S::from(self.slope), x);
+        if let Some(leak) = self.leak {
+            share += net.signal[leak];
+        }
+        self.law.flow(share, &one.end(), &two.end())
+    }
+}

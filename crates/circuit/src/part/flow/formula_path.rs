@@ -1,0 +1,42 @@
+use crate::net::Net;
+use crate::part::flow::path::{Between, gathered};
+use crate::part::{Input, Part};
+use math::{Over, Real};
+use physics::flow::FlowFormula;
+use std::slice;
+
+gathered! {
+    /// A flow path whose mass flow is given by a user's formula. See [`FlowFormula`].
+    pub struct FormulaPath {
+        numbers {
+            /// Fraction that a command opens.
+            opening,
+        }
+        laws { law: FlowFormula }
+        same { path: Between }
+    }
+}
+
+impl<P: Real> Part<P> for FormulaPath<P> {
+    fn inputs(&self) -> &'static [Input] {
+        const { &[Input { name: "opening", unit: "1", bounds: physics::within(0.0, 1.0) }] }
+    }
+
+    fn input(&self, _input: usize) -> P {
+        self.opening
+    }
+
+    fn input_mut(&mut self, _input: usize) -> &mut P {
+        &mut self.opening
+    }
+
+    fn paths(&self) -> &[Between] {
+        slice::from_ref(&self.path)
+    }
+
+    fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
+        let (one, two) = (&net[self.path.from], &net[self.path.to]);
+        let m_dot = self.law.mass_flow(S::from(self.opening), [one.p, one.t], [two.p, two.t]);
+        (m_dot, m_dot.lt(S::zero()))
+    }
+}

@@ -1,0 +1,120 @@
+use crate::net::Net;
+use crate::part::flow::path::{Between, post_ideal};
+use crate::part::{Common, Input, Part};
+use math::{Lane, Over, Real};
+use physics::flow::Iso6358;
+use std::slice;
+
+/// A component that throttles the flow between two gas nodes: an edge of a valve, a fitting, a leak.
+#[derive(Clone, Debug)]
+pub struct Restriction<P> {
+    /// The flow at full opening.
+    pub law: Iso6358<P>,
+    /// Opening, 0 to 1: the fraction of the full conductance. An input: it may change at any time.
+    pub opening: P,
+    /// Whether no flow passes in any lane.
+    pub(crate) closed: bool,
+    /// Its ends.
+    pub path: Between,
+}
+
+impl<R: Lane> Restriction<R> {
+    pub(crate) fn gather(each: &[&Restriction<f64>]) -> Self {
+        Restriction {
+            law: Iso6358::gather(&math::field(each, |part| &part.law)),
+            opening: R::of_each(each, |own| own.opening),
+            closed: each.iter().all(|part| part.closed),
+            path: each[0].path,
+        }
+    }
+}
+
+/// Returns the flow with a gain. A restriction may be shut here but open in another lane or on the other side. Its flow
+/// is then exactly zero, even at a trial state whose flow is NaN.
+#[inline(always)]
+pub(crate) fn passing<P: Real, S: Over<P>>(m_dot: S, gain: P) -> S {
+    let is_number = m_dot.abs().lt(S::c(f64::INFINITY));
+    let none = S::select(is_number, m_dot, S::zero());
+    S::select(S::zero().lt(S::from(gain)), m_dot, none)
+}
+
+impl<P: Real> Restriction<P> {
+    /// Gain of its law at its opening.
+    #[inline(always)]
+    pub(crate) fn gain(&self) -> P {
+        self.opening * self.law.gain
+    }
+
+    #[inline(always)]
+    pub(crate) fn pass<S: Over<P>>(&self, net: &mut Net<S>) {
+        post_ideal(net, self.path, self.flow(0, net));
+    }
+}
+
+impl<P: Real> Part<P> for Restriction<P> {
+    fn inputs(&self) -> &'static [Input] {
+        const { &[Input { name: "opening", unit: "1", bounds: physics::within(0.0, 1.0) }] }
+    }
+
+    fn input(&self, _input: usize) -> P {
+        self.opening
+    }
+
+    fn input_mut(&mut self, _input: usize) -> &mut P {
+        &mut self.opening
+    }
+
+    fn paths(&self) -> &[Between] {
+        slice::from_ref(&self.path)
+    }
+
+    #[inline(always)]
+    fn flow<S: Over<P>>(&self, _path: usize, net: &Net<S>) -> (S, S::Mask) {
+        let (one, two) = (&net[self.path.from], &net[self.path.to]);
+        let (one, two) = (one.end(), two.end());
+        let backward = one.p.lt(two.p);
+        let choked = self.law.choked(backward, &one, &two).times(self.gain());
+        let m_dot = choked * self.law.share(backward, &one, &two);
+        (passing(m_dot, self.gain()), backward)
+    }
+
+    /// The circuit handles open restrictions itself.
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, _net: &mut Net<S>, _common: &Common<P>) {}
+
+    fn rests(&self) -> bool {
+        self.closed
+    }
+}
+
+/// A restriction with a real gas. The circuit leaves it to the exchange of the other kinds.
+#[derive(Clone, Debug)]
+pub struct OtherRestriction<P>(pub(crate) Restriction<P>);
+
+impl<R: Lane> OtherRestriction<R> {
+    pub(crate) fn gather(each: &[&OtherRestriction<f64>]) -> Self {
+        OtherRestriction(Restriction::gather(&math::field(each, |part| &part.0)))
+    }
+}
+
+impl<P: Real> Part<P> for OtherRestriction<P> {
+    fn inputs(&self) -> &'static [Input] {
+        self.0.inputs()
+    }
+
+    fn input(&self, input: usize) -> P {
+        self.0.input(input)
+    }
+
+    fn input_mut(&mut self, input: usize) -> &mut P {
+        self.0.input_mut(input)
+    }
+
+    fn paths(&self) -> &[Between] {
+        self.0.paths()
+    }
+
+    fn flow<S: Over<P>>(&self, path: usize, net: &Net<S>) -> (S, S::Mask) {
+        self.0.flow(path, net)
+    }
+}

@@ -1,0 +1,73 @@
+use crate::ledger::Kind;
+use crate::net::Net;
+use crate::part::flow::path::gathered;
+use crate::part::mechanics::damper::Meets;
+use crate::part::{Common, Own, Part, mechanics::damper};
+use math::{Over, Real};
+
+gathered! {
+    /// An elastomer that a mass hits, by Hunt and Crossley:
+    ///
+    ///   `F = F_r (d/d_r)^n (1 + lambda d'),  not below zero                    [N]`
+    ///
+    /// * `d`: depth, from x_0 on in +x or in -x, m.
+    /// * `F_r`: static force at the depth d_r, N.
+    /// * `n`: exponent.
+    /// * `lambda`: damping, in proportion to the static force, s/m.
+    pub struct Bumper {
+        numbers { rated_force, rated_depth, exponent, damping }
+        laws { meets: Meets }
+        same {}
+    }
+}
+
+/// Least effective depth as a fraction of the rated depth. No tolerance resolves its force, and a power of it still has
+/// a slope.
+const LEAST_DEPTH: f64 = 1e-12;
+
+impl<P: Real> Bumper<P> {
+    /// Static force at a depth, N.
+    fn rests<S: Over<P>>(&self, depth: S) -> S {
+        let share = (depth / S::from(self.rated_depth)).max(S::c(LEAST_DEPTH));
+        let force = S::from(self.rated_force) * share.pow(S::from(self.exponent));
+        S::select(S::zero().lt(depth), force, S::zero())
+    }
+
+    /// Force that pushes back, N.
+    fn pushes<S: Over<P>>(&self, (depth, closing): (S, S)) -> S {
+        self.rests(depth) * S::from(self.damping).fma(closing, S::one()).max(S::zero())
+    }
+
+    fn spring_energy<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let (depth, _) = self.meets.contact(net);
+        self.rests(depth) * depth / (S::from(self.exponent) + S::one())
+    }
+}
+
+impl<P: Real> Part<P> for Bumper<P> {
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+        self.meets.force(self.pushes(self.meets.contact(net)))
+    }
+
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        self.meets.push(self.force(net), net);
+    }
+
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+        [S::zero(), self.spring_energy(net), S::zero()]
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        damper::CHANNELS.to_vec()
+    }
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let contact = self.meets.contact(net);
+        damper::account(self.pushes(contact) * contact.1, common, out);
+    }
+
+    fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        damper::standing(self.spring_energy(net), common, out);
+    }
+}

@@ -1,0 +1,65 @@
+use crate::ledger::Kind;
+use crate::net::Net;
+use crate::part::flow::path::gathered;
+use crate::part::{Common, Own, Part, mechanics::damper};
+use math::{Over, Real};
+use physics::mechanics::EndStop;
+
+gathered! {
+    /// A coupling with play between two axes. Within the play the force is zero. Beyond it, on either side, they meet
+    /// as at an end stop.
+    ///
+    ///   F = f(z - g/2, z') - f(-z - g/2, -z'),   z = x_from - x_to          [N], in +x on `to`, -F on `from`
+    pub struct Coupling {
+        numbers {
+            /// Play g between both sides, m.
+            play,
+        }
+        laws { law: EndStop }
+        same { from: usize, to: usize }
+    }
+}
+
+impl<P: Real> Coupling<P> {
+    /// Returns z and its rate.
+    fn apart<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
+        let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
+        (one.x - two.x, one.v - two.v)
+    }
+
+    fn spring_energy<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let depth = (self.apart(net).0.abs() - S::c(0.5) * S::from(self.play)).max(S::zero());
+        S::c(0.5) * S::from(self.law.stiffness) * depth * depth
+    }
+}
+
+impl<P: Real> Part<P> for Coupling<P> {
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let (z, rate) = self.apart(net);
+        let half = S::c(0.5) * S::from(self.play);
+        self.law.force(z - half, rate) - self.law.force(-z - half, -rate)
+    }
+
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        let force = self.force(net);
+        net.axis[self.to].force += force;
+        net.axis[self.from].force -= force;
+    }
+
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+        [S::zero(), self.spring_energy(net), S::zero()]
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        damper::CHANNELS.to_vec()
+    }
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        damper::account(self.force(net) * self.apart(net).1, common, out);
+    }
+
+    fn standing<S: Over<P>>(&self, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        damper::standing(self.spring_energy(net), common, out);
+    }
+}

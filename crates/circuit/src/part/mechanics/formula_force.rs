@@ -1,0 +1,48 @@
+use crate::ledger::Kind;
+use crate::net::Net;
+use crate::part::flow::path::gathered;
+use crate::part::{Common, Input, Own, Part};
+use math::{Over, Real};
+use physics::mechanics::ForceFormula;
+
+gathered! {
+    /// A force on an axis, given by a user's formula. See [`ForceFormula`]. It may store energy or not. All of its work
+    /// is therefore in a balance.
+    pub struct FormulaForce {
+        numbers { command }
+        laws { law: ForceFormula }
+        same { axis: usize }
+    }
+}
+
+impl<P: Real> Part<P> for FormulaForce<P> {
+    fn inputs(&self) -> &'static [Input] {
+        const { &[Input { name: "command", unit: "1", bounds: physics::within(-1.0, 1.0) }] }
+    }
+
+    fn input(&self, _input: usize) -> P {
+        self.command
+    }
+
+    fn input_mut(&mut self, _input: usize) -> &mut P {
+        &mut self.command
+    }
+
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let axis = &net.axis[self.axis];
+        self.law.force(axis.x, axis.v, S::from(self.command))
+    }
+
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        let force = self.force(net);
+        net.axis[self.axis].force += force;
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![("work", Kind::Energy)]
+    }
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, _common: &Common<P>, out: &mut [S]) {
+        out[0] = self.force(net) * net.axis[self.axis].v;
+    }
+}

@@ -1,0 +1,53 @@
+use crate::ledger::Kind;
+use crate::net::Net;
+use crate::part::{Common, Own, Part};
+use math::{Over, Real};
+
+physics::parameters! {
+    /// Spring and damper between two axes, without play: a force sensor, a coupling.
+    ///
+    ///   F = k (x_from - x_to) + c (v_from - v_to)              [N], in +x on `to`, -F on `from`
+    pub struct Link {
+        /// Stiffness k
+        stiffness: "N/m", physics::above(0.0);
+        /// Damping c
+        damping: "N s/m", physics::at_least(0.0), default 0.0;
+    } with {
+        /// Index among the axes of the net
+        from: usize,
+        /// Index among the axes of the net
+        to: usize,
+    }
+}
+
+impl<P: Real> Part<P> for Link<P> {
+    /// Returns the force in +x on `to`, N.
+    #[inline(always)]
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
+        S::from(self.stiffness) * (one.x - two.x) + S::from(self.damping) * (one.v - two.v)
+    }
+
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        let force = self.force(net);
+        net.axis[self.to].force += force;
+        net.axis[self.from].force -= force;
+    }
+
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+        let stretch = net.axis[self.from].x - net.axis[self.to].x;
+        [S::zero(), S::c(0.5) * S::from(self.stiffness) * stretch * stretch, S::zero()]
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)]
+    }
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let speed = net.axis[self.from].v - net.axis[self.to].v;
+        let heat = S::from(self.damping) * speed * speed;
+        out[0] = -heat;
+        out[1] = heat / S::from(common.ambient_temperature);
+    }
+}

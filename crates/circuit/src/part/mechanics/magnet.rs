@@ -1,0 +1,139 @@
+use crate::ledger::Kind;
+use crate::net::Net;
+use crate::part::flow::path::gathered;
+use crate::part::{Common, Own, OwnMut, Part, mechanics::damper};
+use math::{Lane, Over, Real};
+use std::f64::consts::PI;
+
+/// Metres: much less than any step resolves.
+const TOLERANCE: f64 = 1e-9;
+
+gathered! {
+    /// Magnets that couple two axes:
+    ///
+    ///   `F = F_h sin(pi D/L_p) + c D',   D = x_from - x_to                 [N], in +x on to, -F on from`
+    ///
+    /// This holds until |D| reaches L_p/2, where the force is largest. Then the force is zero until |D| is below L_p/4 again.
+    /// Decoupled magnets keep their energy at L_p/4, so that the new coupling neither takes nor gives energy. The
+    /// remaining energy at L_p/2 becomes heat. The energy of an approach decides whether it ends coupled.
+    ///
+    /// * `F_h`: holding force, N.
+    /// * `L_p`: pole pitch, m.
+    /// * `c`: damping, N s/m.
+    pub struct Magnet {
+        numbers {
+            holding_force,
+            pole_pitch,
+            damping,
+            /// One while they are decoupled, zero while they are coupled.
+            mode,
+        }
+        laws {}
+        same {
+            from: usize,
+            to: usize,
+            /// Index of the mode among the signals.
+            signal: usize,
+        }
+    }
+}
+
+impl<P: Real> Magnet<P> {
+    /// Returns D and its rate.
+    fn apart<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
+        let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
+        (one.x - two.x, one.v - two.v)
+    }
+
+    /// F_h L_p/pi (1 - cos(pi D/L_p)), with D = L_p/4 for decoupled magnets.
+    fn energy<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let pitch = S::from(self.pole_pitch);
+        let mode = S::from(self.mode);
+        let apart = self.apart(net).0 * (S::one() - mode) + S::c(0.25) * pitch * mode;
+        let wave = S::c(PI) / pitch;
+        S::from(self.holding_force) / wave * (S::one() - (wave * apart).cos())
+    }
+}
+
+impl<P: Real> Part<P> for Magnet<P> {
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, _y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        net.signal[self.signal] = S::from(self.mode);
+    }
+
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let (apart, rate) = self.apart(net);
+        let angle = S::c(PI) / S::from(self.pole_pitch) * apart;
+        let force = S::from(self.holding_force) * angle.sin() + S::from(self.damping) * rate;
+        S::from(P::one() - self.mode) * force
+    }
+
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        let force = self.force(net);
+        net.axis[self.to].force += force;
+        net.axis[self.from].force -= force;
+    }
+
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+        [S::zero(), self.energy(net), S::zero()]
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        damper::CHANNELS.to_vec()
+    }
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let rate = self.apart(net).1;
+        damper::account(S::from((P::one() - self.mode) * self.damping) * rate * rate, common, out);
+    }
+
+    fn n_events(&self) -> usize {
+        1
+    }
+
+    fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
+        let (apart, pitch) = (self.apart(net).0.abs(), self.pole_pitch);
+        P::select(self.mode.lt(P::c(0.5)), P::c(0.5) * pitch - apart, apart - P::c(0.25) * pitch)
+    }
+
+    fn event_tolerance(&self, _event: usize) -> f64 {
+        TOLERANCE
+    }
+
+    fn mode_mut(&mut self, _event: usize) -> &mut P {
+        &mut self.mode
+    }
+
+    fn switch(
+        &mut self,
+        _event: usize,
+        lane: usize,
+        _y: OwnMut<P>,
+        net: &Net<P>,
+        common: &Common<P>,
+        accounts: &mut [P],
+    ) where
+        P: Lane,
+    {
+        let before = self.energy(net);
+        self.mode.put(lane, 1.0 - self.mode.get(lane));
+        if let [heat, entropy] = accounts {
+            let lost = (before - self.energy(net)).get(lane);
+            heat.put(lane, heat.get(lane) - lost);
+            entropy.put(lane, entropy.get(lane) + lost / common.ambient_temperature.get(lane));
+        }
+    }
+
+    /// They start coupled unless they are too far apart.
+    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>)
+    where
+        P: Lane,
+    {
+        let apart = self.apart(net).0.abs();
+        for lane in 0..P::L {
+            let decoupled = apart.get(lane) >= 0.5 * self.pole_pitch.get(lane);
+            self.mode.put(lane, f64::from(u8::from(decoupled)));
+        }
+    }
+}

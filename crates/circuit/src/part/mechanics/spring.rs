@@ -1,0 +1,29 @@
+use crate::net::Net;
+use crate::part::{Common, Own, Part};
+use math::{Over, Real};
+
+physics::parameters! {
+    /// A spring between an axis and the ground: F = -k (x - x_rest).
+    pub struct Spring {
+        /// Stiffness k
+        stiffness: "N/m", physics::at_least(0.0);
+        /// Position without force
+        rest_position: "m", physics::any(), default 0.0;
+    } with {
+        /// Index among the axes of the net
+        axis: usize,
+    }
+}
+
+impl<P: Real> Part<P> for Spring<P> {
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        let node = &mut net.axis[self.axis];
+        node.force -= S::from(self.stiffness) * (node.x - S::from(self.rest_position));
+    }
+
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+        let stretch = net.axis[self.axis].x - S::from(self.rest_position);
+        [S::zero(), S::c(0.5) * S::from(self.stiffness) * stretch * stretch, S::zero()]
+    }
+}

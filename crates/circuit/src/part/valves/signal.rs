@@ -1,0 +1,160 @@
+//! Positions of a valve's edges: signals between parts.
+
+use crate::net::Net;
+use crate::part::flow::path::gathered;
+use crate::part::valves::second_order::follows;
+use crate::part::{Common, Given, Input, Own, OwnMut, Part, State};
+use math::{Over, Real};
+use physics::flow::leaking;
+
+/// Signals of a valve: the acting command, the state of its play, and the given command.
+pub(crate) const ACTS: usize = 0;
+pub(crate) const REMEMBERED: usize = 1;
+pub(crate) const COMMANDED: usize = 2;
+
+const COMMAND: physics::Bounds = physics::within(-1.0, 1.0);
+
+macro_rules! commanded {
+    ($acts:literal, $bounds:expr) => {
+        fn inputs(&self) -> &'static [Input] {
+            const {
+                &[
+                    Input { name: $acts, unit: "1", bounds: $bounds },
+                    Input { name: "command behind the play", unit: "1", bounds: COMMAND },
+                    Input { name: "command", unit: "1", bounds: COMMAND },
+                ]
+            }
+        }
+
+        fn input(&self, input: usize) -> P {
+            [self.acts, self.remembered, self.commanded][input]
+        }
+
+        fn input_mut(&mut self, input: usize) -> &mut P {
+            [&mut self.acts, &mut self.remembered, &mut self.commanded][input]
+        }
+    };
+}
+
+gathered! {
+    /// A spool that follows its command at once.
+    pub struct Held {
+        numbers { acts, remembered, commanded }
+        laws {}
+        same {
+            /// Index of its position among the signals.
+            signal: usize,
+        }
+    }
+}
+
+impl<P: Real> Part<P> for Held<P> {
+    commanded!("command that acts", COMMAND);
+
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, _y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        net.signal[self.signal] = S::from(self.acts);
+    }
+}
+
+gathered! {
+    /// A spool of second order with limited speed. See [`follows`]. Its position goes from -1 to 1, and its top speed
+    /// is in 1/s.
+    pub struct Spool {
+        numbers { acts, remembered, commanded, angular_frequency, damping_ratio, top_speed }
+        laws {}
+        same {
+            /// Index of its position among the signals.
+            signal: usize,
+        }
+    }
+}
+
+impl<P: Real> Part<P> for Spool<P> {
+    commanded!("command that acts", COMMAND);
+
+    fn states(&self) -> Vec<State> {
+        // Speed of a full stroke within one radian.
+        vec![State::own("position", "1", 1.0), State::own("speed_1_s", "1/s", SPEED)]
+    }
+
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        let [x, _] = y.first();
+        net.signal[self.signal] = x;
+    }
+
+    #[inline(always)]
+    fn rate<S: Over<P>>(&self, y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {
+        let laws = [self.angular_frequency, self.damping_ratio, self.top_speed].map(S::from);
+        dy.set(follows(y.first(), S::from(self.acts), laws));
+    }
+
+    fn begin(&self, _given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
+        y.set([self.acts, P::zero()]);
+    }
+}
+
+gathered! {
+    /// Leaking fraction of the conductance past each edge of a spool, one number for all edges:
+    ///
+    ///   `l exp(-|x|/x_l)`
+    ///
+    /// * `l`: leaking fraction at x = 0.
+    /// * `x_l`: position over which the leak falls to 1/e.
+    pub struct SpoolLeak {
+        numbers { leak, width }
+        laws {}
+        same {
+            /// Indices of the position and of the fraction among the signals.
+            position: usize,
+            signal: usize,
+        }
+    }
+}
+
+impl<P: Real> Part<P> for SpoolLeak<P> {
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, _y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        let x = net.signal[self.position];
+        net.signal[self.signal] = leaking(S::from(self.leak), S::from(self.width), x);
+    }
+}
+
+/// Error scale of a spool's speed, 1/s: a tenth of a stroke in a millisecond.
+const SPEED: f64 = 100.0;
+
+gathered! {
+    /// An armature that travels at a set rate: x' = r. The schedule that sets the rate also ends it after the travel.
+    pub struct Armature {
+        numbers { acts, remembered, commanded }
+        laws {}
+        same {
+            /// Index of its position among the signals.
+            signal: usize,
+        }
+    }
+}
+
+impl<P: Real> Part<P> for Armature<P> {
+    commanded!("rate", physics::any());
+
+    fn states(&self) -> Vec<State> {
+        vec![State::own("position", "1", 1.0)]
+    }
+
+    #[inline(always)]
+    fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
+        let [x] = y.first();
+        net.signal[self.signal] = x;
+    }
+
+    #[inline(always)]
+    fn rate<S: Over<P>>(&self, _y: Own<S>, mut dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {
+        dy.set([S::from(self.acts)]);
+    }
+
+    fn begin(&self, given: &Given<P>, mut y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {
+        y.set([given.signal(self.signal).unwrap_or(self.commanded)]);
+    }
+}
