@@ -132,8 +132,8 @@ UNITS: dict[str, tuple[float, float]] = {
 }
 #: Optional numbers that only those who know what they do change, or that make sense only together.
 LEFT_OUT = ("cells", "end_stop_", "wall_temperature", "incline")
-#: One without ends, which something else has to keep away from them.
-NOT_DRAWN = ("piston",)
+#: A piston without ends, which something else has to keep away from them, and platforms, whose numbers fit together.
+NOT_DRAWN = ("piston", "platform/")
 #: Where along the stroke of its cylinder a stop stands that is met towards b: beyond the start, in the middle.
 STOP_SHARE = (0.55, 1.0)
 FRICTION = ("coulomb", "stribeck", "lugre")
@@ -231,7 +231,7 @@ def joined_axis(draw: Draw, axis: str, rods: list[str], components: dict[str, An
 
 def draw_circuit(draw: Draw) -> Drawn:
     """Draw components and join their ports: each to a place that has a volume or a pressure, or to another port."""
-    entries = {kind: entry for kind, entry in component_kinds().items() if kind not in NOT_DRAWN}
+    entries = {kind: entry for kind, entry in component_kinds().items() if not kind.startswith(NOT_DRAWN)}
     gas_of = {kind: [p for p in entry["ports"] if p["kind"] == "gas"] for kind, entry in entries.items()}
     # Lists, not sets, whose order differs from process to process.
     holding = [kind for kind, ports in gas_of.items() if any(p["holds"] in ("volume", "pressure") for p in ports)]
