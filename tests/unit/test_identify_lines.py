@@ -5,6 +5,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.errors import FitError
+from pneudrive.simulation.trajectory import meaning
 
 
 def with_tubes(length_m: float, **changes: object) -> pn.Drive:
@@ -21,7 +22,7 @@ def recorded() -> dict[str, np.ndarray]:
     noise = np.random.default_rng(7)
     out = {"time_s": run.time.to_numpy(), "command": run["command"].to_numpy()}
     for name, sd in (("position_m", 2e-5), ("pressure_a_pa", 300.0), ("pressure_b_pa", 300.0)):
-        out[name] = run[pn.trajectory.meaning(name)[0]].to_numpy() + sd * noise.standard_normal(run.sizes["time"])
+        out[name] = run[meaning(name)[0]].to_numpy() + sd * noise.standard_normal(run.sizes["time"])
     return out
 
 

@@ -14,6 +14,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.errors import Cancelled, CommandError, SimulationError
+from pneudrive.simulation.trajectory import meaning
 
 REFERENCE = pn.Drive.load("catalogue:reference")
 STICKS = REFERENCE.replace(
@@ -52,7 +53,7 @@ def test_ten_seconds_of_control_from_python_have_the_bits_of_the_simulation(driv
     track(session, times, seen, commands)
     seen.append([session.read(name) for name in COLUMNS])
     run = pn.simulate(drive, commands, 10.0, initial=START)
-    batch = [run[pn.trajectory.meaning(name)[0]].to_numpy() for name in COLUMNS]
+    batch = [run[meaning(name)[0]].to_numpy() for name in COLUMNS]
     assert np.array_equal(np.array(seen), np.stack(batch, axis=1))
     assert np.ptp(batch[0]) > 0.15  # it moves
     assert session.statistics == run.attrs["statistics"]

@@ -55,6 +55,8 @@ const ranges = signal<Record<string, [number, number]>>({});
 const frozen = signal<Trace[]>([]);
 const answer = signal<Frame<Head> | null>(null);
 const wrong = signal<Problem[]>([]);
+/** The part of the time that is shown; null: all of it. */
+const zoom = signal<[number, number] | null>(null);
 
 const fields = computed(() => new Map((valid.value?.values ?? []).map((one) => [one.key, one])));
 
@@ -265,9 +267,6 @@ function Drawn() {
   if (!isMoving.value) return <Circuit drawing={shapes} />;
   return <MovingCircuit now={answer.value!} drawing={shapes}>{(motion) => <Circuit drawing={shapes} motion={motion} />}</MovingCircuit>;
 }
-
-/** The part of the time that is shown; null: all of it. */
-const zoom = signal<[number, number] | null>(null);
 
 function PanelPlot({ panel, isLast }: { panel: Panel; isLast: boolean }) {
   const now = answer.value!;

@@ -145,7 +145,7 @@ def test_a_datasheet_of_a_circuit_has_numbers_and_reasons(switched, monkeypatch)
     found = build(switched, [], None, UNWATCHED)
     assert {"stroke time", "blocked force"} <= {one.name for one in found.numbers}
     assert "on or off" in found.failed["bode"]
-    assert "100 mm at 7.013 bar abs" in found.headlines[0]
+    assert "100 mm at 7.01 bar abs" in found.headlines[0]
     assert {one.key for one in found.values} >= {"components.v.conductance", "components.cylinder.stroke"}
     with pytest.raises(CommandError, match="is a circuit"):
         build(switched, [Path("run.csv")], None, UNWATCHED)

@@ -100,7 +100,7 @@ def test_what_no_rig_does_is_refused_with_what_to_look_at(make, change, words):
         (lambda r: {"force_n": -r.force_n}, "force_not_pressure", "sign and unit of the force"),
         (lambda r: {"force_n": r.force_n - 147}, "force_not_pressure", "zeroed under pressure"),
         (lambda r: {"pressure_a_pa": r.pressure_b_pa, "pressure_b_pa": r.pressure_a_pa}, "force_not_pressure", "cham"),
-        (lambda r: {"force_n": r.force_n * 1000}, "friction_beyond_piston", "unit of the force"),
+        (lambda r: {"force_n": r.force_n * 1000}, "friction_beyond_piston", "unit and sign of the force"),
         (lambda r: {"force_n": 147 + (r.force_n - 147) * 1e-5}, "no_friction", "column and unit"),
     ],
 )
