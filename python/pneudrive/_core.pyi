@@ -14,6 +14,7 @@ __all__ = [
     "ControlReference",
     "Ensemble",
     "Members",
+    "Platform",
     "Session",
     "Tank",
     "bin_means",

@@ -167,7 +167,7 @@ def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
     """Refine rough settings of a choice, with more cases."""
     every, setting, draws = [], rough.setting, points(MORE)
     for outward in (True, False):
-        rows = cases(strokes.task, outward)
+        best, rows = rough, cases(strokes.task, outward)
         for _ in range(ROUNDS):
             asked = StrokeRuns(strokes, outward, draws, np.tile(np.array(setting), (MORE, 1)))
             named = _margins(strokes.task, strokes.choice, outward, (yield asked))
