@@ -123,7 +123,7 @@ function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: s
 
 type Box = [left: number, top: number, width: number, height: number];
 
-/** Title and notes stand beside the drawing in the page. */
+/** Whether a shape is the title or a note, which the page shows outside the drawing. */
 const isWords = (one: Shape): boolean => one.word === "text" && !one.component;
 const EDGE = 1.5; // modules around everything
 

@@ -6,7 +6,7 @@ use super::{CHECKED, Program, RESULTS};
 use crate::reference::{between, blend};
 use std::fmt::Write;
 
-/// What the code remembers from one sample to the next.
+/// State of the exported code between two samples.
 #[derive(Clone, Debug)]
 pub struct Remembered {
     /// State of the checks, then the velocity of the last command.
