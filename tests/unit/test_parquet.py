@@ -131,3 +131,11 @@ def test_a_trajectory_of_several_groups_of_rows_comes_back_to_the_bit(tmp_path):
     path = _saved(tmp_path, {"time_s": np.arange(rows) / 1e3, "Kraft µN": odd})
     read = open_table(path, "parquet").get(["Kraft µN"], ((1 << 18) - 1, rows))["Kraft µN"]
     assert np.array_equal(read.view(np.int64), odd[(1 << 18) - 1 :].view(np.int64))
+
+
+def test_a_file_that_changes_after_it_was_opened_is_named(tmp_path):
+    path = tmp_path / "run.parquet"
+    table = open_table(_saved(tmp_path, {"time_s": np.arange(9.0)}), "parquet")
+    path.write_bytes(b"PAR1" + bytes(20) + b"PAR1")
+    with pytest.raises(RecordingError, match="changed after it was opened"):
+        table.get(["time_s"])

@@ -209,8 +209,10 @@ async function edit(into: string | undefined, address: string, what: object, the
     try {
       const { text, chosen } = await ask<{ text: string; chosen?: string }>(address, { text: now.text, ...what });
       if (opened.value?.path === into && opened.value.text !== now.text) continue; // it was typed in meanwhile
-      if (opened.value?.path === into) await change(text);
-      then?.(chosen ?? "");
+      if (opened.value?.path !== into) return;
+      const drawn = change(text);
+      then?.(chosen ?? ""); // with the new text: what is selected after it stays selected
+      await drawn;
     } catch (error) {
       if (!isAnswering()) {
         await answering();

@@ -9,6 +9,7 @@ transfer of the columns. Many small files are therefore one message.
 from __future__ import annotations
 
 import atexit
+import contextlib
 import json
 import os
 import socket
@@ -104,7 +105,8 @@ class Table:
         """
         names = list(dict.fromkeys(wanted))
         if self.own is not None:
-            return self.own.get(names, dates, rows)
+            with self._named():
+                return self.own.get(names, dates, rows)
         request = {"ask": "columns", "form": self.form, "wanted": names, "rows": rows, "dates": sorted(dates)}
         columns = _columns(*_reader.ask(self.path, request, self.kind))
         return {name: columns[name] for name in names if name in columns}
@@ -118,8 +120,21 @@ class Table:
             As for `get`.
         """
         if self.own is not None:
-            return self.own.count()
+            with self._named():
+                return self.own.count()
         return _reader.ask(self.path, {"ask": "count", "form": self.form}, self.kind)[0]["count"]
+
+    @contextlib.contextmanager
+    def _named(self) -> Iterator[None]:
+        """Raise an error of a file that is read here as one of `kind`."""
+        import polars as pl
+
+        try:
+            yield
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
+            reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+            what = "the file cannot be read as Parquet; it was changed after it was opened"
+            raise self.kind(what, where=str(self.path), value=reason) from None
 
 
 def open_table(path: Path, form: str, kind: type[PneudriveError] = RecordingError) -> Table:
