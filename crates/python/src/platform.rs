@@ -58,6 +58,24 @@ impl PyPlatform {
         [own.frame.clone(), own.platform.clone(), own.directions.clone()]
     }
 
+    /// Returns masses, kg, places, m, and moments of inertia, kg m2, by name. Those of each leg are in its order.
+    #[getter]
+    fn masses(&self) -> Vec<(&'static str, Vec<f64>)> {
+        let own = &self.platform.geometry;
+        vec![
+            ("mass", vec![own.mass]),
+            ("centre", own.centre.to_vec()),
+            ("inertia", own.inertia.to_vec()),
+            ("payload", vec![own.payload]),
+            ("payload_at", own.payload_at.to_vec()),
+            ("rods", own.rods.clone()),
+            ("rod_centre", vec![own.rod_centre]),
+            ("barrel", vec![own.barrel]),
+            ("barrel_centre", vec![own.barrel_centre]),
+            ("leg_inertia", vec![own.leg_inertia]),
+        ]
+    }
+
     /// Returns the mechanism at rows of coordinates and of their rates: arrays by name, one entry for each row.
     fn evaluate<'py>(
         &self,

@@ -153,7 +153,26 @@ def vacuum():
     return pn.Circuit(name="vacuum", components=components, connections=connections)
 
 
+def hexapod():
+    """Return a platform on six cylinders, each behind a coupling."""
+    cylinder = {"kind": "cylinder/single-rod", "bore": "32 mm", "rod_diameter": "12 mm", "stroke": "200 mm"}
+    cylinder |= {"dead_volume": {"a": "5 cm3", "b": "5 cm3"}, "moving_mass": "1 kg", "friction": FRICTION}
+    components = {"mains": {"kind": "reservoir", "pressure": "7 bar gauge"}}
+    connections = []
+    for i in range(1, 7):
+        components |= {f"valve_{i}": {"kind": "valve/proportional-5/3"} | FLOW, f"leg_{i}": cylinder}
+        components[f"joint_{i}"] = {"kind": "coupling", "stiffness": "1e7 N/m"}
+        connections += [f"mains -> valve_{i}.1", f"valve_{i}.4 -> leg_{i}.a", f"valve_{i}.2 -> leg_{i}.b"]
+        connections.append(f"leg_{i}.rod -> joint_{i} -> top.{i}")
+    top = {"kind": "platform/6-ups", "base_radius": "250 mm", "platform_radius": "200 mm", "length": "350 mm"}
+    top |= {"base_angle": "15 deg", "platform_angle": "20 deg", "mass": "6 kg"}
+    components["top"] = top | {"inertia": dict.fromkeys("xyz", "0.1 kg m2")}
+    return pn.Circuit(name="hexapod", components=components, connections=connections)
+
+
 CIRCUITS = {
+    "tripod": lambda: pn.Circuit.load(EXAMPLES / "tripod.toml"),
+    "hexapod": hexapod,
     "two cylinders": lambda: pn.Circuit.load(EXAMPLES / "two_cylinders.toml"),
     "lines": lambda: pn.Circuit.load(EXAMPLES / "one_cylinder_with_lines.toml"),
     "cushions": lambda: pn.Circuit.load(EXAMPLES / "cushioned_axis.toml"),
@@ -244,6 +263,17 @@ def test_a_cushion_is_drawn_where_there_is_one(end):
     added = [point for stroke in own.strokes if stroke not in without.strokes for point in blocks._points(stroke)]
     assert min(x for x, _ in added) < 3.0 if end == "a" else max(x for x, _ in added) > 3.8  # faces of the piston
     assert own.box == without.box
+
+
+@pytest.mark.parametrize("name", ["tripod", "hexapod"])
+def test_a_platform_is_drawn_above_its_cylinders_and_their_rods_do_not_cross(name):
+    placed, nets, routes = arranged(CIRCUITS[name]())
+    top = placed["tripod" if name == "tripod" else "top"]
+    legs = [block for own, block in placed.items() if own.startswith("leg_")]
+    assert top.y > max(block.rectangle()[3] for block in legs)
+    assert min(block.x for block in legs) < top.x < max(block.x for block in legs)
+    rods = [{point for step in routes.lines[k] for point in step} for k, net in enumerate(nets) if net.kind == "axis"]
+    assert not any(one & other for one, other in combinations(rods, 2))
 
 
 def test_supply_stands_below_and_actuators_above():

@@ -10,7 +10,7 @@ from pneudrive.errors import DescriptionError
 from pneudrive.report.circuit.blocks import Block, blocks
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.connections import Joint, Port, Wiring
@@ -63,8 +63,10 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     """
     placed = blocks(circuit)
     lines = nets(circuit, placed)
-    beside = _beside(lines, circuit)
-    ranks = _ranks(circuit.wiring, [name for name in placed if name not in beside])
+    above = {name for name in placed if _is_carried(circuit, name)}
+    beside = _beside(lines, circuit, above)
+    ranks = _ranks(circuit.wiring, [name for name in placed if name not in beside and name not in above])
+    ranks |= dict.fromkeys(above, 1 + max(ranks.values(), default=0))
     for name, rank in ranks.items():
         placed[name].rank = rank
     groups = {name: [name, *(other for other, (of, _) in beside.items() if of == name)] for name in ranks}
@@ -72,7 +74,7 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     for name, rank in sorted(ranks.items(), key=lambda item: item[1]):
         rows.setdefault(rank, []).append(name)
     extent = {name: _group_extent(groups[name], beside, placed) for name in ranks}
-    _order(rows, extent, lines, placed, spread)
+    _order(rows, extent, _pulls(lines, beside, above), placed, spread)
     y = 0.0
     for rank in sorted(rows):
         row = [placed[name] for name in rows[rank]]
@@ -93,7 +95,13 @@ def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
     return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
 
 
-def _beside(lines: Sequence[Net], circuit: Circuit) -> dict[str, tuple[str, str]]:
+def _is_carried(circuit: Circuit, name: str) -> bool:
+    """Return whether a component is drawn above the actuators: it has no gas and more than two of them move it."""
+    ports = circuit.wiring.ports(name)
+    return len(ports) > 2 and all(port.kind == "axis" for port in ports)
+
+
+def _beside(lines: Sequence[Net], circuit: Circuit, above: Collection[str]) -> dict[str, tuple[str, str]]:
     """Return the components without gas that move with an actuator, each with the neighbour that moves it."""
     has_gas = {name for name in circuit.components if any(p.kind == "gas" for p in circuit.wiring.ports(name))}
     out: dict[str, tuple[str, str]] = {}
@@ -103,7 +111,7 @@ def _beside(lines: Sequence[Net], circuit: Circuit) -> dict[str, tuple[str, str]
         grows = False
         for line in (line for line in lines if line.kind == "axis"):
             known = next((name for name, _ in line.pins if name in found), None)
-            new = [name for name, _ in line.pins if name not in found]
+            new = [name for name, _ in line.pins if name not in found and name not in above]
             if known is not None and new:
                 found |= dict.fromkeys(new, found[known])
                 out |= dict.fromkeys(new, (found[known], known))
@@ -185,18 +193,32 @@ def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, kn
     return None
 
 
+def _pulls(
+    lines: Sequence[Net], beside: Mapping[str, tuple[str, str]], above: Collection[str]
+) -> dict[str, list[tuple[str, str, str]]]:
+    """Return the ports, and the ports of other components near which a component is placed.
+
+    A carried component is placed over its actuators. They do not make room for it.
+    """
+    pulls: dict[str, list[tuple[str, str, str]]] = {}
+    rods = {name: (name, port) for line in lines if line.kind == "axis" for name, port in line.pins}
+    for line in lines:
+        for name, port in line.pins:
+            others = [pin for pin in line.pins if pin[0] != name and pin[0] not in above]
+            if name in above:
+                others = [rods[beside[other][0]] if other in beside else (other, end) for other, end in others]
+            pulls.setdefault(name, []).extend((port, *other) for other in others)
+    return pulls
+
+
 def _order(
     rows: Mapping[int, list[str]],
     extent: Mapping[str, tuple[float, float]],
-    lines: Sequence[Net],
+    pulls: Mapping[str, Sequence[tuple[str, str, str]]],
     placed: Mapping[str, Block],
     spread: float,
 ) -> None:
     """Order the blocks of each row near the blocks they are joined to, upward and downward."""
-    pulls: dict[str, list[tuple[str, str, str]]] = {}
-    for line in lines:
-        for name, port in line.pins:
-            pulls.setdefault(name, []).extend((port, other, end) for other, end in line.pins if other != name)
     for row in rows.values():
         x = 0.0
         for name in row:

@@ -50,7 +50,10 @@ class Routes:
         self.lines: list[set[Step]] = [set() for _ in nets]
         self.pilots: list[set[Step]] = [set() for _ in nets]
         points = [net.points(placed) for net in nets]
-        for number in sorted(range(len(nets)), key=lambda one: _reach(points[one])):
+        # Short lines first; but of the rods below a platform the outermost first, so that they do not cross.
+        is_rod = [net.kind == "axis" for net in nets]
+        order = [(rod, -_reach(own) if rod else _reach(own)) for rod, own in zip(is_rod, points, strict=True)]
+        for number in sorted(range(len(nets)), key=order.__getitem__):
             self._join(number, points[number], {nets[number].point(placed, pin) for pin in nets[number].pilots})
 
     def _join(self, net: int, points: Sequence[Place], pilots: Collection[Place]) -> None:
