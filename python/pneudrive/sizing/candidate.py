@@ -203,7 +203,7 @@ class SizingCandidate:
         """Return the results of nominal runs."""
         known = self.tuned or self.rough
         assert known is not None
-        return Provisional(self.choice.parts, known.air, known.times, known.least, self.tuned is not None)
+        return Provisional(self.choice.parts, known.air, known.times, known.least)
 
     def bound(self, final: int) -> Rank:
         """Return the best key of the ranking that it may still have, after `final` draws."""

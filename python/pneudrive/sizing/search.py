@@ -55,12 +55,10 @@ MOST = 160
 #: Choices that advance together, and pairs that are probed together.
 TOGETHER, PROBED = 16, 48
 #: The provisional ranking looks at cylinders by their air, so many together, until so many promise to do the task: with
-#: so many tubes of each, at so many choices with each tube. The best one of a cylinder is tuned.
+#: so many tubes of each, at so many choices with each tube.
 BATCH, PROMISING, ROUNDS, CHOICES = 6, 6, 2, 2
-#: Margin of the worst case from which on a choice promises to do the task over the spreads (assumed).
-PROMISES = -0.03
-#: The same of rough settings.
-HOPED = -0.08
+#: Margin of rough settings in the worst case from which on a choice promises to do the task: tuning adds about as much.
+PROMISES = -0.08
 #: A choice is held against its hardest draws before all of them where these are so many times the first ones.
 WORTH = 8
 #: Cylinders that are ranked, where so many do the task, and choices of one, other than the best one, that are tried.
@@ -300,8 +298,6 @@ class Search:
             for _ in range(ROUNDS):
                 self._advance_rough([one for every in own.values() for one in self._next_of(every)])
             run = {name: [one for one in every if one.rough and not one.lost] for name, every in own.items()}
-            firsts = [one for every in run.values() for one in sorted(every, key=self._promise)[:1]]
-            self._advance_tuned([one for one in firsts if one.rough and one.rough.least > HOPED])
             for name, every in run.items():
                 if left := [one for one in every if not one.lost]:
                     best[name] = min(left, key=self._promise)

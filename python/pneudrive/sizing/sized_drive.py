@@ -127,16 +127,13 @@ class Provisional:
     times : tuple of float
         Of the strokes out and back.
     margin : float
-        Least margin: of the cases nominal, slow and fast where it is tuned, else of the nominal case.
-    tuned : bool
-        Whether its settings were searched in all cases.
+        Least margin of the cases nominal, slow and fast. Settings are rough: tuning finds larger ones.
     """
 
     parts: Mapping[str, str]
     air: float
     times: tuple[float, ...]
     margin: float
-    tuned: bool
 
     @property
     def name(self) -> str:
