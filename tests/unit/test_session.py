@@ -122,6 +122,22 @@ def test_a_schedule_is_the_same_as_setting_at_each_time():
     assert planned.save() == by_hand.save()
 
 
+def test_the_last_of_two_delayed_commands_holds_whatever_else_is_scheduled():
+    tables = REFERENCE.circuit.to_dict()
+    tables["components"]["valve"] |= {"delay": "20 ms"}
+    late, positions = pn.Circuit.model_validate(tables), []
+    for is_scheduled in (False, True):
+        session = late.start({"cylinder.position": "0.25 m"})
+        session.set("valve.command", -1.0)
+        session.set("valve.command", 1.0)
+        if is_scheduled:
+            session.schedule("cylinder.load_force_n", [(0.1, 0.0)])
+        session.advance(0.3)
+        positions.append(session.read("cylinder.position_m"))
+    assert positions[0] == pytest.approx(positions[1], abs=1e-6)
+    assert positions[0] > 0.26
+
+
 def test_a_command_on_the_edge_of_a_pulse_is_that_pulse_s():
     """However it comes there: from a simulation, set between two ways, or planned when the edge is due already."""
     circuit = pn.Circuit.load(PULSES)

@@ -180,10 +180,13 @@ impl<R: Lane> Session<R> {
 
     /// Sets an input at future times, without a check of its bounds. The integration ends exactly on each of them.
     pub fn plan(&mut self, input: usize, entries: impl IntoIterator<Item = (f64, f64)>) {
-        self.schedule.extend(entries.into_iter().map(|(time, value)| (time, What::Input(input), value)));
-        // The sort is stable and runs from last to first. The last of several entries at one time holds.
-        self.schedule.reverse();
-        self.schedule.sort_by(|one, other| other.0.total_cmp(&one.0));
+        let mut schedule: Vec<_> =
+            entries.into_iter().map(|(time, value)| (time, What::Input(input), value)).collect();
+        schedule.reverse();
+        schedule.append(&mut self.schedule);
+        // From last to first. The sort is stable: of entries at one time, those that were there before come first.
+        schedule.sort_by(|one, other| other.0.total_cmp(&one.0));
+        self.schedule = schedule;
     }
 
     /// Returns the index of the next entry until a time, s, if any. A valve that samples its command takes inputs set

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 HEIGHT_IN, WIDTH_IN = 2.6, 4.6
 MOST_CURVES, MOST_BARS = 5, 12
+ROW = 0.16  # height of a row of the legend, of that of the curves
 LOGARITHMIC = 30.0  # ratio of frequencies from which on their axis is logarithmic
 
 
@@ -77,9 +78,17 @@ def panel(axis: Axes, found: xr.Dataset, name: str = "", title: str = "") -> Non
     xs = np.abs(np.asarray(found[one.x], dtype=float))
     if found[one.x].attrs["units"] == "Hz" and xs.max() > LOGARITHMIC * xs.min() > 0.0:
         style.logarithmic(axis)
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(fontsize=6.5, handlelength=2.6)
+    _legend(axis)
     return None
+
+
+def _legend(axis: Axes) -> None:
+    """Add a legend in two columns, with room for it above the curves."""
+    handles = axis.get_legend_handles_labels()[0]
+    if handles:
+        low, high = axis.get_ylim()
+        axis.set_ylim(low, high + ROW * -(-len(handles) // 2) * (high - low))
+        axis.legend(loc="upper left", borderaxespad=0.1, ncols=2, fontsize=6.5, handlelength=2.0, labelspacing=0.3)
 
 
 def _label(found: xr.Dataset, name: str) -> str:
@@ -105,7 +114,7 @@ def _curves(
             for end in ("low", "high")
         )
         yield (
-            _of(found, at),
+            _of(found, at, at is points[0]),
             by * np.asarray(abscissa, dtype=float),
             factor * np.asarray(found[name].isel(at)),
             low,
@@ -113,8 +122,11 @@ def _curves(
         )
 
 
-def _of(found: xr.Dataset, at: dict[str, int]) -> str:
-    return ", ".join(value_in_words(found, dim, k) for dim, k in at.items())
+def _of(found: xr.Dataset, at: dict[str, int], is_first: bool) -> str:
+    """Return the label of a curve; only the first one names the quantity."""
+    words = ", ".join(value_in_words(found, dim, k) for dim, k in at.items())
+    names = [in_words(dim) for dim in at if found[dim].dtype.kind not in "US"]
+    return words if is_first else words.removeprefix("".join(names)).strip()
 
 
 def value_in_words(found: xr.Dataset, dim: str, index: int) -> str:
