@@ -136,6 +136,7 @@ UPPER.update(
     motion_page="pneudrive.report.recording.motion",
     plot_sizing="pneudrive.report.sizing.figures",
     write_sizing_report="pneudrive.report.sizing.page",
+    with_platform_outputs="pneudrive.platforms.outputs",
     Reproduction="pneudrive.studies.bracha.reproduction",
     reproduce="pneudrive.studies.bracha.reproduction",
 )

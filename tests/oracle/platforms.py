@@ -105,6 +105,32 @@ class Machine:
 
     def accelerations(self, place: Array, turn: Array, rates: Array, forces: Array) -> tuple[Array, Array]:
         """Return the accelerations of the platform, linear and angular, and of the legs, under forces in +x, N."""
+        found, which, _, _ = self.solved(place, turn, rates, forces)
+        return found[:6], found[which]
+
+    def side_forces(self, place: Array, turn: Array, rates: Array, forces: Array) -> Array:
+        """Return the forces across the legs at their joints on the platform, or across the guides of carriages, N."""
+        found, which, multipliers, joints = self.solved(place, turn, rates, forces)
+        up, out = np.array([0.0, 0.0, GRAVITY]), []
+        first = len(self.rate_rows(turn))
+        for i, (b, at) in enumerate(zip(self.platform, which, strict=True)):
+            d = place + turn @ b - self.frame[i]
+            if self.kind == "platform/linear-delta":
+                axis, force = self.directions[i], multipliers[first + i] * joints[i][0]
+                ends = found[at] * axis + up, joints[i][1] @ found[: joints[i][1].shape[1]] + joints[i][2] + up
+                force = force - self.barrel_mass * (ends[0] / 3.0 + ends[1] / 6.0) - self.rods[i] * up
+            else:
+                axis, force = d / np.linalg.norm(d), -multipliers[first + 4 * i : first + 4 * i + 3]
+                if self.kind == "platform/3-rps":
+                    force = force - multipliers[i] * self.directions[i]
+            out.append(np.linalg.norm(force - (force @ axis) * axis))
+        return np.array(out)
+
+    def solved(
+        self, place: Array, turn: Array, rates: Array, forces: Array
+    ) -> tuple[Array, list[int], Array, list[tuple[Array, Array, Array]]]:
+        """Return accelerations, the places of the legs among them, multipliers, and arm and joint of each carriage."""
+        arms: list[tuple[Array, Array, Array]] = []
         v, w = rates[:3], rates[3:]
         n, delta = len(self.frame), self.kind == "platform/linear-delta"
         size = 6 + (n if delta else 4 * n)
@@ -150,6 +176,7 @@ class Machine:
                 point(self.barrel_mass * 2.0 / 3.0, 0.5 * (joint + carriage), 0.5 * joint0)
                 arm, arm_rate = d - moved[i] * direction, speed - speeds[i] * direction
                 rows.append(arm @ (joint - carriage))
+                arms.append((arm, joint, joint0))
                 gammas.append(arm @ joint0 + arm_rate @ arm_rate)
             else:
                 length = moved[i] + self.lengths[i]
@@ -175,7 +202,7 @@ class Machine:
         right = np.concatenate([-bias, -np.array(gammas)])
         scale = 1.0 / np.sqrt(np.maximum(np.abs(kkt).max(axis=1), 1e-12))
         found = scale * np.linalg.solve(scale[:, None] * kkt * scale, scale * right)
-        return found[:6], found[which]
+        return found[:size], which, found[size:], arms
 
 
 def random_machine(kind: str, rng: np.random.Generator) -> Machine:

@@ -19,7 +19,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "    --vary 'load.mass = uniform(1 kg, 4 kg)' --out many.parquet",
     ),
     "lines": ("pneudrive lines catalogue:reference --length '0.5 m, 2 m'",),
-    "platform": ("pneudrive platform tripod.toml",),
+    "platform": (
+        "pneudrive platform tripod.toml",
+        "pneudrive platform tripod.toml --run run.parquet --out motion.gif",
+    ),
     "web": ("pneudrive web my-studies", "ssh -L 8123:127.0.0.1:8123 HOST   # with --port 8123 on HOST"),
     "layout": ("pneudrive layout bench.csv --out layout.toml",),
     "measure": ("pneudrive measure bench.csv --at '8 s' --to '10.5 s'",),

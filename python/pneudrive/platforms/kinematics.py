@@ -12,13 +12,15 @@ from pneudrive import units
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.poses import angles, coordinate_keys, coordinates
 from pneudrive.errors import CommandError, nearest
+from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
+    import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
     from pneudrive._core import Platform as CorePlatform
-    from pneudrive.describe import Circuit
+    from pneudrive.describe import Circuit, Drive
 
     Array = NDArray[np.float64]
     #: A pose: keys with quantities, or numbers in the order of the coordinates, in m and rad.
@@ -79,7 +81,7 @@ class Platform(Shown):
         Pose with every leg at half of its stroke.
     """
 
-    picture_home: ClassVar[str] = "pneudrive.report.circuit.platform_svg:platform_svg"
+    picture_home: ClassVar[str] = "pneudrive.report.platform.svg:platform_svg"
 
     def __init__(self, core: CorePlatform, circuit: Circuit) -> None:
         self.core = core
@@ -97,6 +99,11 @@ class Platform(Shown):
         values = ", ".join(f"{value:.3g}" for value in self.singular_values(self.home))
         notes = [f"at {self.text(self.home)}", f"singular values, without unit: {values}"]
         return Card(f"Platform {self.name}", ("leg", "position", "stroke", "load"), rows, notes)
+
+    @property
+    def is_delta(self) -> bool:
+        """Whether its legs are carriages with arms."""
+        return self.core.coordinates[0] == "x_m" and len(self.core.joints[2]) > 0
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -257,6 +264,27 @@ class Platform(Shown):
         bent = np.einsum("i,bia->ab", force, above - below) / (2.0 * STEP)
         return jacobian.T @ (gas[:, None] * jacobian) + 0.5 * (bent + bent.T)
 
+    def outputs(self, run: xr.Dataset) -> xr.Dataset:
+        """Return a run with the smallest singular value, and the force and side force of each leg.
+
+        Parameters
+        ----------
+        run : xarray.Dataset
+            Result of ``pneudrive.simulate``, in SI. It has poses, rates and accelerations of the platform already.
+
+        Returns
+        -------
+        xarray.Dataset
+            With ``tripod.smallest_singular_value``, ``tripod.leg_1_force`` and ``tripod.leg_1_side_force``, see
+            `pneudrive.platforms.outputs.platform_outputs`.
+
+        Raises
+        ------
+        CommandError
+            The run has no column of this platform.
+        """
+        return upper("with_platform_outputs")(self, run)
+
     def workspace(self, *, least_singular_value: float = 0.1) -> PoseLimits:
         """Return the limits of each coordinate from `home`, the others held: by strokes, reach and singular poses.
 
@@ -382,11 +410,17 @@ def platform(circuit: Circuit, name: str | None = None) -> Platform:
     >>> (1e3 * tripod.inverse({"tilt_1": "5 deg"})).round(1).tolist()
     [100.0, 115.1, 85.1]
     """
-    each = {own.name: own for own in compiled(circuit.core_json()).platforms}
+    each = {own.name: own for own in platforms(circuit)}
     if not each:
         raise CommandError("the circuit has no platform", remedy='Add a component with kind = "platform/3-rps".')
     if name is None and len(each) > 1:
         raise CommandError("the circuit has several platforms", remedy=f"Name one of {', '.join(each)}.")
     if name is not None and name not in each:
         raise CommandError(f"{name} is not a platform", remedy=nearest(name, list(each)))
-    return Platform(each[name or next(iter(each))], circuit)
+    return each[name or next(iter(each))]
+
+
+def platforms(described: Circuit | Drive) -> list[Platform]:
+    """Return all platforms of a circuit; a drive has none."""
+    circuit = described.circuit
+    return [Platform(own, circuit) for own in compiled(circuit.core_json()).platforms]

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from pneudrive.report.datasheet.figures import plot_characteristic as plot_characteristic
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
     from pneudrive.report.lines_figure import plot_lines as plot_lines
+    from pneudrive.report.platform.figures import animate_platform as animate_platform
+    from pneudrive.report.platform.figures import draw_platform as draw_platform
     from pneudrive.report.recording.pressure import plot_pressure as plot_pressure
     from pneudrive.report.trajectory import plot as plot
     from pneudrive.report.write import write_report as write_report
@@ -27,6 +29,7 @@ _HOMES = {
     "datasheet.figures": ["plot_characteristic"],
     "layout_figure": ["write_layout_figure"],
     "lines_figure": ["plot_lines"],
+    "platform.figures": ["animate_platform", "draw_platform"],
     "recording.pressure": ["plot_pressure"],
     "trajectory": ["plot"],
     "write": ["write_report"],
@@ -35,7 +38,9 @@ _STUDY = ("Reproduction", "reproduce")  # of the source paper, a layer above the
 
 __all__ = [
     "Reproduction",  # pyright: ignore[reportUnsupportedDunderAll]
+    "animate_platform",
     "draw_circuit",
+    "draw_platform",
     "plot",
     "plot_characteristic",
     "plot_control",

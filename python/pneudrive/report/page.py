@@ -124,6 +124,15 @@ class Report:
             temporary.write_text(self.html(), encoding="utf-8")
         return target
 
+    def alone(self) -> str:
+        """Return the page with its pictures inside, without a folder of figures. It loads nothing."""
+        for block in (block for part in self.sections if part is not None for block in part.blocks):
+            if isinstance(block, Picture) and block.name not in self.pictures:
+                style.finish(block.figure, synthetic=bool(block.synthetic))
+                style.lay_out(block.figure)
+                self.pictures[block.name] = inline(svg_text(block.figure), block.name, block.caption)
+        return self.html(linked=False)
+
     def html(self, *, linked: bool = True) -> str:
         """Return the page, which loads nothing. `linked`: captions link to the files of the figures."""
         import jinja2

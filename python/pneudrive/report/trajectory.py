@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
 from pneudrive.report.written import PICTURES, drawn, write_picture
-from pneudrive.simulation.trajectory import attributes, check_si, whole
+from pneudrive.simulation.trajectory import attributes, check_si, columns, whole
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import xarray as xr
     from matplotlib.figure import Figure
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
 
 #: Names of rows in the table of provenance -> attribute that lists them.
 LISTS = {"warning": "warnings", "assumed": "assumed"}
@@ -36,7 +39,7 @@ PANELS = (
 CHAMBERS = ((style.BLACK, "-"), (style.ORANGE, "--"))
 
 
-def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
+def plot(run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Drive | None = None) -> Figure:
     """Draw a trajectory over time: position, velocity, pressures, temperatures, friction, end stops, command.
 
     Parameters
@@ -46,6 +49,8 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
         because more would not be distinguishable.
     path : path-like, optional
         Picture to write: .png, .svg, .pdf, or .html (a page with the picture and its provenance).
+    circuit : Circuit or Drive, optional
+        Simulated circuit: a page then has a section for each of its platforms.
 
     Returns
     -------
@@ -67,7 +72,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None) -> Figure:
 
     def write(figure: Figure, target: Path) -> None:
         if target.suffix.lower() == ".html":
-            _write_page(figure, run, target)
+            _write_page(figure, run, target, circuit)
         else:
             write_picture(figure, target)
 
@@ -88,8 +93,8 @@ def draw(run: xr.Dataset) -> Figure:
             steps = "steps-post" if label == "command" else "default"
             axis.plot(time, values, **look, lw=1.0, drawstyle=steps, label=words or None)
         if len(variables) > 1:
-            columns = min(len(variables), MOST_IN_A_ROW)
-            axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=columns, borderaxespad=0.0)
+            wide = min(len(variables), MOST_IN_A_ROW)
+            axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=wide, borderaxespad=0.0)
         axis.set_ylabel(label)
         axis.margins(x=0)
     axes[-1].set_xlabel("time / s")
@@ -129,9 +134,11 @@ def _has_something(run: xr.Dataset, name: str) -> bool:
     return not name.endswith("end_stop_force") or bool((run[name] != 0.0).any())
 
 
-def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
-    """Write a page that loads nothing: the picture, then its provenance."""
+def _write_page(figure: Figure, run: xr.Dataset, target: Path, circuit: Circuit | Drive | None) -> None:
+    """Write a page that loads nothing: platforms, the picture, then its provenance."""
+    from pneudrive.platforms import platforms
     from pneudrive.report.page import PageTable, Picture, Report, Section, inline, svg_text
+    from pneudrive.report.platform.page import platform_section
 
     names = ("version", "solver", "rtol", "description_hash", "statistics")
     about = attributes(run)
@@ -147,7 +154,10 @@ def _write_page(figure: Figure, run: xr.Dataset, target: Path) -> None:
             f"Position {position[0]:.3f} mm to {position[-1]:.3f} mm, between {position.min():.3f} and "
             f"{position.max():.3f} mm."
         )
-    report = Report(title, lines, [Section("trajectory", "Trajectory", (picture, table))], synthetic=True)
+    own = platforms(circuit) if circuit is not None else []
+    sections = [platform_section(platform, columns(run)) for platform in own]
+    sections.append(Section("trajectory", "Trajectory", (picture, table)))
+    report = Report(title, lines, sections, synthetic=True)
     report.pictures[picture.name] = inline(svg_text(figure), picture.name, picture.caption)
     with whole(target) as temporary:
-        temporary.write_text(report.html(linked=False), encoding="utf-8")
+        temporary.write_text(report.alone(), encoding="utf-8")

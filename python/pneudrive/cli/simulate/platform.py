@@ -1,28 +1,81 @@
-"""``pneudrive platform``: ranges, loads and limits of a platform on legs."""
+"""``pneudrive platform``: ranges, loads and limits of a platform on legs, and pictures of its runs."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from pneudrive.cli.options import CatalogueFolders
+from pneudrive.errors import CommandError
 from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
     from pneudrive.describe import Circuit
+    from pneudrive.platforms import Platform
+
+#: Endings of pictures, and of files that show or hold a run.
+PICTURES, OF_RUNS = (".svg", ".png", ".pdf"), (".html", ".mp4", ".gif", ".parquet", ".csv")
 
 
 def platform(
     circuit: Annotated[str, typer.Argument(help="Circuit file (TOML) with a platform.", metavar="CIRCUIT")],
     name: Annotated[str | None, typer.Option(help="Platform, if the circuit has several.")] = None,
+    run: Annotated[Path | None, typer.Option(help="Run of the circuit: .parquet, .csv or .nc.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Picture (.svg, .png, .pdf), page (.html) or film (.mp4, .gif) of the platform, or table "
+            "(.parquet, .csv) of its singular value and leg forces."
+        ),
+    ] = None,
+    dark: Annotated[bool, typer.Option("--dark", help="Draw on dark paper.")] = False,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Show ranges, singular values and loads of a platform on legs, and the limits of its workspace."""
+    """Show ranges, singular values and loads of a platform on legs, or draw it, at rest or during a run."""
     from pneudrive.describe.files.load import load_described
     from pneudrive.platforms import platform as platform_of
+    from pneudrive.simulation.trajectory import check_target
 
+    if out is not None:
+        check_target(out, (*PICTURES, *OF_RUNS))
     own = platform_of(cast("Circuit", load_described(circuit)), name)
+    if out is None:
+        if run is not None:
+            raise CommandError("--run is given without --out", remedy="Add --out motion.gif.")
+        _show(own)
+        return
+    _write(own, run, out, dark=dark)
+    typer.echo(str(out))
+
+
+def _write(own: Platform, run: Path | None, out: Path, *, dark: bool) -> None:
+    """Write the file that `out` names."""
+    from pneudrive.platforms.outputs import motion_of, platform_outputs
+    from pneudrive.report.platform.figures import animate_platform, draw_platform
+    from pneudrive.report.platform.page import read_platform_run, write_platform_page
+    from pneudrive.simulation.trajectory import save_columns
+
+    suffix = out.suffix.lower()
+    if run is None and suffix in OF_RUNS:
+        raise CommandError(f"{out.name} shows a run", remedy="Add --run RUN.parquet, from pneudrive simulate --out.")
+    if run is None:
+        draw_platform(own, path=out, dark=dark)
+        return
+    columns = read_platform_run(own, run)
+    poses = motion_of(own, columns)[0]
+    if suffix in PICTURES:
+        draw_platform(own, poses, out, dark=dark)
+    elif suffix == ".html":
+        write_platform_page(own, columns, out)
+    elif suffix in (".parquet", ".csv"):
+        save_columns(columns | platform_outputs(own, columns), {"title": own.name}, out)
+    else:
+        animate_platform(own, columns["time_s"], poses, out, dark=dark)
+
+
+def _show(own: Platform) -> None:
     typer.echo(f"{own.name}: {own.text(own.home)}, with every leg at half of its stroke")
     forces = own.load(own.home)
     rows = [("leg", "position mm", "stroke mm", "load N")]

@@ -90,7 +90,7 @@ def simulate(
     if plot is not None:
         from pneudrive.report import plot as draw
 
-        draw(result.dataset(), plot)
+        draw(result.dataset(), plot, described)
     _say(described.name, result.columns, result.provenance, (out, plot))
     if energy:
         from pneudrive.datasheet.characteristics.energy import energy_balance

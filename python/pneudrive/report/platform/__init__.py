@@ -1,0 +1,1 @@
+"""Drawings of platforms on legs."""

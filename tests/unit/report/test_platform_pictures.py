@@ -1,0 +1,154 @@
+"""Pictures of platforms: every mechanism has one, its labels lie apart, and a film shows the recorded poses."""
+
+from __future__ import annotations
+
+import os
+import re
+import xml.etree.ElementTree as ET
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import pneudrive as pn
+from pneudrive.cli.main import run as command
+from pneudrive.report.platform.figures import FRAMES_S, SHORTEST_S, draw_platform
+from pneudrive.report.platform.page import LEG_PANELS
+from pneudrive.report.platform.scene import INKS, platform_lines, platform_scene
+from pneudrive.report.platform.svg import platform_svg
+from pneudrive.simulation.trajectory import save
+
+KINDS = ["platform/3-rps", "platform/3-upu", "platform/6-ups", "platform/linear-delta"]
+TRIPOD = Path(__file__).parents[3] / "examples" / "tripod.toml"
+
+
+def machine(kind, rng):
+    n = 6 if kind == "platform/6-ups" else 3
+    base, top = rng.uniform(150.0, 400.0), rng.uniform(60.0, 250.0)
+    table = {"kind": kind, "base_radius": f"{base} mm", "platform_radius": f"{top} mm", "mass": "6 kg"}
+    table["length"] = f"{abs(base - top) + rng.uniform(200.0, 400.0)} mm"
+    if kind in ("platform/3-rps", "platform/6-ups"):
+        table["inertia"] = {"x": "0.09 kg m2", "y": "0.09 kg m2", "z": "0.17 kg m2"}
+    if n == 6:
+        table |= {"base_angle": f"{rng.uniform(2.0, 25.0)} deg", "platform_angle": f"{rng.uniform(2.0, 25.0)} deg"}
+    slides = {f"leg_{i}": {"kind": "slide", "mass": "0.6 kg"} for i in range(1, n + 1)}
+    joints = [f"leg_{i}.1 -> own.{i}" for i in range(1, n + 1)]
+    return pn.platform(pn.Circuit(components=slides | {"own": table}, connections=joints))
+
+
+def around_home(own, rng, count=20):
+    return own.home + 0.01 * rng.standard_normal((count, len(own.home)))
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_labels_lie_apart_and_inside(kind, dark):
+    rng = np.random.default_rng(4)
+    for _ in range(10):
+        own = machine(kind, rng)
+        path = around_home(own, rng)
+        figure = draw_platform(own, path, dark=dark)
+        texts = figure.axes[0].texts
+        assert [text.get_text() for text in texts] == [str(i) for i, _ in enumerate(own.legs, start=1)]
+        assert {text.get_color() for text in texts} == {INKS["dark" if dark else "light"][0]}
+        boxes = [text.get_window_extent() for text in texts]
+        paper = figure.bbox
+        assert all(paper.x0 <= b.x0 and b.x1 <= paper.x1 and paper.y0 <= b.y0 and b.y1 <= paper.y1 for b in boxes)
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+        svg = ET.fromstring(platform_svg(own, path=path))
+        places = {text.text: (text.attrib["x"], text.attrib["y"]) for text in svg.iter() if text.tag.endswith("text")}
+        scene = platform_scene(own, path)
+        assert {text: f"{x:.1f}" for text, (x, _) in scene.labels} == {text: x for text, (x, _) in places.items()}
+        assert not re.search("nan|inf", ET.tostring(svg, encoding="unicode"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_pistons_are_at_their_positions_and_joints_are_joined(kind):
+    rng = np.random.default_rng(8)
+    own = machine(kind, rng)
+    poses = around_home(own, rng, 5)
+    poses[:, own.coordinates.index("heave" if "heave" in own.coordinates else "z")] += 0.08
+    lines, positions = list(platform_lines(own, poses)), own.inverse(poses)
+    top = next(points for what, points in lines if what == "platform")
+    for i, points in enumerate(points for what, points in lines if what == "piston"):
+        if own.is_delta:
+            direction = np.asarray(own.core.joints[2][i])
+            moved = (points.mean(axis=1) - own.core.joints[0][i]) @ direction
+        else:  # measured from the joint on the platform: the rod has one length
+            moved = -np.linalg.norm(points[:, 1] - top[:, i], axis=1)
+            moved += np.linalg.norm(top[:, i] - own.core.joints[0][i], axis=1)
+        assert moved - moved[0] == pytest.approx(positions[:, i] - positions[0, i], abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def tripod_run(tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "run.parquet"
+    circuit = pn.Circuit.load(TRIPOD)
+    run = circuit.simulate({"valve_1": [(0.0, 0.3)], "valve_2": [(0.0, -0.2)]}, "0.2 s")
+    save(run, path)
+    return path
+
+
+def test_a_page_of_a_run_shows_the_drawing_and_every_curve(tripod_run, tmp_path):
+    page = tmp_path / "run.html"
+    assert command(["platform", str(TRIPOD), "--run", str(tripod_run), "--out", str(page)]) == 0
+    text = page.read_text()
+    assert text.count("<svg ") == 1
+    assert "synthetic" in text
+    for label, *_ in LEG_PANELS:
+        assert label in text
+    tripod = pn.platform(pn.Circuit.load(TRIPOD))
+    table = tmp_path / "run.csv"
+    assert command(["platform", str(TRIPOD), "--run", str(tripod_run), "--out", str(table)]) == 0
+    head = table.read_text().partition("\n")[0].split(",")
+    assert {"tripod.heave_m", "tripod.smallest_singular_value", "tripod.leg_3_side_force_n"} < set(head)
+    run = tmp_path / "simulated.html"
+    assert command(["simulate", str(TRIPOD), "--duration", "0.05 s", "--plot", str(run)]) == 0
+    assert 'id="platform"' in run.read_text()
+    assert len(platform_svg(tripod)) < 10_000
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_a_film_has_the_frames_of_the_run(tripod_run, tmp_path, monkeypatch, capsys, dark):
+    words = ["platform", str(TRIPOD), "--run", str(tripod_run), *(["--dark"] if dark else []), "--out"]
+    picture = tmp_path / "motion.gif"
+    assert command([*words, str(picture)]) == 0
+    with Image.open(picture) as film:
+        assert abs(film.n_frames - SHORTEST_S * FRAMES_S[".gif"]) <= 1
+        paper = film.convert("RGB").getpixel((0, 0))
+        assert (sum(paper) < 200) == dark
+    monkeypatch.setenv("PATH", "")
+    assert command([*words, str(tmp_path / "motion.mp4")]) == 2
+    said = capsys.readouterr().err
+    assert "the program ffmpeg is missing" in said
+    assert "motion.gif" in said
+    program = tmp_path / "ffmpeg"  # stands for the real one: counts the bytes of its frames
+    program.write_text("#!/bin/sh\nfor last; do :; done\n/usr/bin/wc -c > $last\necho $* >> $last\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path) + os.pathsep)
+    assert command([*words, str(tmp_path / "motion.mp4")]) == 0
+    count, given = (tmp_path / "motion.mp4").read_text().splitlines()
+    width, height = map(int, re.search(r"-s (\d+)x(\d+)", given).groups())
+    assert width % 2 == height % 2 == 0
+    assert int(count) == (SHORTEST_S * FRAMES_S[".mp4"] + 1) * 3 * width * height
+    program.write_text("#!/bin/sh\necho no such codec >&2\nexit 1\n")
+    assert command([*words, str(tmp_path / "other.mp4")]) == 2
+    assert "no such codec" in capsys.readouterr().err
+    assert not (tmp_path / "other.mp4").exists()
+
+
+WRONG = {
+    "film at rest": (["--out", "motion.gif"], "motion.gif shows a run"),
+    "run without a file": (["--run", "run.parquet"], "--run is given without --out"),
+    "suffix": (["--out", "motion.avi"], ".mp4"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_words_of_the_command_are_told(case, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words, said = WRONG[case]
+    assert command(["platform", str(TRIPOD), *words]) == 2
+    assert said in capsys.readouterr().err
