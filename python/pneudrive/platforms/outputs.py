@@ -65,8 +65,8 @@ def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> dict[s
     ``tripod.leg_1_side_force_n`` is the magnitude of the force across leg 1 at its joint on the platform. For a delta
     it is the force across the guide of the carriage, with the weight of the carriage.
 
-    The force of all legs follows from the mass matrix M and the forces h of the mechanism, the side force from the
-    balance of momentum of the platform and of each leg.
+    The forces along the legs follow from the mass matrix and the forces of the mechanism. The side forces follow from
+    the balances of momentum of the platform and of each leg.
 
     Parameters
     ----------
@@ -184,8 +184,8 @@ class MovingPlatform(NamedTuple):
 def _legs(body: MovingPlatform) -> Array:
     """Return the forces of legs on the platform across them, N, shape (m, n, 3).
 
-    The unit vector n of a leg of length l has the moment of inertia j about its joint on the frame:
-    l n x f = -d(j n x n')/dt - g m n x e_z, with the mass moment m. A hinge adds a force along its axis, from the
+    A leg has the unit vector n, the length l, and about its joint on the frame the moment of inertia j and the mass
+    moment m. Then l n x f = -d(j n x n')/dt - g m n x e_z. A hinge adds a force along its axis. It follows from the
     balance of the platform.
     """
     place, velocity, acceleration = body.joints
@@ -217,9 +217,9 @@ def _legs(body: MovingPlatform) -> Array:
 def _guides(body: MovingPlatform, x: Array, acceleration: Array, force: Array) -> Array:
     """Return the forces of carriages on their guides across them, N, shape (m, n, 3).
 
-    An arm is a uniform rod. Its force on the carriage is t n - m (g_1/3 + g_2/6) across the arm, with the unit vector n
-    from the carriage to the platform, and the accelerations g of both ends less that of gravity. The balance along the
-    guide gives t.
+    An arm is a uniform rod of mass m along the unit vector n. Its ends at carriage and platform have the accelerations
+    g_1 and g_2, less that of gravity. Its force on the carriage is t n, and -m (g_1/3 + g_2/6) across n. The balance
+    along the guide gives t.
 
     Parameters
     ----------
