@@ -6,7 +6,7 @@ fn main() {
     if std::env::var("TARGET").is_ok_and(|target| target == "x86_64-unknown-linux-gnu") {
         let folder = std::env::var("CARGO_MANIFEST_DIR").expect("cargo says it");
         println!("cargo::rustc-cdylib-link-arg=-T{folder}/by_name.ld");
-        // Cargo itself strips nothing that a package with settings of its own is linked into.
+        // Cargo itself does not strip a library that links a package with separate settings.
         println!("cargo::rustc-cdylib-link-arg=-Wl,--strip-all");
     }
 }

@@ -1,4 +1,4 @@
-/** The views of the page, one line each: address, name, what shows it, the kinds that it opens, and others that it takes along. */
+/** The views of the page, one line each: address, name, component, kinds of files that it opens and uses. */
 import type { ComponentType } from "preact";
 import { StudiesView } from "./workspace/studies";
 

@@ -77,7 +77,7 @@ def test_a_reference_is_slowed_on_a_fallen_supply(axis):
     [
         ('law = "nmpc"\n[nmpc]\npredictor = "circuits"', "nmpc.predictor: 'circuits' is not known"),
         ('law = "pid"\n[nmpc]\npredictor = "circuit"', 'a table [nmpc] and law = "pid"'),
-        ('law = "inversion"\n[factors]\ndamping = 2', "means nothing to the law inversion, whose factors are gain"),
+        ('law = "inversion"\n[factors]\ndamping = 2', "the law inversion does not use it; its factors are gain"),
         ('law = "pid"\n[factors]\ngain = 11', "not more than 10"),
         ('law = "pva"', 'The controller "pva" was removed. Use "inversion"'),
         ('law = "pid"\n[observer]\nkind = "levant"\njerk = "400 m/s3"', "Leave the table out: kalman is used"),
@@ -111,7 +111,7 @@ def test_friction_that_sticks_exactly_is_no_plan_for_a_circuit(axis):
 
 def test_factors_of_a_run_are_checked_before_it(axis):
     changed = pn.control.Setup(factors=[{"at": "0.1 s", "filter": 2.0}])
-    with pytest.raises(pn.errors.CommandError, match=r"means nothing to the law nmpc"):
+    with pytest.raises(pn.errors.CommandError, match=r"the law nmpc does not use it"):
         pn.control.run(axis, "nmpc", reference=MOVE, setup=changed, duration="0.3 s")
 
 

@@ -136,7 +136,7 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     (server.folder / os.fsdecode(b"bad\xffname.csv")).write_text("a\n1\n")
     tab = open_tab(server.address)
     page = tab.page
-    page.wait_for_selector("text=1 names are no UTF-8 and left out")
+    page.wait_for_selector("text=1 names are not UTF-8 and are left out")
 
     def show(path: str, view: str) -> None:
         page.evaluate(f"location.hash = '#/{view}/{quote(path, safe='')}'")

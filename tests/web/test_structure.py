@@ -48,7 +48,7 @@ def test_each_kind_can_be_added_with_the_values_it_begins_with(workspace: Worksp
         )
         (name,) = set(after.components) - set(before.components)
         assert after.components[name].kind == one["kind"]
-    assert "# Assumed values to begin with." in changed(workspace, text, "add", "valve_r.4", kind="tube")
+    assert "# Assumed initial values." in changed(workspace, text, "add", "valve_r.4", kind="tube")
 
 
 def test_a_component_goes_into_a_line_and_out_again(workspace: Workspace) -> None:

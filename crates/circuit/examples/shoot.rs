@@ -1,5 +1,5 @@
-//! A servo-like run with derivatives in a loop, for a profiler: `cargo run --release --example shoot`, which takes turns
-//! with a plain run, one direction and eight; `-- 1` for one direction alone.
+//! A servo-like run with derivatives in a loop, for a profiler. `cargo run --release --example shoot` alternates a
+//! plain run, one direction and eight directions. `-- 1` runs one direction only.
 
 use circuit::{Drive, Shooting, specification};
 

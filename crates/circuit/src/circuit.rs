@@ -628,7 +628,7 @@ impl<P: Real> Circuit<P> {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// Returns one if the chambers of every cylinder have room and gas at all states within `spread`. See
+    /// Returns 1 if the chambers of every cylinder have room and gas at all states within `spread`. See
     /// [`cylinder::Cylinder::holds`].
     #[inline(always)]
     fn cylinders_hold(&self, y: &[R], spread: impl Fn(Place) -> [R::Plain; INNER]) -> R::Plain {

@@ -1,5 +1,5 @@
-//! Components that users can order. Each has a table (ports, parameters, inputs, outputs) and parts. A new component is
-//! a file here and a word in `components!`.
+//! Components as sold by makers: cylinders, valves, tubes and others. Each has a table (ports, parameters, inputs,
+//! outputs) and parts. A new component needs a file here and a word in `components!`.
 
 mod build;
 mod extra;
@@ -52,7 +52,7 @@ pub enum Holds {
     Volume,
     /// A constant pressure.
     Pressure,
-    /// A restriction that sets the pressure behind it to the value of the component.
+    /// A restriction that sets the pressure after it to the value of the component.
     Set,
     /// An axis with a commanded motion, independent of the connected components.
     Motion,
@@ -69,7 +69,7 @@ pub struct Port {
     pub exhaust: bool,
     /// Shut if not joined.
     pub optional: bool,
-    /// Source of the state behind it.
+    /// Source of the state at the port.
     pub holds: Holds,
     /// Volume that it adds to a joint without a separate volume, m3 (assumed).
     pub volume: f64,
@@ -131,7 +131,7 @@ pub type Variable = (&'static str, &'static str, &'static str);
 pub struct Kind {
     /// Its key in a description.
     pub key: &'static str,
-    /// Its name for people.
+    /// Title for users.
     pub title: &'static str,
     /// Its description and equation.
     pub text: &'static str,
@@ -162,7 +162,7 @@ pub struct Kind {
 }
 
 impl Kind {
-    /// Default values of most kinds.
+    /// Table with the default values of most kinds.
     pub const PLAIN: Kind = Kind {
         key: "",
         title: "",
@@ -390,7 +390,7 @@ pub trait Component: 'static {
         None
     }
 
-    /// Checks a rule between its numbers.
+    /// Checks relations between its numbers.
     fn check(_own: &Instance<f64>) -> Result<(), Error> {
         Ok(())
     }

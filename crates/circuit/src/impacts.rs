@@ -34,7 +34,7 @@ const HALVINGS: u32 = 20;
 
 /// The moving body.
 pub(crate) enum Mover {
-    /// A mass, whose x and v are this state and the next.
+    /// A mass. This state is x, and the next one v.
     Mass(Axis<f64>, usize),
     /// A leg of a platform whose first state is this one.
     Leg(Platform<f64>, usize, usize),

@@ -5,7 +5,7 @@
 
 #![warn(missing_docs)]
 
-/// The crates that a crate with components needs.
+/// Crates for authors of component crates.
 pub use {math, ode, physics, specification};
 
 mod assembly;

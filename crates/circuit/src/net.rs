@@ -66,7 +66,7 @@ pub struct Net<S> {
     pub(crate) known: Vec<Vec<S>>,
     /// Workspace for rates that are not read, when only the nodes are observed.
     pub(crate) rates: Vec<S>,
-    /// Number of the reservoir values that it holds: see `Circuit::filled`.
+    /// Identifier of the stored reservoir values, see `Circuit::filled`.
     pub(crate) filled: u64,
 }
 

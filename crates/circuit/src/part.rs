@@ -1,4 +1,4 @@
-//! Parts of a circuit. A new part is a file here and a line in `parts!`.
+//! Parts of a circuit. A new part needs a file here and a line in `parts!`.
 
 pub(crate) mod flow;
 pub(crate) mod gas;
@@ -319,7 +319,7 @@ pub trait Part<P: Real> {
     fn n_obstacles(&self) -> usize {
         0
     }
-    /// Functions that are positive before each surface and negative behind it.
+    /// Functions that are positive before each surface and negative after it.
     fn obstacles(&self, _y: Own<P>, _net: &Net<P>, _out: &mut [P]) {}
 
     /// Number of events of the part. Each has its own mode, with a number in each lane.

@@ -30,7 +30,7 @@ pub enum Error {
 const ATTEMPTS_PER_LOOK: u64 = 20_000;
 
 /// Default limit on step attempts: for each second of motion, for each step of the command, and for the run itself.
-/// Large numbers of attempts are mostly due to kinks and events, at any tolerance.
+/// Kinks and events cause most of the attempts, at any tolerance.
 const BUDGET: [f64; 3] = [100_000.0, 100.0, 220_000.0];
 /// Number of states for which the limit is defined, and the least factor on it. An attempt with more states costs more.
 const BUDGET_STATES: f64 = 10.0;
@@ -357,5 +357,5 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
     )
 }
 
-/// Number of states in a message: those of one cylinder.
+/// Largest number of states in a message: those of one cylinder.
 const SHOWN: usize = 7;

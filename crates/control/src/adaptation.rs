@@ -25,7 +25,7 @@ impl<const N: usize> Fit<N> {
         Fit { theta, covariance }
     }
 
-    /// Takes over an observation whose variance is one.
+    /// Updates the estimates with an observation of unit variance.
     fn observe(&mut self, phi: [f64; N], y: f64) {
         let p = &mut self.covariance;
         let p_phi: [f64; N] = std::array::from_fn(|i| (0..N).map(|j| p[i][j] * phi[j]).sum());
@@ -50,7 +50,7 @@ impl<const N: usize> Fit<N> {
     }
 
     /// Clips estimates to their bounds and assigns the remaining error to the other estimates, by their covariance.
-    /// Clipping one estimate alone would leave the others where they no longer fit the past.
+    /// If one estimate alone were clipped, the others would no longer fit past observations.
     fn project(&mut self, within: [[f64; 2]; N]) {
         for (i, [low, high]) in within.into_iter().enumerate() {
             let beyond = self.theta[i] - self.theta[i].clamp(low, high);
@@ -61,7 +61,7 @@ impl<const N: usize> Fit<N> {
     }
 }
 
-/// A signal behind a lag of first order.
+/// A signal after a first-order lag.
 #[derive(Clone, Copy, Debug, Default)]
 struct Lagged<const N: usize>(Option<[f64; N]>);
 
@@ -75,8 +75,8 @@ impl<const N: usize> Lagged<N> {
     }
 }
 
-/// Force and acceleration in the band of frequencies in which a controlled drive swings: behind two lags, less the part
-/// that is slow.
+/// Force and acceleration in the frequency band in which a controlled drive swings: after two lags, without the slow
+/// part.
 #[derive(Clone, Debug, Default)]
 struct Band {
     lags: [Lagged<2>; 3],
@@ -95,20 +95,20 @@ impl Band {
         [f2 - f3, a2 - a3]
     }
 
-    /// Takes over the inertial force at a sample, N, and returns its effective value, N.
+    /// Adds the inertial force of a sample, N, and returns its effective value, N.
     fn effective(&mut self, inertia: f64, period: f64) -> f64 {
         self.power += period / (period + LEARN_BAND[1]) * (inertia * inertia - self.power);
         self.power.sqrt()
     }
 }
 
-/// Coulomb and viscous friction and the moving mass are estimated relative to the description. So are the valve's
-/// conductance and overlap. A force that stays the same in both directions is estimated with them and left to the
-/// observer. Zero offsets of pressure sensors look like such a force. So does friction that differs between the
-/// directions.
+/// Coulomb and viscous friction and the moving mass are estimated relative to the description. The valve's conductance
+/// and overlap are estimated, too. A force that is equal in both directions is estimated as well, but the observer
+/// compensates it. Zero offsets of pressure sensors look like such a force. Friction that differs between the
+/// directions does, too.
 #[derive(Clone, Debug)]
 pub struct Adaptation {
-    /// The model as it is described.
+    /// The described model, before any learning.
     described: Model,
     /// Factors of Coulomb and viscous friction, the constant force, and the factor of the mass.
     friction: Fit<4>,
@@ -120,21 +120,21 @@ pub struct Adaptation {
     gas: [Lagged<4>; 2],
     /// Residual of the force balance, in each direction.
     disturbance: [Lagged<1>; 2],
-    /// Direction of motion since the last reversal, 1 or -1; 0: none. Then the duration of this motion, and that of
-    /// the rest since, s.
+    /// Direction of motion since the last reversal, 1 or -1; 0 if it has not moved. Then the duration of this motion
+    /// and of the rest that followed, s.
     way: f64,
     gone: f64,
     stood: f64,
-    /// For how long friction is not learned, s.
+    /// Remaining time in which friction is not learned, s.
     rests: f64,
-    /// For how long it has slid, and slid fast, s.
+    /// Time for which the drive has slid, and has slid fast, s.
     slid: [f64; 2],
-    /// For how long the spool has moved slowly, s.
+    /// Time for which the spool has moved slowly, s.
     calm: f64,
 }
 
 impl Adaptation {
-    /// Returns the adaptation of a model as described.
+    /// Returns the adaptation of a described model.
     pub fn new(model: &Model) -> Self {
         let d = model.valve.overlap;
         Adaptation {
@@ -155,8 +155,8 @@ impl Adaptation {
         }
     }
 
-    /// Learns from a state that follows measured pressures, with position and speed there of the spool of one 5/3 valve; of
-    /// other valves it learns nothing.
+    /// Learns from a state that follows measured pressures, and from position and speed of the spool of a 5/3 valve.
+    /// Parameters of other valves are not learned.
     pub fn learn(&mut self, model: &mut Model, state: &mut State, spool: Option<[f64; 2]>, period: f64) {
         self.turn(model, state, period);
         self.learn_friction(model, state, period);
@@ -165,9 +165,9 @@ impl Adaptation {
         }
     }
 
-    /// Corrects the estimate when a drive reverses. The observer has explained the unmodelled friction so far as a
-    /// disturbance force. The part that is not learned yet is moved from this force to the friction. As a force it
-    /// would not change sign with the motion.
+    /// Corrects the estimate when a drive reverses. Until then, the observer has assigned the unmodelled friction to a
+    /// disturbance force. This part of the disturbance force is moved to the friction. Otherwise it would not change
+    /// sign with the motion.
     fn turn(&mut self, model: &mut Model, state: &mut State, period: f64) {
         let way = self.way;
         if way * state.friction >= 0.0 {
@@ -198,8 +198,8 @@ impl Adaptation {
         state.friction += taken;
     }
 
-    /// Takes over a balance of forces, N: Coulomb and viscous friction and inertia as described, the force of gas and load,
-    /// the level of friction, and a factor of its deviation.
+    /// Learns from a force balance, N: described Coulomb friction, viscous friction and inertia, the force of gas and
+    /// load, the friction level, and a factor of the balance's deviation.
     fn balance(&mut self, [coulomb, viscous, inertia]: [f64; 3], force: f64, level: f64, factor: f64) {
         let area = 0.5 * self.described.sides.iter().map(|side| side.area).sum::<f64>();
         let least = LEARN_FORCE_DEVIATION.max(LEARN_PRESSURE_DEVIATION * area);
@@ -240,18 +240,20 @@ impl Adaptation {
             return;
         }
         self.balance([coulomb, viscous, inertia], force, level, (LEARN_FAST / v.abs()).max(1.0));
-        // Inertia is part of the balance, so that it is not taken for friction. Other errors look like mass, too.
+        // Inertia is part of the balance, so it is not mistaken for friction. Other errors look like mass, too.
         let [coulomb, viscous, ..] = self.friction.theta;
         model.friction_shares = [coulomb, viscous];
     }
 
-    /// Learns the mass from a drive that swings, with measured pressures or those of the model:
+    /// Learns the mass from a drive that swings. The pressures are measured, or those of the model:
     ///
     ///   F - F_fr - F_v v = theta M a,   each in the band of [`LEARN_BAND`]
     ///
-    /// Friction acts with the velocity, a quarter of a period apart from the inertia. Errors of the friction therefore
-    /// hardly move the mass. Slips of a drive that creeps or rests do, so that the reference has to move with a `speed` above
-    /// [`LEARN_SLIDES`]. A model with more mass than the drive makes predictive control swing, and the swing
+    /// Friction is in phase with the velocity, a quarter of a period apart from the inertia. Errors of the friction
+    /// therefore
+    /// hardly move the mass. Slips of a creeping or resting drive would move it. The `speed` of the reference must
+    /// therefore exceed [`LEARN_SLIDES`]. A model with more mass than the drive makes predictive control swing, and the
+    /// swing
     /// corrects the mass.
     pub fn learn_mass(&mut self, model: &mut Model, state: &State, speed: f64, period: f64) {
         if !model.valve.arrangement.is_proportional() {
@@ -280,7 +282,7 @@ impl Adaptation {
         let k1 = described.gas.heat_capacity_ratio - 1.0;
         self.calm = if speed.abs() < LEARN_SPOOL_SPEED { self.calm + period } else { 0.0 };
         let open = spool.abs() - model.valve.overlap > LEARN_OPEN && self.calm > LEARN_SPOOL_CALM;
-        // The filling chamber comes first, so a drive learns alike in both directions, also at a bound.
+        // The filling chamber comes first: the order is then the same in both directions, also at a bound.
         let [fills, vents] = if spool > 0.0 { [0, 1] } else { [1, 0] };
         let seen = [fills, vents].map(|side| {
             // Energy that flows in at full opening, W, while an edge is open.
@@ -315,5 +317,5 @@ impl Adaptation {
     }
 }
 
-/// Choked flow for each gain at the supply of usual drives, Pa/K^0.5: a scale (assumed).
+/// Choked flow per unit of conductance at a usual supply pressure, Pa/K^0.5: a scale (assumed).
 const CHOKED: f64 = 7e5 / 17.0;

@@ -21,15 +21,15 @@ macro_rules! laws {
         #[derive(Clone, Debug)]
         pub enum AnyLaw {
             $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($name),)*
-            /// One of a user.
+            /// A custom law of a user.
             Own(Own),
         }
 
-        /// The words of all laws.
+        /// Keys of all laws.
         pub const LAWS: &[&str] = &[$(<$name as Tuned>::KEY),*];
 
         impl AnyLaw {
-            /// The law called so, with gains that follow from the drive.
+            /// Returns the law of a key, with gains that follow from the drive.
             pub fn tuned(key: &str, model: &Model, plant: &Plant) -> Option<Self> {
                 $(if key == <$name as Tuned>::KEY {
                     return Some(AnyLaw::$name(<$name as Tuned>::tuned(model, plant)));
@@ -37,12 +37,12 @@ macro_rules! laws {
                 (key == Own::KEY).then(|| AnyLaw::Own(Own::default()))
             }
 
-            /// Its word in a controller file.
+            /// Key of the law in a controller file.
             pub fn key(&self) -> &'static str {
                 match self { $(AnyLaw::$name(_) => <$name as Tuned>::KEY,)* AnyLaw::Own(_) => Own::KEY }
             }
 
-            /// Its gains with their values.
+            /// Gains of the law, with their values.
             pub fn gains(&mut self) -> impl Iterator<Item = (&'static Gain, &mut f64)> {
                 match self {
                     $(AnyLaw::$name(law) => $name::GAINS.iter().zip(law.gains_mut()),)*
@@ -52,7 +52,7 @@ macro_rules! laws {
         }
 
         impl AnyLaw {
-            /// It supports references only, without a path back to one.
+            /// Whether it follows references only, and cannot follow a path back to a reference.
             pub(crate) fn needs_reference(&self) -> bool {
                 matches!(self, AnyLaw::Own(_))
             }
@@ -99,9 +99,9 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub plant: Plant,
     /// The law.
     pub law: L,
-    /// The valves that its command is given to.
+    /// Valves that receive the command.
     pub valves: Valves,
-    /// Standing still, if it may.
+    /// Holding at the target, if it is on.
     pub hold: Option<Hold<S>>,
     /// Adaptation of the model, if it is on.
     pub adaptation: Option<Adaptation>,
@@ -117,7 +117,7 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub(crate) speed: f64,
     pub(crate) observer: Option<Observer<S>>,
     pub(crate) friction: Option<S>,
-    /// The force that breaks a resting drive away, N.
+    /// Force that breaks a resting drive away, N.
     pub(crate) push: S,
 }
 
@@ -130,7 +130,7 @@ pub(crate) struct Takeover {
     ramps: Vec<Ramp>,
 }
 
-/// A law took over at a time: the difference of its command to that of the previous law.
+/// Time at which a law took over, and the difference between its command and the previous law's.
 #[derive(Clone, Copy, Debug)]
 struct Bump {
     begin: Option<f64>,
@@ -146,15 +146,15 @@ struct Ramp {
     to: f64,
 }
 
-/// The law that stands by unless another one is named.
+/// Standby law, unless the user names another one.
 const STANDBY: &str = "inversion";
 
-/// Wanted state now and when a command of now will act, whether the drive stands between them, and the reference.
+/// Wanted state now and when the command acts, whether the drive stands in between, and the reference.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ahead<'r, S> {
     pub now: Wanted<S>,
     pub then: Wanted<S>,
-    /// 1 while the reference stands, else 0.
+    /// 1 while the reference is at rest, else 0.
     pub stands: S,
     pub preview: &'r Course<'r>,
 }
@@ -175,7 +175,7 @@ pub struct Answer {
     pub command: f64,
     /// Wanted state now.
     pub wanted: Wanted,
-    /// Velocity, m/s, and disturbance, N, as the observer has them.
+    /// Estimated velocity, m/s, and disturbance, N.
     pub velocity: f64,
     /// N.
     pub disturbance: f64,
@@ -213,7 +213,7 @@ impl Controller {
         })
     }
 
-    /// Returns the command for a sample along a reference, and gives it to the valve unchanged.
+    /// Returns the command for a sample along a reference, and passes it to the valve unchanged.
     pub fn step(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         let answer = self.decide(sample, reference);
         let time = self.supervisor.as_ref().map_or(sample.time, |own| own.corrected(sample.time));
@@ -221,7 +221,7 @@ impl Controller {
         answer
     }
 
-    /// Returns the commands of the valves for a command that was given at a sample, with its true time.
+    /// Returns the commands of the valves for the command of a sample, with its true time.
     pub fn give(&mut self, time: f64, command: f64) -> Commands {
         let Controller { valves, model, observer, period, .. } = self;
         match observer {
@@ -261,7 +261,7 @@ impl Controller {
                 || !(position.abs() < FARTHEST && velocity.abs() < FARTHEST)
         });
         if lost {
-            // A sample far behind the last one, or one that no model follows: the observer starts again.
+            // The sample is much later than the last one, or far from the model: the observer starts again.
             self.restart();
             self.observe(sample);
         }
@@ -273,7 +273,7 @@ impl Controller {
         }
     }
 
-    /// The law's command for a sample that the observer has taken over.
+    /// Returns the law's command for a sample that the observer has processed.
     pub(crate) fn ask(&mut self, sample: &Sample, course: &Course) -> Answer {
         self.go_on_tuning(sample.time);
         let now = course.at(sample.time);
@@ -308,7 +308,7 @@ impl Controller {
         answer
     }
 
-    /// Another law takes over without a bump: its command begins at that of the law before.
+    /// Changes to another law without a bump: its first command equals the last one of the previous law.
     pub fn switch(&mut self, law: AnyLaw) {
         self.law = law;
         self.factors = [1.0; FACTORS.len()];
@@ -316,7 +316,7 @@ impl Controller {
         self.takeover.bump = Some(Bump { begin: None, offset: 0.0 });
     }
 
-    /// A gain of the law goes to another value, in 0.2 s; false: it has no such gain.
+    /// Changes a gain of the law to another value within 0.2 s. Returns false if the law has no such gain.
     pub fn retune(&mut self, key: &str, to: f64) -> bool {
         let found = self.law.gains().find(|(gain, _)| gain.key == key).map(|(gain, own)| (gain.key, *own));
         let Some((key, from)) = found else { return false };
@@ -325,8 +325,8 @@ impl Controller {
         true
     }
 
-    /// The gains go to those of other factors, of [`FACTORS`](crate::FACTORS), in 0.2 s. A factor that is out of
-    /// bounds or that this law does not use is rejected with a message. Nothing changes then.
+    /// Changes the gains within 0.2 s to those of other [`FACTORS`](crate::FACTORS). Factors out of bounds, or unused
+    /// by this law, are rejected. Nothing changes then.
     pub fn scale(&mut self, factors: [f64; FACTORS.len()]) -> Result<(), String> {
         let law = self.law.key();
         let mut changes = Vec::new();
@@ -343,7 +343,7 @@ impl Controller {
                     let known: Vec<_> = known.collect();
                     let has = if known.is_empty() { "none".into() } else { known.join(", ") };
                     return Err(format!(
-                        "factors.{key} = {now}: it means nothing to the law {law}, whose factors are {has}. Leave it out"
+                        "factors.{key} = {now}: the law {law} does not use it; its factors are {has}. Leave it out"
                     ));
                 }
             }
@@ -359,7 +359,7 @@ impl Controller {
         Ok(())
     }
 
-    /// Gains are where they go at once: for a law that has not begun.
+    /// Changes all gains at once, for a law that has not started.
     pub fn arrive(&mut self) {
         for own in std::mem::take(&mut self.takeover.ramps) {
             self.law.gains().filter(|(gain, _)| gain.key == own.key).for_each(|(_, gain)| *gain = own.to);
@@ -376,12 +376,12 @@ impl Controller {
         self.takeover.ramps.retain(|own| own.begin.is_none_or(|begin| time - begin < TAKEOVER_TIME));
     }
 
-    /// The observer begins anew with the next sample.
+    /// Restarts the observer with the next sample.
     pub(crate) fn restart(&mut self) {
         self.observer = None;
     }
 
-    /// Continues from a command without a bump; nothing is held or pushed.
+    /// Continues from a command without a bump. Holding and breakaway begin anew.
     pub(crate) fn begin_anew(&mut self, command: f64) {
         (self.push, self.takeover.last) = (0.0, command);
         self.friction = self.observer.as_ref().map(|own| own.state.friction);
@@ -391,12 +391,12 @@ impl Controller {
         }
     }
 
-    /// The state at the last sample.
+    /// Returns the state at the last sample.
     pub(crate) fn state(&self) -> Option<State> {
         self.observer.as_ref().map(|observer| observer.state)
     }
 
-    /// The state and how far edges were open halfway, at the next sample as the model foresees it.
+    /// Returns the predicted state at the next sample, and the openings of the edges halfway.
     pub(crate) fn foresee(&self, time: f64) -> Option<(State, Edges<f64>)> {
         let observer = self.observer.as_ref()?;
         let (state, _) = observer.predict(&self.model, time, self.period);
@@ -418,7 +418,7 @@ impl Controller {
 }
 
 impl<S: Number, L: Law<S>> Controller<L, S> {
-    /// Takes over a sample.
+    /// Stores a sample.
     pub(crate) fn observe(&mut self, sample: &Sample<S>) {
         let Controller { model, period, noise, law, .. } = self;
         let noise = Noise { disturbance: law.wander() * noise.disturbance, ..*noise };
@@ -439,12 +439,12 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         self.law.each(see);
     }
 
-    /// Time after which a command acts as far as the law is concerned, s.
+    /// Returns the time after which a command acts, as the law assumes it, s.
     pub(crate) fn ahead(&self) -> f64 {
         if self.law.predicts() { self.model.valve.delay } else { self.plant.lag }
     }
 
-    /// The command for a sample that was taken over.
+    /// Returns the command for the stored sample.
     pub(crate) fn command(&mut self, sample: &Sample<S>, ahead: &Ahead<'_, S>) -> Decided<S> {
         let acts = sample.time + self.ahead();
         let period = self.period;
@@ -473,7 +473,7 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         let grown =
             (self.push + e.times(rate_of_push * model.mass * bandwidth * bandwidth)).within(-bound, bound);
         let fallen = self.push.times(1.0 - rate_of_push);
-        // Once the contact slips, the breakaway force would drive the piston past its target.
+        // After the contact slips, the full breakaway force would drive the piston past its target.
         let slips = S::c(PUSH_SLIPS).lt(observer.state.velocity.abs());
         let grown = S::select(slips, self.push.times(1.0 - bandwidth * period), grown);
         let stands = S::select(S::zero().lt(ahead.stands), grown, fallen);
@@ -506,7 +506,7 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         Decided { command, velocity, disturbance, holds }
     }
 
-    /// Takes over the command that one 5/3 valve was given at a sample, with its true time.
+    /// Stores the command of one 5/3 valve at a sample, with its true time.
     pub(crate) fn told(&mut self, time: f64, command: S) {
         if let Some(observer) = &mut self.observer {
             observer.spool.command(time + self.model.valve.delay, command);

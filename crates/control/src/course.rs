@@ -1,10 +1,10 @@
-//! Course that a law follows: a reference, or a place to stand at, and the path to it from the present state.
+//! Course that a law follows: a reference or a place of rest, and the path to it from the present state.
 
 use crate::number::Number;
 use crate::reference::{PEAKS, Reference, Wanted, blend, series};
 use crate::thresholds::{RETURN_LEAST_TIME, SLOWS_WITHIN, STOP_LEAST_TIME};
 
-/// A path that starts with a distance, a speed and an acceleration and ends with none of them. It has three
+/// A path that starts with a distance, a speed and an acceleration and ends with all three at zero. It has three
 /// continuous derivatives. With the fraction s of its duration T, it is
 ///
 ///   x_0 (1-s)^4 (1 + 4 s + 10 s^2 + 20 s^3) + v_0 T s (1-s)^4 (1 + 4 s + 10 s^2) + a_0 T^2 s^2/2 (1-s)^4 (1 + 4 s)
@@ -14,11 +14,11 @@ pub struct Fade<S = f64> {
     pub begin: S,
     /// s.
     pub duration: S,
-    /// At its beginning: m, m/s, m/s2.
+    /// Distance, m, speed, m/s, and acceleration, m/s2, at the start.
     pub from: [S; 3],
 }
 
-/// (1 - s)^4 p(s) with the numbers of p, and three derivatives.
+/// Returns (1 - s)^4 p(s) for the coefficients of p, and three derivatives.
 fn faded<S: Number>(p: [S; 4], s: S) -> [S; 4] {
     let [p0, p1, p2, p3] = series(&p, s);
     let r = S::one() - s;
@@ -34,7 +34,7 @@ fn faded<S: Number>(p: [S; 4], s: S) -> [S; 4] {
 }
 
 impl<S: Number> Fade<S> {
-    /// Its distance and derivatives at a time, s. All are zero after its end.
+    /// Returns distance and derivatives at a time, s. All are zero after its end.
     pub fn at(&self, t: S) -> Wanted<S> {
         let s = ((t - self.begin) / self.duration).within(0.0, 1.0);
         let [x, v, a] = self.from;
@@ -48,13 +48,13 @@ impl<S: Number> Fade<S> {
         Wanted::at_rate(faded(p, s), S::one() / self.duration)
     }
 
-    /// The time at which it ends, s.
+    /// Returns the time at which the path ends, s.
     pub fn end(&self) -> S {
         self.begin + self.duration
     }
 
     /// Returns a path to rest, and the place where it ends, m. The path begins with a position, a speed and an
-    /// acceleration. The deceleration, m/s2, grows where there is less than this room ahead, m.
+    /// acceleration. The deceleration, m/s2, is increased if the path would need more than `room`, m.
     pub fn stop(begin: S, [x, v, a]: [S; 3], deceleration: S, room: S) -> (Self, S) {
         let a = a.max(-deceleration).min(deceleration);
         let (zero, least) = (S::zero(), S::c(STOP_LEAST_TIME));
@@ -73,7 +73,8 @@ impl<S: Number> Fade<S> {
 }
 
 impl Fade {
-    /// Back to a reference from a distance, a speed and an acceleration relative to it, at an acceleration, m/s2.
+    /// Returns a path back to a reference, with a limited acceleration, m/s2. It starts with a distance, a speed and an
+    /// acceleration relative to the reference.
     pub fn back(begin: f64, from: [f64; 3], acceleration: f64) -> Self {
         let [x, v, _] = from;
         let duration = (PEAKS[1] * x.abs() / acceleration).sqrt().max(STEEPEST * v.abs() / acceleration);
@@ -81,37 +82,37 @@ impl Fade {
     }
 }
 
-/// Steepest fall of a speed that ends, over its mean.
+/// Largest deceleration of a path to rest, relative to the mean deceleration.
 const STEEPEST: f64 = 1.875;
 
-/// A clock whose rate changes from a time on, within 0.2 s and with three continuous derivatives of its time.
+/// A clock whose rate changes within 0.2 s, with three continuous derivatives of its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slowed {
-    /// Begin of the change, s, and the time of this clock then, s.
+    /// Time of the samples, s, and time of this clock, s, when the change begins.
     begin: [f64; 2],
-    /// Its rate until then, and behind the change.
+    /// Rate of the clock before and after the change.
     rates: [f64; 2],
 }
 
 impl Slowed {
-    /// Follows the clock of the samples, or another one, up to a time, s. From there on the rate is a fraction of the
-    /// earlier one.
+    /// Returns a clock that follows the samples' clock, or another one, up to a time, s. After this time, the rate is a
+    /// fraction of the earlier rate.
     pub fn from(before: Option<Self>, t: f64, share: f64) -> Self {
         let [time, rate, ..] = before.map_or([t, 1.0, 0.0, 0.0], |own| own.at(t));
         Slowed { begin: [t, time], rates: [rate, share * rate] }
     }
 
-    /// The rate that it comes to.
+    /// Returns the rate after the change.
     pub fn rate(&self) -> f64 {
         self.rates[1]
     }
 
-    /// The time at which it has that rate, s.
+    /// Returns the time at which the change ends, s.
     pub fn end(&self) -> f64 {
         self.begin[0] + SLOWS_WITHIN
     }
 
-    /// Its time, s, and three derivatives at a time, s.
+    /// Returns the clock's time, s, and three derivatives at a time, s.
     fn at(&self, t: f64) -> [f64; 4] {
         let ([begin, time], [before, behind]) = (self.begin, self.rates);
         let (s, less) = (((t - begin) / SLOWS_WITHIN).clamp(0.0, 1.0), behind - before);
@@ -139,9 +140,9 @@ impl Slowed {
 /// Course that a law follows.
 #[derive(Clone, Copy, Debug)]
 pub struct Course<'a> {
-    /// The reference; none: it stands.
+    /// The reference; `None` if the drive stands.
     reference: Option<&'a Reference>,
-    /// The clock that it goes by, if that is another one.
+    /// Clock of the reference, if it differs from that of the samples.
     clock: Option<Slowed>,
     stands_at: f64,
     fade: Option<Fade>,
@@ -154,23 +155,23 @@ impl<'a> From<&'a Reference> for Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// Follows a reference, with a path back to it that fades out.
+    /// Returns a course along a reference, plus a path back to it that fades out.
     pub fn back_to(reference: &'a Reference, fade: Fade) -> Self {
         Course { fade: Some(fade), ..reference.into() }
     }
 
-    /// Goes to a place, m, where a path ends.
+    /// Returns a course to a place, m, at which a path ends.
     pub fn to_stand(at: f64, fade: Fade) -> Self {
         Course { reference: None, clock: None, stands_at: at, fade: Some(fade) }
     }
 
-    /// The same by another clock.
+    /// Returns the same course on another clock.
     #[must_use]
     pub fn by(self, clock: Option<Slowed>) -> Self {
         Course { clock, ..self }
     }
 
-    /// Returns the reference, if nothing is added to it and its clock is that of the samples.
+    /// Returns the reference, if no path is added to it and its clock is that of the samples.
     pub fn reference(&self) -> Option<&'a Reference> {
         self.reference.filter(|_| self.fade.is_none() && self.clock.is_none())
     }
@@ -191,7 +192,7 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// Whether it stands still from a time on for `span` s.
+    /// Returns whether the course is at rest for `span` s from a time on.
     pub fn stands(&self, t: f64, span: f64) -> bool {
         let time = self.clock.map_or(t, |own| own.at(t)[0]);
         self.fade.is_none_or(|fade| fade.end() <= t)

@@ -23,12 +23,12 @@ use crate::thresholds::FARTHEST;
 use crate::valves::Valves;
 use math::Real;
 
-/// A number that code is given.
+/// An input or parameter of exported code.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Given {
     /// Its name.
     pub name: String,
-    /// Its unit in SI; `1` for a pure number.
+    /// SI unit; `1` for a pure number.
     pub unit: &'static str,
     /// Its meaning, in words.
     pub meaning: String,
@@ -38,19 +38,19 @@ pub struct Given {
 /// order.
 #[derive(Clone, Debug)]
 pub struct Program {
-    /// The word of the law.
+    /// Key of the law.
     pub law: &'static str,
     /// The period, s.
     pub period: f64,
-    /// Time after which a command of now acts, s: what [`Program::inputs`] ask for then.
+    /// Time after which the present command acts, s. Some [`Program::inputs`] refer to that time.
     pub ahead: f64,
-    /// Numbers that it is given at a sample.
+    /// Inputs of a sample.
     pub inputs: Vec<Given>,
     /// Parameters with their values: gains of the law, then limits of the checks.
     pub parameters: Vec<(Given, f64)>,
-    /// How many of them are gains.
+    /// Number of gains among them.
     pub gains: usize,
-    /// Numbers that it remembers from one sample to the next, and while it works on one.
+    /// Numbers that are stored from one sample to the next, and between the pieces of a step.
     pub memory: [usize; 2],
     /// [`CHECKED`], the checked inputs, and the state of the checks.
     pub check: Graph,
@@ -65,7 +65,7 @@ pub struct Program {
 /// Inputs of a move of a reference: positions, m, and times, s.
 pub const MOVE: [&str; 5] = ["start", "target", "begin_time", "duration", "at_time"];
 
-/// Position, velocity, acceleration and jerk of a move at a time; it stands before and behind.
+/// Position, velocity, acceleration and jerk of a move at a time. The reference is at rest before and after it.
 pub fn along_a_move() -> Graph {
     record(MOVE.len(), |given| {
         let [from, to, begin, duration, t] = [0, 1, 2, 3, 4].map(|place| given[place]);
@@ -82,8 +82,8 @@ pub const CHECKED: [&str; 3] = ["opens", "begins", "status"];
 pub const RESULTS: [(&str, &str, &str); 4] = [
     ("command", "1", "command of the valve, -1 .. 1"),
     ("velocity", "m/s", "velocity, estimated"),
-    ("disturbance", "N", "force that the model knows nothing of, estimated"),
-    ("holds", "1", "1 while it stands still and keeps the force, else 0"),
+    ("disturbance", "N", "unmodelled force, estimated"),
+    ("holds", "1", "1 while the drive is held at rest, else 0"),
 ];
 
 /// Samples after which the number of commands under way no longer changes.
@@ -91,7 +91,7 @@ const SETTLED: u32 = 200;
 
 fn inputs(with_pressures: bool) -> Vec<Given> {
     let given = |name: &str, unit, meaning: &str| Given { name: name.into(), unit, meaning: meaning.into() };
-    let mut all = vec![given("position", "m", "position, as it is measured")];
+    let mut all = vec![given("position", "m", "measured position")];
     if with_pressures {
         for side in ["a", "b"] {
             all.push(given(
@@ -101,14 +101,14 @@ fn inputs(with_pressures: bool) -> Vec<Given> {
             ));
         }
     }
-    for (at, when) in [("now", "now"), ("then", "when a command of now acts")] {
+    for (at, when) in [("now", "now"), ("then", "when the present command acts")] {
         for (name, unit) in
             [("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"), ("jerk", "m/s3")]
         {
             all.push(given(&format!("{name}_{at}"), unit, &format!("{name} of the reference {when}")));
         }
     }
-    all.push(given("stands", "1", "1 while the reference stands from now until then, else 0"));
+    all.push(given("stands", "1", "1 while the reference is at rest from now until then, else 0"));
     all.push(given("enabled", "1", "1 while the drive may move, else 0"));
     all
 }
@@ -127,8 +127,8 @@ fn limits(controller: &Controller) -> Vec<(Given, f64)> {
     .into()
 }
 
-/// Source of a law, its observer and its checks; without pressures they run by the model alone. Nothing is learned: the code
-/// has the friction and the valve of the model.
+/// Returns the program of a law, its observer and its checks. Without pressure sensors, the pressures come from the
+/// model. The code does not learn: friction and valve are those of the model.
 pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program, String> {
     macro_rules! any {
         ($($law:ident),*) => {
@@ -138,7 +138,7 @@ pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program,
                     "nmpc cannot be exported: its search for limits of the moves depends on numbers. Export inversion or \
                      super-twisting, or call the compiled core".into(),
                 ),
-                AnyLaw::Own(_) => Err("a law of one's own cannot be exported: it is code already".into()),
+                AnyLaw::Own(_) => Err("a custom law cannot be exported: it is code already".into()),
             }
         };
     }
@@ -164,7 +164,7 @@ enum Piece {
 }
 
 impl Asked<Traced> {
-    /// From the inputs of the code, in their order.
+    /// Returns the step for the inputs of the code, in their order.
     fn of(all: &[Traced], with_pressures: bool) -> Self {
         let (first, rest) = all.split_at(if with_pressures { 3 } else { 1 });
         let wanted = |own: &[Traced]| Wanted {
@@ -198,7 +198,8 @@ impl Asked<Traced> {
 }
 
 impl Recorder<'_> {
-    /// Observers of a controller that has run for long: at time zero, its last command given, and at the next sample.
+    /// Returns two observers of a controller that has run for long: at time zero after its last command, and at the
+    /// next sample.
     fn settled(&self) -> [Observer; 2] {
         let Controller { model, period, noise, .. } = self.controller;
         let sample =

@@ -11,13 +11,13 @@ use crate::types::{Plant, State};
 /// Largest demands of a reference on a drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Demand {
-    /// Share of the valve's opening; infinite where no opening will do.
+    /// Fraction of the valve's opening; infinite if no opening suffices.
     pub opening: f64,
-    /// When that is, s.
+    /// Time of this demand, s.
     pub opening_time: f64,
-    /// Share of the force that the supply has in that direction.
+    /// Fraction of the force that the supply can produce in this direction.
     pub force: f64,
-    /// Share of the steady speed at full opening.
+    /// Fraction of the steady speed at full opening.
     pub speed: f64,
     /// Rate of the spool's position, 1/s.
     pub spool_rate: f64,
@@ -26,7 +26,7 @@ pub struct Demand {
 }
 
 impl Demand {
-    /// The largest of the shares that have a limit.
+    /// Returns the largest of the fractions that have a limit.
     pub fn most(&self) -> f64 {
         self.opening.max(self.force).max(self.speed)
     }
@@ -34,16 +34,16 @@ impl Demand {
 
 /// Steps after which the user is asked whether to stop.
 const LOOKS: u64 = 4096;
-/// Moments at which a reference is looked at for its directions.
+/// Number of times at which the direction of a reference is sampled.
 const MOMENTS: u32 = 2000;
 
-/// Force that the supply has in +x and against it, N.
+/// Returns the force that the supply can produce in +x and in -x, N.
 fn highest_forces(model: &Model) -> [f64; 2] {
     let gauge = model.supply.pressure - model.ambient.pressure;
     model.sides.each_ref().map(|side| side.area * gauge)
 }
 
-/// The shares of the force of the supply that weight and friction at rest take in +x and against it, at a position, m.
+/// Returns the fractions of the supply's force that weight and friction at rest need in +x and in -x, at a position, m.
 pub fn least_forces(model: &Model, x: f64) -> [f64; 2] {
     let [level, _] = model.friction_levels([x, 0.0], model.rest_pressures());
     let highest = highest_forces(model);
@@ -63,8 +63,8 @@ fn least_force(model: &Model, reference: &Reference, duration: f64) -> f64 {
 }
 
 /// Returns the demands of a reference that is slowed by a factor in time, over `duration` s of the unslowed
-/// reference. The piston is where the reference is; the gas runs by the model under the opening that gives the force
-/// for that motion. If `stop` says so, it returns the demands found up to then.
+/// reference. The piston follows the reference exactly. The model simulates the gas under the opening that produces the
+/// required force. If `stop` returns true, the demands up to then are returned.
 pub fn demand(
     model: &Model,
     plant: &Plant,
@@ -141,8 +141,8 @@ pub fn demand(
 }
 
 /// Returns the least factor in time, at least 1, by which a reference must be slowed to use at most a fraction of
-/// each limit. It is found by bisection and comes with the demands then; `None` if slowing does not help. Once `stop`
-/// has said so, it says so always.
+/// each limit. A bisection determines it. The demands at this factor are returned, too; `None` if slowing does not
+/// help. After `stop` has returned true, it must continue to do so.
 pub fn least_factor(
     model: &Model,
     plant: &Plant,

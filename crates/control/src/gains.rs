@@ -5,26 +5,26 @@ use physics::Bounds;
 /// A gain of a law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gain {
-    /// Its name in a controller file.
+    /// Name in a controller file.
     pub key: &'static str,
     /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
-    /// The values that it may take.
+    /// Allowed values.
     pub bounds: Bounds,
     /// Its meaning, in words.
     pub meaning: &'static str,
-    /// Rule from which the value follows, in words.
+    /// Rule that determines the value, in words.
     pub rule: &'static str,
 }
 
-/// A choice of a law: one word of some.
+/// A choice of a law: one of several words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Choice {
     /// The word of the law.
     pub law: &'static str,
-    /// Its name in the law's table of a controller file.
+    /// Name in the law's table of a controller file.
     pub key: &'static str,
-    /// The words; the first one is usual.
+    /// The words; the first one is the default.
     pub options: &'static [&'static str],
     /// Its meaning, in words.
     pub meaning: &'static str,
@@ -44,7 +44,7 @@ pub struct Factor {
 /// Names of the factors.
 pub const FACTORS: [&str; 3] = ["gain", "damping", "filter"];
 
-/// Values that a factor may take.
+/// Allowed values of a factor.
 pub const FACTOR_BOUNDS: Bounds = physics::within(0.1, 10.0);
 
 /// A law or choice with gains.
@@ -52,7 +52,7 @@ pub trait Gains {
     /// Its gains.
     const GAINS: &'static [Gain];
 
-    /// Their values, in that order.
+    /// Values of the gains, in that order.
     fn gains_mut(&mut self) -> Vec<&mut f64>;
 }
 
@@ -61,7 +61,7 @@ pub(crate) fn listed<G: Gains>(own: &mut G) -> Vec<(&'static Gain, &mut f64)> {
     G::GAINS.iter().zip(own.gains_mut()).collect()
 }
 
-/// A law: a struct of its gains and of its memory, which begins as it is said here.
+/// Defines a law: a struct of its gains and of its memory, with the initial values of the memory.
 macro_rules! law {
     ($(#[$attribute:meta])* pub struct $name:ident {
         $($gain:ident: $unit:literal, $bounds:expr, $meaning:literal, rule $rule:literal;)*
@@ -74,7 +74,7 @@ macro_rules! law {
         }
 
         impl<$number: $crate::number::Number> $name<$number> {
-            /// With gains, and nothing remembered.
+            /// Returns the law with these gains and its initial memory.
             #[allow(clippy::too_many_arguments)]
             pub fn new($($gain: $number),*) -> Self {
                 $name { $($gain,)* $($memory: $begins,)* }

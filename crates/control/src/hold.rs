@@ -7,30 +7,30 @@ use crate::thresholds::{
     HOLD_ROOM, HOLD_SPEED, HOLD_SWITCHING, HOLD_TRIES_AFTER, HOLD_VAIN,
 };
 
-/// Standing still: the force at which the seal rests is kept.
+/// Holding: the force at which the seal rests is kept.
 #[derive(Clone, Debug)]
 pub struct Hold<S = f64> {
-    /// Error below which it is entered, m.
+    /// Error below which holding begins, m.
     pub band: f64,
-    /// For how long before, s.
+    /// Time for which the error must have been so small, s.
     pub after: f64,
-    /// For how long it has been near the place, and within the band about a place anywhere, s, and the error there, m.
+    /// Time near the target, s; time within the band about any place, s; and the error at this place, m.
     waited: S,
     rested: S,
     place: S,
-    /// Whether it holds, 0 or 1, the force that it keeps, and about the one that it began with, N.
+    /// Whether it holds, 0 or 1; the kept force, N; and about the force at the beginning, N.
     holds: S,
     force: S,
     begun: S,
-    /// While the reference stands: the error at which it rested last, the least size of one, m, and how often it slipped past
-    /// its target since, no nearer.
+    /// While the reference is at rest: the error of the last rest, m, the least error, m, and the number of slips past
+    /// the target since that came no nearer.
     rest: S,
     nearest: S,
     vain: S,
-    /// For how long it has been kept many bands away, s, and whether it is drawn nearer, 0 or 1.
+    /// Time for which the drive has been kept many bands away, s, and whether it is moved nearer, 0 or 1.
     far_for: S,
     tries: S,
-    /// The error where it was tried last, m, and how often in a row that came no nearer.
+    /// Error at the last try, m, and the number of successive tries that came no nearer.
     tried: S,
     missed: S,
 }
@@ -46,7 +46,7 @@ pub(crate) struct Resting<S> {
     pub velocity: S,
     /// Force of the gas, N.
     pub gas: S,
-    /// Friction that breaks away, N.
+    /// Breakaway friction, N.
     pub level: S,
 }
 
@@ -75,7 +75,7 @@ impl<S: Number> Memory<S> for Hold<S> {
 }
 
 impl<S: Number> Hold<S> {
-    /// With a band, m, entered after a time, s.
+    /// Returns holding with a band, m, that begins after a time, s.
     pub fn new(band: f64, after: f64) -> Self {
         let [waited, rested, place, holds, force, begun, rest, nearest, vain, far_for, tries, tried, missed] =
             [S::zero(); 13];
@@ -98,8 +98,9 @@ impl<S: Number> Hold<S> {
         }
     }
 
-    /// 1 where a drive is to be kept where it rests, else 0: it has slipped past its target, and no nearer to it, twice.
-    /// Another slip would do the same.
+    /// Returns 1 if the drive is to be kept where it rests, else 0. It is kept after two slips past the target that
+    /// came no nearer.
+    /// A further slip would not help.
     fn kept(&self) -> S {
         S::select(self.vain.lt(S::c(HOLD_VAIN)), S::zero(), S::one())
     }
@@ -124,8 +125,8 @@ impl<S: Number> Hold<S> {
     }
 
     /// A drive that is kept many bands away tries again after a time. Its force grows slowly until the contact slips,
-    /// so the slip is small. Two tries in a row that come no nearer are the last ones. `moved` is 1 once the place
-    /// changes.
+    /// so the slip is small. After two successive tries that come no nearer, it stops trying. `moved` is 1 after the
+    /// place has changed.
     fn try_again(&mut self, stands: S, e: S, moved: S, period: f64) {
         let (zero, one, after) = (S::zero(), S::one(), S::c(HOLD_TRIES_AFTER));
         let is_far = S::select(e.abs().lt(S::c(HOLD_MANY * self.band)), zero, self.kept());
@@ -143,9 +144,9 @@ impl<S: Number> Hold<S> {
         self.rest = S::select(zero.lt(self.kept() * moved), e, self.rest);
     }
 
-    /// Whether it holds, and the rate of the force of the gas then, N/s:
+    /// Returns whether it holds, and the rate of the gas force then, N/s:
     ///
-    ///   F_h' = c s e within room of where it began,   F' = F_h' + k_s (F_h - F)
+    ///   F_h' = c s e within a bound about the first force, F' = F_h' + k_s (F_h - F)
     ///
     /// F_h is the kept force, s the stiffness of the contact, and c and k_s the rates of contact and gas.
     pub(crate) fn rate(&mut self, seen: &Resting<S>, model: &Model, period: f64) -> (S::Mask, S) {
@@ -156,7 +157,7 @@ impl<S: Number> Hold<S> {
         let held = zero.lt(self.holds);
         let limit = S::select(held, S::c(HOLD_LEAVE * self.band), S::c(self.band));
         let is_far = limit.lt((e - self.rest * self.kept()).abs());
-        // Another load may have moved the drive away: it tries once more.
+        // A changed load may have moved the drive: it tries once more.
         self.vain = S::select(is_far, self.vain.min(S::c(HOLD_VAIN - 1.0)), self.vain);
         let kept = self.kept();
         let near = S::select(is_far, zero, stands);

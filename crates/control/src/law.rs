@@ -1,4 +1,4 @@
-//! Laws: the command that takes a drive where it is to go.
+//! Control laws: they compute the command that moves a drive along its reference.
 
 mod base;
 mod fuzzy;
@@ -21,10 +21,10 @@ pub const CHOICES: &[Choice] = &[Choice {
     law: "nmpc",
     key: "predictor",
     options: &["model", "circuit"],
-    meaning: "who runs the horizon: the model in fixed steps, or the circuit that the law believes in, whatever it has",
+    meaning: "predictor of the horizon: the model in fixed steps, or the assumed circuit with any components",
 }];
 
-/// Gain that a factor of a controller file multiplies. A factor without a gain of a law has no effect on it.
+/// Gain that a factor of a controller file multiplies. A factor has no effect on a law without a gain for it.
 pub const FACTORED: &[Factor] = &[
     Factor { law: "pid", key: "gain", gain: "gain" },
     Factor { law: "pid", key: "damping", gain: "derivative_time" },

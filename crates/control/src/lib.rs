@@ -1,6 +1,6 @@
 //! Control of a pneumatic axis: model of the drive, references, observer, laws.
 //!
-//! A law has no clock and reads no file: a sampled loop hands it samples and takes its commands.
+//! A law has no clock and reads no file: a sampled loop passes it samples and applies its commands.
 
 #![warn(missing_docs)]
 

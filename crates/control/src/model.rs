@@ -33,16 +33,17 @@ pub struct Side {
     pub perimeter: f64,
     /// Wetted end faces, m2.
     pub end_wall: f64,
-    /// Volume that the piston never takes, m3.
+    /// Dead volume, m3.
     pub dead_volume: f64,
-    /// Length that the chamber has at x = 0, m: none on side a, the stroke on side b.
+    /// Length of the chamber at x = 0, m: zero on side a, the stroke on side b.
     pub length: f64,
-    /// One where the chamber grows with x, minus one where it shrinks.
+    /// 1 if the chamber grows with x, -1 if it shrinks.
     pub sign: f64,
 }
 
 impl Side {
-    /// Its volume at x, m3; never below a hundredth of the dead volume, so that a prediction beyond the stroke stays finite.
+    /// Returns the volume at x, m3. It is at least a hundredth of the dead volume, so a prediction beyond the stroke
+    /// stays finite.
     #[inline(always)]
     pub fn volume<S: Over<f64>>(&self, x: S) -> S {
         let length = x.times_plus(self.sign, S::c(self.length));
@@ -55,9 +56,9 @@ impl Side {
     }
 }
 
-/// Openings of edges: of each chamber, or those of one 5/3 valve, supply to a and a to exhaust.
+/// Openings of the valve edges: of each chamber, or of one 5/3 valve (supply to a, a to exhaust).
 pub trait Openings<S> {
-    /// Those of each chamber.
+    /// Returns the openings of each chamber.
     fn edges(self) -> Edges<S>;
 }
 
@@ -73,7 +74,7 @@ impl<S: Copy> Openings<S> for [S; 2] {
     }
 }
 
-/// When a contact slips that a force pushes.
+/// Slip condition of a contact under a force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Slip {
     /// It drifts under any force, as LuGre does.
@@ -95,29 +96,29 @@ impl Slip {
     }
 }
 
-/// A proportional valve with a spool, or several valves that replace it for a law.
+/// A proportional valve with a spool, or several valves that replace it.
 #[derive(Clone, Debug)]
 pub struct Valve {
-    /// The valves that there are.
+    /// Arrangement of the valves.
     pub arrangement: Arrangement,
     /// Flow through each edge, fully open.
     pub flow: Iso6358<f64>,
-    /// Angular natural frequency of the spool, rad/s; infinite: it follows the command at once.
+    /// Angular natural frequency of the spool, rad/s. If infinite, the spool follows the command at once.
     pub angular_frequency: f64,
     /// Damping ratio of the spool.
     pub damping_ratio: f64,
     /// Dead time from the command to the spool, s.
     pub delay: f64,
-    /// Position up to which an edge stays shut.
+    /// Spool position up to which an edge stays shut.
     pub overlap: f64,
-    /// Share of the conductance that leaks past each edge in the centre.
+    /// Fraction of the conductance that leaks past each edge in the centre.
     pub leakage: f64,
-    /// Position over which the leak falls to 1/e.
+    /// Spool travel over which the leak falls to 1/e.
     pub leakage_width: f64,
 }
 
 impl Valve {
-    /// Time by which the flow is behind the command, s: dead time and 2 zeta/omega of the spool.
+    /// Delay of the flow after the command, s: dead time and 2 zeta/omega of the spool.
     pub fn lag(&self) -> f64 {
         self.delay + 2.0 * self.damping_ratio / self.angular_frequency
     }
@@ -136,7 +137,7 @@ pub struct Model {
     pub sides: [Side; 2],
     /// m.
     pub stroke: f64,
-    /// All that moves, kg.
+    /// Moving mass, kg.
     pub mass: f64,
     /// Weight along the axis and external force, N in +x.
     pub load: f64,
@@ -150,9 +151,9 @@ pub struct Model {
     pub friction: Contact<f64>,
     /// Stiffness of the contact in stick, N/m.
     pub stick_stiffness: f64,
-    /// When the contact slips.
+    /// Slip condition of the contact.
     pub slip: Slip,
-    /// Shares of the friction that is described: of its level, and viscous.
+    /// Factors of the described friction: of its level, and of its viscous part.
     pub friction_shares: [f64; 2],
     /// Damping of the contact in stick over its stiffness, s.
     pub stick_damping_time: f64,
@@ -161,11 +162,11 @@ pub struct Model {
 /// Rates of the gas in both chambers.
 #[derive(Clone, Copy, Debug)]
 pub struct Chambers<S> {
-    /// dU/dt of each, W.
+    /// dU/dt of each chamber, W.
     pub energy_rates: [S; 2],
-    /// dp/dt of each, Pa/s.
+    /// dp/dt of each chamber, Pa/s.
     pub pressure_rates: [S; 2],
-    /// dT/dt of each, K/s.
+    /// dT/dt of each chamber, K/s.
     pub temperature_rates: [S; 2],
 }
 
@@ -181,7 +182,7 @@ impl Model {
         k * self.volume_flow() * self.supply.pressure / self.sides[side].volume(x)
     }
 
-    /// Force of the gas in +x, N.
+    /// Returns the force of the gas in +x, N.
     #[inline(always)]
     pub fn gas_force<S: Over<f64>>(&self, pressures: [S; 2]) -> S {
         let [a, b] = pressures.map(|p| p - S::c(self.ambient.pressure));
@@ -189,7 +190,7 @@ impl Model {
     }
 
     /// Returns pressures, Pa, about the mean of supply and ambient, under which a resting piston needs no friction.
-    /// Both chambers share the difference.
+    /// The difference is divided equally between both chambers.
     pub fn rest_pressures(&self) -> [f64; 2] {
         let mean = 0.5 * (self.supply.pressure + self.ambient.pressure);
         let missing = -self.load - self.gas_force([mean; 2]);
@@ -200,8 +201,9 @@ impl Model {
         [of(0, 1.0), of(1, -1.0)]
     }
 
-    /// Rates, 1/s, at which pressures of the shut chambers return by themselves, by leakage and heat, with the piston at rest about
-    /// mid stroke: -(dp'/dp) of each. If they are equal, the position determines the force of the gas alone, not both
+    /// Returns the decay rates of the pressures in the shut chambers by leakage and heat, 1/s: -(dp'/dp) of each, with
+    /// the piston at rest near mid-stroke. If they are equal, the position determines the force of the gas alone, not
+    /// both
     /// pressures.
     pub fn pressure_decay(&self) -> [f64; 2] {
         let (x, p) = (0.5 * self.stroke, self.rest_pressures());
@@ -223,7 +225,7 @@ impl Model {
         self.edges_at(spool, self.valve.overlap)
     }
 
-    /// The same for a given fraction of the opening, past the overlap.
+    /// Returns the same for a fraction of the opening beyond the overlap.
     #[inline(always)]
     pub fn opened_by<S: Over<f64>>(&self, share: S) -> [S; 2] {
         self.edges_at(share, 0.0)
@@ -236,8 +238,8 @@ impl Model {
         [1.0, -1.0].map(|way| opened(S::c(-overlap / whole), S::c(way / whole), spool) + leak)
     }
 
-    /// Returns the command that opens an edge by a fraction of its conductance. The command adds the overlap, and
-    /// passes it smoothly within a width about zero.
+    /// Returns the command that opens an edge by a fraction of its conductance. The command includes the overlap. It
+    /// changes sign smoothly within a width about zero.
     pub fn command_for<S: Number>(&self, share: S) -> S {
         let overlap = self.valve.overlap;
         let inverse = (share / S::c(OVERLAP_WIDTH)).tanh().times(overlap);
@@ -250,7 +252,7 @@ impl Model {
         command.signum() * (command.abs() - overlap).max(0.0) / (1.0 - overlap)
     }
 
-    /// Chambers with their gas at (x, v), the edges open by `openings`.
+    /// Returns the rates of the chambers' gas at (x, v), with the edges open by `openings`.
     #[inline(always)]
     pub fn chambers<S: Over<f64>>(
         &self,
@@ -261,7 +263,7 @@ impl Model {
         self.chambers_on(&self.supply, place, gas, openings)
     }
 
-    /// The same on another supply.
+    /// Returns the same for another supply.
     #[inline(always)]
     pub fn chambers_on<S: Over<f64>>(
         &self,
@@ -324,7 +326,8 @@ impl Model {
         At { x, v, ..At::at_rest() }.pressed(gauge_a, gauge_b)
     }
 
-    /// Level of steady friction without its viscous part at |v|, and the viscous coefficient: g(v), N, and Fv, N s/m.
+    /// Returns the steady friction level without its viscous part at |v|, g(v), N, and the viscous coefficient Fv, N
+    /// s/m.
     #[inline(always)]
     pub fn friction_levels<S: Over<f64>>(&self, [x, v]: [S; 2], pressures: [S; 2]) -> [S; 2] {
         let [a, b] = pressures;
@@ -342,14 +345,14 @@ impl Model {
     ///
     ///   df/dt = min(s |v|/g, 1/h) (g sgn v - f)
     ///
-    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step. If a contact does not drift,
-    /// then below its level df/dt = s v (1 - alpha |f|/g), and no more than is left to g. Here alpha is the
-    /// [`plastic_share`] of the motion. It is zero if the contact slips at its level alone.
+    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step. A contact that does not drift
+    /// follows df/dt = s v (1 - alpha |f|/g) below its level, and does not exceed g within the step. Here alpha is the
+    /// [`plastic_share`] of the motion. It is zero if the contact slips only at its level.
     #[inline(always)]
     pub fn stick_rate<S: Over<f64>>(&self, v: S, f: S, level: S, h: f64) -> S {
         let speed = (v * v + S::c(SMOOTH_SPEED * SMOOTH_SPEED)).sqrt();
         let rate = (speed.times(self.stick_stiffness) / level).min(S::c(1.0 / h));
-        // g sgn v |v| = g v: no sign at rest.
+        // g sgn v |v| = g v avoids the sign at rest.
         let sign = v / speed;
         let left = level * sign - f;
         let spring = v.times(self.stick_stiffness);
@@ -361,7 +364,7 @@ impl Model {
             }
             Slip::AtLevel => spring,
         };
-        // Through rest the sign is steeper than a step can follow. Its derivative is limited to the value that brings
+        // Near rest the sign changes faster than a step can follow. Its derivative is limited to the value that brings
         // the mass to rest within one step.
         let slope =
             || (S::c(SMOOTH_SPEED * SMOOTH_SPEED) / (speed * speed * speed)).min(S::c(self.mass / h) / level);
@@ -370,13 +373,13 @@ impl Model {
         S::select((left * v).lt(S::zero()), rate * left, elastic)
     }
 
-    /// Returns the damping of the contact over its stiffness, s, for a step of `h` s. It brings the mass at most to
-    /// rest within the step, as more would throw it back.
+    /// Returns the damping of the contact over its stiffness, s, for a step of `h` s. It can bring the mass to rest
+    /// within the step, but cannot reverse it.
     pub fn damping_time(&self, h: f64) -> f64 {
         self.stick_damping_time.min(self.mass / (self.stick_stiffness * h))
     }
 
-    /// Acceleration under the force of the gas, the friction force f and a disturbance d, N in +x.
+    /// Returns the acceleration under the gas force, the friction force f and a disturbance d, N in +x.
     #[inline(always)]
     pub fn acceleration<S: Over<f64>>(&self, gas: S, v: S, viscous: S, f: S, d: S) -> S {
         (gas + S::c(self.load) - f - viscous * v + d).times(1.0 / self.mass)
@@ -408,7 +411,7 @@ impl Plant {
     }
 }
 
-/// Level of the friction that is described, N, at a velocity, m/s, a position, m, and the pressures of both chambers, Pa.
+/// Described friction level, N, at a velocity, m/s, a position, m, and the pressures of both chambers, Pa.
 struct Steady<'a>(&'a Model);
 
 impl Function<f64, 4> for Steady<'_> {
@@ -422,7 +425,7 @@ impl Function<f64, 4> for Steady<'_> {
     }
 }
 
-/// A level that depends on the velocity alone.
+/// Friction level that depends on the velocity alone.
 impl Function<f64, 1> for Steady<'_> {
     #[inline(always)]
     fn at<S: Over<f64>>(&self, [v]: [S; 1]) -> S {

@@ -1,10 +1,10 @@
-//! Number types of laws: values, or records of each operation, from which code is made.
+//! Number types of laws: values, or records of each operation for code generation.
 
 use math::Over;
 
 /// A number of a law.
 pub trait Number: Over<f64> {
-    /// The number of one of two pieces of work that change a memory: of `a` where the mask holds, else of `b`.
+    /// Runs `a` or `b` on a memory and returns its number: `a` if the mask is true, else `b`.
     fn either<M: Memory<Self>>(
         mask: Self::Mask,
         memory: &mut M,
@@ -12,7 +12,7 @@ pub trait Number: Over<f64> {
         b: impl FnOnce(&mut M) -> Self,
     ) -> Self;
 
-    /// Within -1 .. 1; no number stays none.
+    /// Clips a number to -1 .. 1. NaN stays NaN.
     fn limited(self) -> Self {
         self.within(-1.0, 1.0)
     }
@@ -25,7 +25,7 @@ pub trait Number: Over<f64> {
 
 /// State of a law or an observer, as numbers.
 pub trait Memory<S>: Clone {
-    /// Shows each of them, always in the same order.
+    /// Visits each number, always in the same order.
     fn each(&mut self, see: &mut dyn FnMut(&mut S));
 }
 

@@ -10,8 +10,8 @@ use crate::types::{Sample, State, gas_at};
 use math::Over;
 
 impl<S: Over<f64>> State<S> {
-    /// Advances by `h` s with edges open by `openings`; with `measured` pressures, the gas follows those. Returns the
-    /// acceleration with which it began, m/s2.
+    /// Advances by `h` s with edges open by `openings`. If pressures are `measured`, the gas follows them. Returns the
+    /// initial acceleration, m/s2.
     pub fn advance(
         &mut self,
         model: &Model,
@@ -23,7 +23,7 @@ impl<S: Over<f64>> State<S> {
         self.advance_in(pieces as u32, model, openings, h, measured)
     }
 
-    /// The same, the motion in a number of pieces, by the classical method of Runge and Kutta, of fourth order.
+    /// Does the same with the motion in several pieces, by the classical fourth-order Runge-Kutta method.
     pub(crate) fn advance_in(
         &mut self,
         pieces: u32,
@@ -61,7 +61,7 @@ impl<S: Over<f64>> State<S> {
         begin[1]
     }
 
-    /// Returns pressures, Pa, and temperatures, K, after `h` s, by the rates halfway. The gas sees its separate
+    /// Returns pressures, Pa, and temperatures, K, after `h` s, by the midpoint method. The gas sees its separate
     /// `speed`, m/s.
     pub(crate) fn flow(&self, model: &Model, openings: impl Openings<S>, h: f64, speed: S) -> [[S; 2]; 2] {
         let (openings, mut gas) = (openings.edges(), [self.pressures, self.temperatures]);
@@ -87,7 +87,7 @@ impl<S: Over<f64>> State<S> {
         [rate, model.acceleration(force, velocity, viscous, friction, self.disturbance)]
     }
 
-    /// Acceleration by the model, m/s2.
+    /// Returns the acceleration of the model, m/s2.
     pub fn acceleration(&self, model: &Model) -> S {
         self.pushed(
             model,
@@ -106,7 +106,8 @@ pub struct Observer<S = f64> {
     pub state: State<S>,
     /// The spool.
     pub spool: Spool<S>,
-    /// Gains of position, 1, velocity, 1/s, and of the disturbance over the mass, 1/s2. A learned mass keeps its poles.
+    /// Gains of position, 1, velocity, 1/s, and of the disturbance over the mass, 1/s2. The poles stay the same if the
+    /// mass is learned.
     gain: [f64; 3],
     time: f64,
 }
@@ -120,7 +121,7 @@ pub struct Noise {
     pub position: f64,
 }
 
-/// Gain of a steady Kalman filter of (x, v, d) with x' = v, v' = d/M, d' = noise, of which x is sampled with a period.
+/// Gain of a steady Kalman filter of (x, v, d) with x' = v, v' = d/M, d' = noise, where x is sampled with a period.
 ///
 /// Source: [anderson1979].
 fn steady_gain(mass: f64, period: f64, noise: Noise) -> [f64; 3] {
@@ -170,7 +171,7 @@ fn steady_gain(mass: f64, period: f64, noise: Noise) -> [f64; 3] {
 }
 
 impl Observer {
-    /// The same in other numbers: a drive of which nothing is known yet, at the same time.
+    /// Returns the observer in other numbers, at the same time and without any past samples.
     pub(crate) fn at_rest<S: Number>(&self) -> Observer<S> {
         let zero = S::zero();
         let (pair, time) = ([zero; 2], self.time);
@@ -216,14 +217,14 @@ impl<S: Number> Observer<S> {
         correct(model, &mut self.state, sample.position, self.gain);
     }
 
-    /// The time of the last sample, s.
+    /// Returns the time of the last sample, s.
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// State and spool at a later time, s, under the commands given so far.
+    /// Predicts state and spool at a later time, s, under the commands given so far.
     pub fn predict(&self, model: &Model, to: f64, step: f64) -> (State<S>, Spool<S>) {
-        // A whole number of steps stays the same number, however times are rounded.
+        // Rounding of times must not change the number of steps.
         let n = ((to - self.time) / step - 1e-6).ceil().max(1.0);
         let h = (to - self.time) / n;
         let (mut state, mut spool) = (self.state, self.spool.clone());
@@ -235,7 +236,7 @@ impl<S: Number> Observer<S> {
         (state, spool)
     }
 
-    /// Shows each of its numbers.
+    /// Visits each number of the observer.
     pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
         let State { position, velocity, disturbance, friction, pressures, temperatures } = &mut self.state;
         for own in [position, velocity, disturbance, friction] {
@@ -250,8 +251,8 @@ impl<S: Number> Observer<S> {
 ///
 ///   x += K_x e,   v += K_v e,   F_fr -= s K_a M e within +-g,   d += K_a M e + (change of F_fr)
 ///
-/// s = 1/(1 + (v/[`OBSERVER_REST`])^2): at rest an unexplained force is friction's, as long as that can bear it. No sensor could tell
-/// them apart.
+/// s = 1/(1 + (v/[`OBSERVER_REST`])^2): at rest, an unexplained force is assigned to friction up to the friction level.
+/// No sensor could distinguish the two.
 fn correct<S: Number>(model: &Model, state: &mut State<S>, measured: S, gain: [f64; 3]) {
     let miss = measured - state.position;
     state.position += miss.times(gain[0]);

@@ -1,4 +1,4 @@
-//! Custom laws. They get the signals of sensors and observer, and return a command.
+//! Custom laws. They receive the signals of sensors and observer, and return a command.
 
 use crate::model::Model;
 use crate::observer::Observer;
@@ -26,12 +26,12 @@ macro_rules! signals {
             $(#[doc = $meaning] pub $name: f64,)*
         }
 
-        /// Names, units and meaning of these numbers, in their order: that of a compiled law's sample.
+        /// Names, units and meanings of the signals, in the order of a compiled law's sample.
         pub const SIGNALS: &[Signal] =
             &[$(Signal { key: stringify!($name), unit: $unit, meaning: $meaning },)*];
 
         impl Seen {
-            /// The numbers in their order.
+            /// Returns the numbers in their order.
             pub fn values(&self) -> [f64; SIGNALS.len()] {
                 [$(self.$name),*]
             }
@@ -45,13 +45,13 @@ signals! {
     position: "m", "position, as it is measured";
     velocity: "m/s", "velocity, estimated";
     acceleration: "m/s2", "acceleration, estimated";
-    pressure_a: "Pa", "absolute pressure of chamber a, as it is measured; by the model where it is not";
-    pressure_b: "Pa", "absolute pressure of chamber b, as it is measured; by the model where it is not";
+    pressure_a: "Pa", "absolute pressure of chamber a: measured, or of the model without a sensor";
+    pressure_b: "Pa", "absolute pressure of chamber b: measured, or of the model without a sensor";
     temperature_a: "K", "temperature of the gas in chamber a, estimated";
     temperature_b: "K", "temperature of the gas in chamber b, estimated";
     gas_force: "N", "force of the gas on the piston, in +x";
-    friction: "N", "friction force beside its viscous part, against +x, estimated";
-    disturbance: "N", "force that the model knows nothing of, in +x, estimated";
+    friction: "N", "friction force without its viscous part, against +x, estimated";
+    disturbance: "N", "unmodelled force, in +x, estimated";
     spool: "1", "position of the valve's spool, by the model";
 }
 
@@ -91,7 +91,7 @@ impl<F: FnMut(&Seen, &Reference) -> f64 + Send> OwnLaw for F {
     }
 }
 
-/// A custom law, or the place for one that is not there yet. Clones share it, with its memory.
+/// A custom law, or a placeholder for it. Clones share it, with its memory.
 #[derive(Clone, Default)]
 pub struct Own(Option<Arc<Mutex<dyn OwnLaw>>>);
 

@@ -26,7 +26,8 @@ impl<S: Number> Wanted<S> {
     }
 }
 
-/// A polynomial and three derivatives over their factorials, by Horner's rule; the numbers of the powers 0, 1, ..
+/// Returns a polynomial and three derivatives over their factorials, by Horner's rule. The coefficients are those of
+/// the powers 0, 1, ..
 pub fn series<S: Number>(coefficients: &[S], at: S) -> [S; 4] {
     let [mut p0, mut p1, mut p2, mut p3] = [S::zero(); 4];
     for own in coefficients.iter().rev() {
@@ -69,14 +70,14 @@ pub fn between<S: Number>([from, to]: [S; 2], [s, v, a, j]: [S; 4], rate: S) -> 
 /// A motion of a reference.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reference {
-    /// Moves, one after the other; before the first one it stands at the start.
+    /// Moves, one after the other. The reference rests at the start before the first move.
     Moves {
         /// m.
         start: f64,
         /// In the order of their times.
         moves: Vec<Move>,
     },
-    /// A sine about a centre whose amplitude grows from nothing within the first period.
+    /// A sine about a centre. Its amplitude grows from zero within the first period.
     Sine {
         /// m.
         centre: f64,
@@ -85,7 +86,7 @@ pub enum Reference {
         /// Hz.
         frequency: f64,
     },
-    /// Polynomials, one after the other; between two of them it stands where the one before it ends.
+    /// Polynomials, one after the other. Between two of them, the reference rests where the first one ends.
     Pieces {
         /// m.
         start: f64,
@@ -94,13 +95,13 @@ pub enum Reference {
     },
 }
 
-/// Numbers of a polynomial of a reference.
+/// Number of coefficients of a polynomial.
 pub const COEFFICIENTS: usize = 10;
 
-/// Moments of a move, of a polynomial and of two periods of a sine at which a reference is looked at.
+/// Number of samples over a move, a polynomial or two periods of a sine when a reference is checked.
 const MOMENTS: u32 = 200;
 
-/// A polynomial over a time: position, m, over the elapsed fraction of the time.
+/// A polynomial: position, m, over the elapsed fraction of its duration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
     /// s.
@@ -116,7 +117,7 @@ impl Piece {
         self.coefficients[1..].iter().all(|own| *own == 0.0)
     }
 
-    /// Position and three derivatives at a time, s; behind its end where it ends.
+    /// Returns position and three derivatives at a time, s. After the end, the reference rests.
     fn at(&self, t: f64) -> Wanted {
         let share = (t - self.begin) / self.duration;
         if share >= 1.0 {
@@ -127,7 +128,7 @@ impl Piece {
     }
 }
 
-/// A move to a position, from where the one before it ends.
+/// A move to a position, from the end of the previous move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
     /// s.
@@ -173,13 +174,13 @@ impl Reference {
         }
     }
 
-    /// The same slowed by a factor in time.
+    /// Returns the reference slowed by a factor in time.
     pub fn slowed(&self, t: f64, factor: f64) -> Wanted {
         let Wanted { position, velocity, acceleration, jerk } = self.at(t / factor);
         Wanted::at_rate([position, velocity, acceleration, jerk], 1.0 / factor)
     }
 
-    /// Shows where it is at many moments from a time on, s, in which it has all that it will have.
+    /// Samples the reference at many times from a time on, s, so densely that no extreme value is missed.
     pub fn ahead(&self, from: f64, see: &mut dyn FnMut(Wanted)) {
         let mut along = |begin: f64, duration: f64| {
             if begin + duration > from {
@@ -194,7 +195,7 @@ impl Reference {
         }
     }
 
-    /// The shortest time of a move, of a polynomial or of a period, s.
+    /// Returns the shortest duration of a move, polynomial or period, s.
     pub fn shortest(&self) -> f64 {
         match self {
             Reference::Moves { moves, .. } => {

@@ -1,4 +1,4 @@
-//! A twin of the valve's spool: where it is and will be under the commands given so far.
+//! Model of the valve's spool: present and future position under the commands given so far.
 
 use crate::model::{Model, Openings, Valve};
 use crate::number::Number;
@@ -7,7 +7,7 @@ use crate::types::{Arrangement, Edges};
 use crate::valves::MOST_VALVES;
 use std::collections::VecDeque;
 
-/// A spool of second order behind a dead time, advanced exactly for commands that hold from tick to tick.
+/// A second-order spool after a dead time. It is advanced exactly for piecewise constant commands.
 #[derive(Clone, Debug)]
 pub struct Spool<S = f64> {
     /// Position and speed.
@@ -19,14 +19,14 @@ pub struct Spool<S = f64> {
     beside: Beside<S>,
 }
 
-/// Values by the times from which on they act, s; the first one acts now.
+/// Values and the times from which they act, s. The first one acts now.
 type Line<S> = VecDeque<(f64, S)>;
 
 /// State of separate valves at each chamber, which one 5/3 valve cannot represent.
 #[derive(Clone, Debug)]
 enum Beside<S> {
     Nothing,
-    /// Half the sum of both commands: valve a is at the sum of both spools, valve b at the difference.
+    /// Common part of both commands: valve a is at the sum of both spools, valve b at the difference.
     Both(Box<Spool<S>>),
     /// Edges that are open or shut, filling and venting a, filling and venting b, instead of a spool.
     Edges(Box<[Line<S>; MOST_VALVES]>),
@@ -36,7 +36,7 @@ fn line<S: Number>() -> Line<S> {
     VecDeque::from([(f64::NEG_INFINITY, S::zero())])
 }
 
-/// Returns the mean of a line between two times; earlier entries are dropped.
+/// Returns the mean value between two times, and drops earlier entries.
 fn mean<S: Number>(line: &mut Line<S>, from: f64, to: f64) -> S {
     let mut sum = S::zero();
     for place in 0..line.len() {
@@ -52,7 +52,7 @@ fn mean<S: Number>(line: &mut Line<S>, from: f64, to: f64) -> S {
     sum
 }
 
-/// Makes a value act from a time on. Entries that were to act later are dropped.
+/// Adds a value that acts from a time on. Entries that would act later are dropped.
 fn act<S: Number>(line: &mut Line<S>, acts: f64, value: S) {
     while line.len() > 1 && line.back().is_some_and(|last| last.0 >= acts) {
         line.pop_back();
@@ -61,7 +61,7 @@ fn act<S: Number>(line: &mut Line<S>, acts: f64, value: S) {
 }
 
 impl<S: Number> Spool<S> {
-    /// At rest in the centre.
+    /// Returns a spool at rest in the centre.
     pub fn new(valve: &Valve) -> Self {
         let beside = match valve.arrangement {
             Arrangement::One => Beside::Nothing,
@@ -80,7 +80,7 @@ impl<S: Number> Spool<S> {
         }
     }
 
-    /// Takes over a command that acts from a time on, s.
+    /// Adds a command that acts from a time on, s.
     pub fn command(&mut self, acts: f64, value: S) {
         match &mut self.beside {
             Beside::Nothing => {}
@@ -95,7 +95,7 @@ impl<S: Number> Spool<S> {
         self.acts.push_back((acts, value));
     }
 
-    /// Takes over commands of the valves of chambers a and b.
+    /// Adds commands of the valves of chambers a and b.
     pub(crate) fn command_both(&mut self, acts: f64, [a, b]: [S; 2]) {
         self.acts.push_back((acts, (a - b).times(0.5)));
         if let Beside::Both(both) = &mut self.beside {
@@ -110,7 +110,7 @@ impl<S: Number> Spool<S> {
         }
     }
 
-    /// Advances from one time to another, s. Returns how far edges are open halfway, or in the mean where they
+    /// Advances from one time to another, s. Returns the openings of the edges at half time, or their mean if they
     /// switch.
     pub fn edges(&mut self, model: &Model, from: f64, to: f64) -> Edges<S> {
         if let Beside::Edges(edges) = &mut self.beside {
@@ -151,7 +151,7 @@ impl<S: Number> Spool<S> {
         position
     }
 
-    /// Position and speed now.
+    /// Returns position and speed.
     pub fn state(&self) -> [S; 2] {
         self.state
     }
@@ -161,7 +161,7 @@ impl<S: Number> Spool<S> {
         self.state[0].limited()
     }
 
-    /// The exact solution for a command that holds.
+    /// Advances by the exact solution for a constant command.
     fn step(&self, [x, v]: [S; 2], command: S, h: f64) -> [S; 2] {
         let [by_x, by_v, rate_x, rate_v] = self.transition(h);
         let e = x - command;
@@ -201,7 +201,7 @@ impl<S: Number> Spool<S> {
 }
 
 impl Spool {
-    /// The same in other numbers, at rest in the centre under commands of zero: of one 5/3 valve.
+    /// Returns the spool of one 5/3 valve in other numbers, at rest in the centre under zero commands.
     pub(crate) fn at_rest<S: Number>(&self) -> Spool<S> {
         Spool {
             state: [S::zero(); 2],
@@ -212,7 +212,7 @@ impl Spool {
         }
     }
 
-    /// Position and speed as shares of opening, behind an overlap.
+    /// Returns position and speed as fractions of opening, beyond an overlap.
     pub fn share(&self, overlap: f64) -> [f64; 2] {
         let [x, v] = self.state;
         let whole = 1.0 / (1.0 - overlap);

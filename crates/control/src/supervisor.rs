@@ -31,11 +31,11 @@ use position::{Position, Read};
 pub enum Reaction {
     /// The fault is reported.
     Tell,
-    /// Stop ramp, then the law holds the place.
+    /// Stop ramp, then the law holds the position.
     Stop,
     /// The valve is shut at once.
     Block,
-    /// The reference is slowed in time until its commands are within the valve's; where that does not help, a stop ramp.
+    /// The reference is slowed in time until commands no longer saturate; if this fails, a stop ramp follows.
     Slow,
 }
 
@@ -48,7 +48,7 @@ pub(crate) struct Believed<'a> {
     pub last: &'a State,
     /// Predicted state.
     pub foreseen: &'a State,
-    /// Openings of the edges since then.
+    /// Openings of the edges since the last sample.
     pub edges: Edges<f64>,
 }
 
@@ -63,15 +63,15 @@ pub struct Rules {
     pub pressure: [f64; 2],
     /// Deceleration of stop ramps, m/s2.
     pub stop_deceleration: f64,
-    /// When a motion is complete.
+    /// Condition of a completed motion.
     pub motion: MotionRules,
-    /// A position sensor is lost.
+    /// Reaction to a lost position sensor.
     pub on_position: Reaction,
-    /// A pressure sensor is lost: that chamber runs by the model.
+    /// Reaction to a lost pressure sensor. The model then replaces its readings.
     pub on_pressure: Reaction,
-    /// The valve does not answer.
+    /// Reaction to a valve that does not respond.
     pub on_valve: Reaction,
-    /// The supply has fallen.
+    /// Reaction to a fallen supply.
     pub on_supply: Reaction,
 }
 
@@ -92,7 +92,7 @@ impl Default for Rules {
 }
 
 impl Rules {
-    /// Returns why a reference is rejected, in words; `None` if it is not.
+    /// Returns the reason why a reference is rejected, in words; `None` if it is accepted.
     pub fn refuses(&self, wanted: &Wanted, stroke: f64) -> Option<String> {
         let Wanted { position: x, velocity: v, .. } = *wanted;
         let [low, high] = [self.position[0].max(0.0), self.position[1].min(stroke)];
@@ -111,13 +111,13 @@ impl Rules {
 /// External inputs of the supervisor for one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs {
-    /// The drive may move.
+    /// Whether the drive may move.
     pub enabled: bool,
     /// Emergency stop.
     pub emergency_stop: bool,
     /// Limit switches at x = 0 and at the stroke.
     pub switches: [bool; 2],
-    /// The law has not been ready in time.
+    /// Whether the law missed its deadline.
     pub late: bool,
     /// Standard deviation of the time at which a position is read, s.
     pub jitter: f64,
@@ -135,7 +135,7 @@ enum Mode {
     Follows,
     /// Back to the reference.
     Returns(Fade),
-    /// To a stand, where the law holds the place.
+    /// Stop ramp to rest, then the law holds the position.
     Stops {
         fade: Fade,
         at: f64,
@@ -143,20 +143,20 @@ enum Mode {
     },
     /// The valve is shut.
     Shut,
-    /// So it is, until it is enabled.
+    /// Shut until it is enabled.
     Off,
 }
 
 /// A supervisor with its state.
 #[derive(Clone, Debug)]
 pub struct Supervisor {
-    /// Rules that it applies.
+    /// Rules of this supervisor.
     pub rules: Rules,
     /// External inputs.
     pub inputs: Inputs,
-    /// The law that takes over where the first one fails.
+    /// Law that takes over if the first one fails.
     pub standby: AnyLaw,
-    /// It takes over from custom laws, too. If false, a failure of such a law ends the run.
+    /// Whether it also takes over from custom laws. If false, a failure of such a law ends the run.
     pub serves_own: bool,
     log: Log,
     mode: Mode,
@@ -166,7 +166,7 @@ pub struct Supervisor {
     /// Time of the last sample and correction of the clock, s.
     clock: Option<f64>,
     correction: f64,
-    /// The reference is slowed as long as commands are full; its clock, and for how long they have been, s.
+    /// Clock of the slowed reference, and the time for which commands have been saturated, s.
     slows: bool,
     slowed: Option<Slowed>,
     full_for: f64,
@@ -174,27 +174,27 @@ pub struct Supervisor {
     asked: Option<Wanted>,
     followed: Option<Wanted>,
     command: f64,
-    /// Steps in a row without a command of the law.
+    /// Number of successive steps without a command of the law.
     missed: u32,
     stands_by: bool,
     braking: Braking,
-    /// A chamber runs by the model.
+    /// Whether the model replaces a chamber's pressure.
     modelled: bool,
-    /// The law held at the last sample.
+    /// Whether the law held at the last sample.
     is_held: bool,
-    /// There are pressure sensors.
+    /// Whether the drive has pressure sensors.
     measures_gas: bool,
-    /// For how long the position has been lost, s.
+    /// Time for which the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
-    /// Direction of commands that act in reverse on a fallen supply, and the time until which none is given, s.
+    /// Direction of commands that act in reverse on a fallen supply, and the time until which they are not given, s.
     reversed: Option<(f64, f64)>,
-    /// Until when a command that is tried again may act in reverse again, s.
+    /// Time until which a command that is tried again may act in reverse, s.
     doubted_until: f64,
 }
 
 impl Supervisor {
-    /// With a law that stands by.
+    /// Adds a standby law.
     pub fn new(rules: Rules, standby: AnyLaw) -> Self {
         Supervisor {
             rules,
@@ -232,13 +232,13 @@ impl Supervisor {
         &self.log
     }
 
-    /// Returns the time of a sample by an even clock. A time that is not a number becomes that of the last sample.
+    /// Returns the time of a sample on an even clock. A time that is not a number becomes that of the last sample.
     pub(crate) fn corrected(&self, time: f64) -> f64 {
         let time = time + self.correction;
         if time.is_finite() { time } else { self.clock.unwrap_or(0.0) }
     }
 
-    /// The command for a sample.
+    /// Returns the command for a sample.
     pub(crate) fn decide(&mut self, own: &mut Controller, sample: &Sample, reference: &Reference) -> Answer {
         let mut sample = *sample;
         let skipped = self.keep_time(own.period, &mut sample);
@@ -324,7 +324,7 @@ impl Supervisor {
         last: Option<(State, (State, Edges<f64>))>,
     ) -> [Option<Reaction>; 2] {
         let Some((before, (foreseen, edges))) = last else {
-            // No earlier sample. Pressures that are not numbers are replaced by the usual mean.
+            // There is no earlier sample. The usual mean replaces pressures that are not numbers.
             sample.pressures = sample.pressures.filter(|own| own.iter().all(|p| p.is_finite()));
             return [None; 2];
         };
@@ -372,7 +372,7 @@ impl Supervisor {
         reactions
     }
 
-    /// A command acted in reverse: no command in that direction is given for a time.
+    /// Registers a command that acted in reverse: commands in its direction are blocked for a time.
     fn reverse_for(&mut self, time: f64, way: f64) {
         self.reversed = Some((way, time + REVERSED_FOR));
         self.doubted_until = time + 2.0 * REVERSED_FOR;
@@ -424,7 +424,7 @@ impl Supervisor {
         }
     }
 
-    /// Slows the reference as long as the law asks for all that the valve has, on a supply that has fallen.
+    /// Slows the reference while the law asks for the full opening on a fallen supply.
     fn slow(&mut self, own: &Controller, sample: &Sample) {
         let is_over = self.slowed.is_none_or(|clock| clock.end() <= sample.time);
         let is_full = self.command.abs() >= SLOW_FULL && self.mode == Mode::Follows;
@@ -445,7 +445,7 @@ impl Supervisor {
         self.react(own, sample, Reaction::Stop);
     }
 
-    /// A stop ramp from where the drive is to be, or from where it is if that is elsewhere.
+    /// Begins a stop ramp at the wanted position, or at the actual position if the two differ.
     fn begin_stop(&mut self, own: &Controller, sample: &Sample) {
         let Some(state) = own.state() else { return };
         let period = own.period;
@@ -489,12 +489,12 @@ impl Supervisor {
         }
     }
 
-    /// The law rests, and the valve is shut.
+    /// Shuts the valve and suspends the law.
     fn is_shut(&self) -> bool {
         matches!(self.mode, Mode::Shut | Mode::Off)
     }
 
-    /// The law's answer, or that of the one that stands by.
+    /// Returns the answer of the law, or of the standby law.
     fn ask(&mut self, own: &mut Controller, sample: &Sample, course: &Course) -> Answer {
         if self.is_shut() {
             return own.rest(course.at(sample.time), 0.0);
@@ -539,7 +539,7 @@ impl Supervisor {
         own.switch(self.standby.clone());
     }
 
-    /// A command that keeps off end stops and limit switches.
+    /// Returns a command that keeps the drive off end stops and limit switches.
     fn guarded(&mut self, own: &Controller, sample: &Sample, mut command: f64, stands: bool) -> f64 {
         let Some(state) = own.state() else { return command };
         if command.is_nan() {
@@ -550,7 +550,7 @@ impl Supervisor {
         let is_known = self.lost_for < MODEL_TRUSTED;
         self.reversed = self.reversed.filter(|&(way, until)| command * way >= 0.0 && sample.time < until);
         if self.reversed.is_some() {
-            // The command would take air from the chamber that it should fill.
+            // The command would drain the chamber that it should fill.
             command = 0.0;
         }
         if let Some(brake) = self
@@ -569,7 +569,7 @@ impl Supervisor {
             let takes_air = !self.measures_gas && self.reversed.is_some_and(|(way, _)| brake * way > 0.0);
             command = if takes_air { 0.0 } else { brake };
             if self.gas.has_no_supply() {
-                // Every action of the law takes air from the chambers, and the supply does not replace it.
+                // Every action of the law drains the chambers, and the supply does not refill them.
                 self.react(own, sample, Reaction::Block);
             }
         } else {

@@ -3,7 +3,7 @@
 
 use ensemble::{Asked, Column, Ensemble, Kernel, Plan, Reduction, What};
 
-/// In what members differ, and in which range.
+/// Numbers in which members differ, with their ranges.
 const VARY: [(&str, f64, f64); 12] = [
     ("cylinder.moving_mass_kg", 1.0, 4.0),
     ("valve.conductance_m3_s_pa", 1.4e-8, 2.6e-8),

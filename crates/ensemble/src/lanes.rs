@@ -1,5 +1,5 @@
 //! Members side by side in the lanes of one register. Each has its own time, step and commands. A finished
-//! member makes room for the next. No member sees its neighbours.
+//! member makes room for the next. No member depends on its neighbours.
 
 use crate::reduction::Follower;
 use crate::run::{Came, Status, Worker};
@@ -141,7 +141,7 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
             for lane in 0..R::L {
                 self.attend(lane);
             }
-            // Which surfaces are met is stored for all lanes together, so running members finish first.
+            // Activated surfaces are stored for all lanes together, so running members finish first.
             if self.seats.iter().any(Option::is_none) && !self.stepper.system().has_met() {
                 self.refill(stop);
             }

@@ -269,7 +269,7 @@ impl<'a, R: Lane> Follower<'a, R> {
         let middle = best.clamp(1, POINTS - 2);
         let mut three = [middle - 1, middle, middle + 1].map(|k| (theta(k), points[k]));
         if best != middle {
-            // It may be near an end of the step.
+            // The extreme may be near an end of the step.
             let between = 0.5 * (theta(best) + theta(middle));
             let new = (between, self.value(r, at, between, states, circuit));
             let (first, last) = (best.min(middle), best.max(middle));

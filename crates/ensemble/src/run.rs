@@ -172,7 +172,7 @@ impl Ensemble {
         Ensemble::called(json, names, Arc::default())
     }
 
-    /// The same under short names.
+    /// Returns the same under short names.
     pub fn called(json: &str, names: &[String], short: Arc<Names>) -> Result<Self, Error> {
         let spec: specification::Circuit = read(json)?;
         Ok(Ensemble { members: Network::called(&spec, false, short)?.members(json, names)?.general()? })
@@ -214,7 +214,7 @@ impl Ensemble {
     }
 }
 
-/// Runs the members of a plan into an outcome. Counts are per member and per output.
+/// A run of the members of a plan into an outcome. Counts are per member and per output.
 struct Run<'r, 'a> {
     plan: &'r Planned<'a>,
     total: usize,
@@ -443,7 +443,7 @@ fn check_plan(template: &Assembly, plan: &Plan, members: usize) -> Result<usize,
     Ok(input)
 }
 
-/// Runs the members of a chunk.
+/// A thread's worker for the members of a chunk.
 pub(crate) struct Worker<'a, R: Lane> {
     pub planned: &'a Planned<'a>,
     members: Members,

@@ -125,7 +125,7 @@ pub struct Order<'a> {
     pub environment: *mut c_void,
 }
 
-/// Makes an instance. On failure, it sends a message and returns null.
+/// Makes an instance. Creates an instance. On failure, it sends a message and returns null.
 pub fn instantiate(order: Order<'_>) -> *mut Instance {
     let Order { name, token, resources, outside, logger, environment } = order;
     let made = catch_unwind(AssertUnwindSafe(|| {

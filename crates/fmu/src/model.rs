@@ -18,7 +18,7 @@ const SHARE_OF_SIZES: f64 = 0.02;
 /// Change of a state, in solver scales, from which on later changes are counted from a new origin (assumed;
 /// likewise).
 const MOST_CHANGE: f64 = 10.0;
-/// Halvings on the way back to a state that the circuit can have.
+/// Halvings on the way back to a valid state of the circuit.
 const HALVINGS: i32 = 50;
 /// First bytes of a stored state.
 const MAGIC: &[u8; 8] = b"pnd-fmu\x02";
@@ -349,7 +349,7 @@ impl Model {
             };
             place.ok_or_else(|| Refusal {
                 message: format!(
-                    "with these values the circuit has nothing for {}, or it has a history. Export the drive with them",
+                    "with these values the circuit has no place for {}, or it has a history. Export the drive with them",
                     own.name
                 ),
                 discard: false,

@@ -20,8 +20,8 @@ fn missing(leaf: impl Fn(u32) -> [u32; 4]) -> Option<&'static str> {
     NEEDED.iter().find(lacks).map(|own| own.0)
 }
 
-/// Returns an instruction set that this processor lacks, if any. It asks the processor directly, because the
-/// compiler would answer its own assumptions.
+/// Returns an instruction set that this processor lacks, if any. It asks the processor directly, because the compiler
+/// would use its assumptions about the target.
 #[cfg(target_arch = "x86_64")]
 #[inline(never)]
 pub fn lacking() -> Option<&'static str> {
@@ -58,6 +58,6 @@ mod tests {
             registers[register] &= !(1 << bit);
             assert_eq!(missing(|own| if own == number { registers } else { [u32::MAX; 4] }), Some(name));
         }
-        assert_eq!(lacking(), None, "these tests run on what they are compiled for");
+        assert_eq!(lacking(), None, "these tests run on the processor that they are compiled for");
     }
 }

@@ -96,7 +96,7 @@ pub(crate) struct Node {
     pub constant: bool,
 }
 
-/// The values that formulas compute, each once, in a possible order of computation.
+/// The values that formulas compute, each once, in an order in which they can be computed.
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
     pub(crate) nodes: Vec<Node>,

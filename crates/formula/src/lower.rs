@@ -255,7 +255,7 @@ impl Graph {
     }
 
     /// c + (x - c) w and x w + c (1 - w), with 0 <= w <= 1, are between c and x. An example is the level of a Stribeck
-    /// curve. Interval arithmetic does not find this, because it forgets that both c are equal.
+    /// curve. Interval arithmetic does not find this, because it treats the two c as independent.
     fn blend(&self, a: Id, b: Id, c: Id) -> Option<Range> {
         let weight = |w: Id| self.at(w).range.within(0.0, 1.0);
         let one_less = |id: Id, w: Id| match self.at(id).operation {

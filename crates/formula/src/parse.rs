@@ -11,13 +11,13 @@ pub(crate) enum Kind {
     Number(f64),
     Name(String),
     Negative(Box<Expression>),
-    /// With one of + - * / ^ < <= > >= and or.
+    /// Two operands with one of + - * / ^ < <= > >= and or.
     Pair(&'static str, Box<[Expression; 2]>),
     Not(Box<Expression>),
     Call(String, Vec<Expression>),
 }
 
-/// A parsed formula with places.
+/// A parsed formula, with the place of each part in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expression {
     pub(crate) kind: Kind,
@@ -58,7 +58,8 @@ struct Parser {
     end: Place,
 }
 
-/// Signs that bind two sides from left to right, the weakest first. `not` is placed before level 2.
+/// Binary operators in levels of precedence, the weakest first; each level associates to the left. `not` is placed
+/// before level 2.
 const LEVELS: [&[&str]; 5] = [&["or"], &["and"], &["<=", ">=", "<", ">"], &["+", "-"], &["*", "/"]];
 const COMPARISON: usize = 2;
 

@@ -5,7 +5,7 @@ use std::fmt;
 pub struct Place {
     /// First byte.
     pub start: usize,
-    /// Byte after the last one.
+    /// Index after the last character.
     pub end: usize,
 }
 

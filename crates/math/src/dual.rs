@@ -13,8 +13,7 @@ pub struct Dual<R, const N: usize> {
     pub eps: [R; N],
 }
 
-/// Runs an operation over `R`, out of line if `R` is [large](Real::LARGE). Not even a closure is compiled at another
-/// place.
+/// Runs an operation over `R`, out of line if `R` is [large](Real::LARGE). This keeps even closures out of line.
 macro_rules! once {
     ($operation:expr) => {
         if R::LARGE { R::once(|| $operation) } else { $operation }
@@ -124,7 +123,7 @@ impl<R: Real, const N: usize> Real for Dual<R, N> {
 
     const GENERAL: bool = N == OF_ANY_KIND;
     const LARGE: bool = N > 1;
-    /// Second derivatives: inlined, a right-hand side would exceed the processor's caches.
+    /// Numbers with second derivatives. If they were inlined, a right-hand side would exceed the processor's caches.
     #[inline(never)]
     fn once<T>(operation: impl FnOnce() -> T) -> T {
         operation()

@@ -1,7 +1,7 @@
 //! Four or eight `f64` in one register of the target processor.
 //!
 //! Every operation is one instruction, or a sequence of instructions, that IEEE 754 rounds like the operation on `f64`.
-//! The bits are therefore those of `f64`. With a plain array, the compiler chooses which of two indices it vectorises.
+//! The bits are therefore those of `f64`. With a plain array, the compiler may vectorise the wrong one of two indices.
 
 // Each intrinsic needs a processor that supports it. `V4` exists only if the whole build requires such a processor.
 // `V8` has no public name, and `with_eight` provides it after a check of the processor.
@@ -237,7 +237,7 @@ register! {
             fn wide<W: Work>(work: W) -> W::Out {
                 work.work()
             }
-            // A caller that can name this type has it from `with_eight`.
+            // Callers can get this type only from `with_eight`.
             unsafe { wide(work) }
         }
     }

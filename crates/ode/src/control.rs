@@ -146,17 +146,17 @@ mod tests {
 pub(crate) struct Control {
     /// Next step proposed by error control.
     pub wish: f64,
-    /// After a rejection the next step may not grow.
+    /// Whether the last attempt was rejected, so that the next step may not grow.
     pub after_rejection: bool,
     /// Approach to a kink.
     pub approach: Approach,
-    /// The present attempt ends on the target exactly.
+    /// Whether the present attempt ends on the target exactly.
     pub last: bool,
-    /// Length of the next attempt, if it must end on an event.
+    /// Length of the next attempt if it must end on an event.
     pub cut: Option<f64>,
-    /// The present attempt was cut to end on an event.
+    /// Whether the present attempt was cut to end on an event.
     pub cutting: bool,
-    /// Cuts since the last event, or the last step that was not cut.
+    /// Number of cuts since the last event or the last uncut step.
     pub cuts: u32,
     pub idle_switches: u32,
     pub failure: Option<Failure>,
@@ -240,8 +240,8 @@ impl Control {
         let smooth = if self.after_rejection { factor.min(1.0) } else { factor };
         let before_obstacle = self.cutting && self.after_rejection;
         self.after_rejection = false;
-        // A step cut by the target or an event does not argue against a longer planned step. A step that ends
-        // before an obstacle does.
+        // A step cut by the target or an event does not shorten the planned step. A step that ends before an obstacle
+        // does.
         self.wish = if self.last || self.cutting {
             self.approach.end();
             if before_obstacle { self.wish } else { (h * smooth).max(self.wish) }

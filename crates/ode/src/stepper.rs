@@ -541,7 +541,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         }
     }
 
-    /// The end of the attempt becomes the state of these lanes.
+    /// Makes the end of the attempt the state of these lanes.
     #[inline(always)]
     fn take_over(&mut self, lanes: u64) {
         let mask = R::mask_of(lanes);

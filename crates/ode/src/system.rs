@@ -88,8 +88,8 @@ pub trait System<R: Lane> {
         R::Plain::one()
     }
 
-    /// The same for every state within `spread` of `y`. One is certain, and minus one means unknown. The
-    /// samples of a step that passes are not checked one by one.
+    /// The same for every state within `spread` of `y`. 1 means certainly valid, and -1 unknown. If the result is 1,
+    /// the samples of the step are not checked one by one.
     fn surely_inside(&self, _y: &[R], _spread: &[R::Plain]) -> R::Plain {
         -R::Plain::one()
     }

@@ -226,7 +226,7 @@ pub trait Law<P: Real> {
     const SOURCE: &'static str;
     /// Inner states. For a law of elements, those of its default elements.
     const STATES: &'static [InnerState] = &[];
-    /// The law sticks by a mode (0, or the direction of slip by its sign), with located events.
+    /// Whether stick is a mode with located events: 0, or the sign of the slip.
     const STICKS: bool = false;
     /// The law has one inner state, the deflection of bristles, and stores energy as its square.
     const BRISTLES: bool = false;

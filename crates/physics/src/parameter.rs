@@ -1,5 +1,5 @@
-//! A parameter is listed once: name, unit, bounds, default, meaning. The list gives the struct, its lift to lanes, the
-//! checks, and the tables of schema and documentation.
+//! A parameter is listed once: name, unit, bounds, default, meaning. The struct, its conversion to lanes, the checks,
+//! and the tables of schema and documentation follow from this list.
 
 /// The values that a parameter may take.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,7 +87,7 @@ pub struct Parameter {
     pub bounds: Bounds,
     /// Default value, if there is one.
     pub default: Option<f64>,
-    /// Its meaning, in words.
+    /// Meaning, in words.
     pub meaning: &'static str,
 }
 

@@ -61,7 +61,7 @@ impl fmt::Display for Refusal {
 }
 
 impl Refusal {
-    /// Rejects something other than a formula.
+    /// Returns a problem at a place that is not a formula.
     pub fn of(key: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Refusal { key: key.into(), formula: String::new(), problem: Problem::of_all(what, remedy) }
     }
@@ -131,7 +131,7 @@ pub(crate) fn check_names<'a>(
     Ok(())
 }
 
-/// Returns the first excess, if any: name, count, limit.
+/// Returns the first exceeded limit, if any: name, count, limit.
 pub(crate) fn check_counts(counts: &[(&str, usize, usize)]) -> Compiled<()> {
     match counts.iter().find(|(_, count, most)| count > most) {
         Some((what, count, most)) => {

@@ -14,8 +14,9 @@ use std::sync::Arc;
 /// Members of one circuit that differ in the numbers called `vary`.
 ///
 /// `json` is its description in SI, `names` as of a `Circuit`. Numbers are those of components ("left.bore",
-/// "left.friction.parameters.coulomb"), "ambient.pressure_pa" and "ambient.temperature_k". An unknown name, one given twice, or one that members
-/// cannot differ in is a ValueError. The description is assembled here, once; members only set their numbers.
+/// "left.friction.parameters.coulomb"), "ambient.pressure_pa" and "ambient.temperature_k". An unknown name, a repeated
+/// name, or a name of a number that cannot vary raises a ValueError. The circuit is assembled here, once. Members only
+/// set their numbers.
 #[pyclass(name = "Ensemble", frozen)]
 pub struct PyEnsemble {
     ensemble: Ensemble,
@@ -113,19 +114,19 @@ impl PyEnsemble {
         self.ensemble.names().to_vec()
     }
 
-    /// Names of the inputs that a plan may set.
+    /// Returns the names of the inputs that a plan may set.
     #[getter]
     fn inputs(&self) -> Vec<String> {
         self.ensemble.template().variables.inputs.iter().map(|input| input.name.clone()).collect()
     }
 
-    /// Names of the columns that outputs can use.
+    /// Returns the names of the columns that outputs can use.
     #[getter]
     fn columns(&self) -> Vec<String> {
         self.ensemble.template().columns().to_vec()
     }
 
-    /// Names of the numbers of a start: the columns of `initial`.
+    /// Returns the names of the start values: the columns of `initial`.
     #[getter]
     fn start_names(&self) -> Vec<&str> {
         self.ensemble.start_names()

@@ -15,7 +15,7 @@ fn strokes<'py>(py: Python<'py>, strokes: &[Stroke]) -> PyResult<Vec<Bound<'py, 
     Ok(out)
 }
 
-/// Adds them, moved by so much, mirrored before if so.
+/// Adds the strokes, moved by an offset and optionally mirrored before.
 fn add_strokes<'py>(
     py: Python<'py>,
     strokes: &[Stroke],
@@ -45,15 +45,15 @@ fn add_strokes<'py>(
     Ok(())
 }
 
-/// Every kind of component: its ports, parameters, choices, inputs and outputs.
+/// Returns every kind of component: its ports, parameters, choices, inputs and outputs.
 #[pyfunction]
 pub fn components(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     kinds().into_iter().map(|kind| kind_entry(py, kind)).collect()
 }
 
-/// The entry, as of `components`, of what a formula (JSON) makes of a kind, with `warnings`.
+/// Returns the entry, as in `components`, of a kind with a formula (JSON), with `warnings`.
 ///
-/// Raises ValueError as `formula_law`.
+/// Raises the ValueError of `formula_law`.
 #[pyfunction]
 pub fn formula_component<'py>(py: Python<'py>, kind: &str, json: &str) -> PyResult<Bound<'py, PyDict>> {
     let made = formula_kind(kind, &parse(json)?)

@@ -24,10 +24,10 @@ pub struct PyCircuit {
     accounted: OnceLock<Network>,
 }
 
-/// Names as they come from Python.
+/// Names in the form of Python.
 pub type ShortNames = (String, Vec<(String, String)>, bool);
 
-/// Names for the core.
+/// Returns the names in the form of the core.
 pub fn called(names: Option<ShortNames>) -> Names {
     names.map(|(of, table, only)| Names { of, table, only }).unwrap_or_default()
 }
@@ -55,7 +55,7 @@ enum Start {
 
 #[pymethods]
 impl PyCircuit {
-    /// `names`, where they are given: the component whose name is left out, short and full names in their order, and
+    /// `names` is optional. It has the component whose name is left out, short and full names in their order, and
     /// whether columns without a short name are left out.
     #[new]
     #[pyo3(signature = (json, names=None))]
@@ -156,7 +156,7 @@ impl PyCircuit {
         Ok(PyMembers { template: self.network.assembly().clone(), each })
     }
 
-    /// As `Drive.shoot`, under the commands of one input. Parameters are numbers of components, such as
+    /// Runs segments with derivatives under the commands of one input. Parameters are numbers of components, such as
     /// "left.bore" or "left.friction.parameters.coulomb".
     #[pyo3(signature = (command, asked, look=None))]
     fn shoot<'py>(
@@ -172,7 +172,7 @@ impl PyCircuit {
         shot_to_dict(py, &asked, shot, self.network.assembly().start_names())
     }
 
-    /// Pressure Pa and temperature K in chambers a and b (four columns) at states as `states` gives them.
+    /// Returns pressure, Pa, and temperature, K, in chambers a and b (four columns) at states in the form of `states`.
     fn chambers<'py>(&self, py: Python<'py>, states: PyReadonlyArray2<'py, f64>) -> PyResult<Table<'py>> {
         let states = states.as_array();
         let n = self.network.assembly().circuit.n_states();
@@ -185,7 +185,7 @@ impl PyCircuit {
         PyArray1::from_vec(py, gas).reshape([states.nrows(), 4])
     }
 
-    /// Forces, steady friction and pressure rates along a measured record: columns by name. `openings` has
+    /// Returns forces, steady friction and pressure rates along a measured record: columns by name. `openings` has
     /// a row for each sample: supply to a, a to exhaust, supply to b, b to exhaust.
     #[allow(clippy::too_many_arguments)]
     fn along<'py>(
@@ -217,7 +217,7 @@ impl PyCircuit {
             || openings.as_array().ncols() != 4
         {
             return Err(PyValueError::new_err(
-                "the columns of a record have one length, openings four columns",
+                "the columns of a record must have one length, and openings four columns",
             ));
         }
         let driven = self.network.driven().map_err(to_python)?;
@@ -230,8 +230,8 @@ impl PyCircuit {
         Ok(out)
     }
 
-    /// Simulates a command, put back at each of the restarts (rows of t, position, velocity, pressure a and b)
-    /// to a measured state: columns by name, and the runs that failed.
+    /// Simulates a command with resets to measured states: rows of t, position, velocity, pressure a and b. Returns
+    /// columns by name, and the failed runs.
     #[allow(clippy::too_many_arguments)]
     fn restarted<'py>(
         &self,
@@ -245,7 +245,7 @@ impl PyCircuit {
         rtol: f64,
     ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
         if restarts.as_array().ncols() != 5 || restarts.as_array().nrows() == 0 {
-            return Err(PyValueError::new_err("restarts have five columns and at least one row"));
+            return Err(PyValueError::new_err("restarts need five columns and at least one row"));
         }
         let restarts: Vec<Restart> = restarts
             .as_array()
@@ -267,7 +267,7 @@ impl PyCircuit {
         Ok((out, failures))
     }
 
-    /// The states of a run under plans, as they are integrated, shape (samples, states).
+    /// Returns the integrated states of a run under plans, shape (samples, states).
     fn sampled_states<'py>(
         &self,
         py: Python<'py>,
@@ -284,7 +284,7 @@ impl PyCircuit {
         self.table(py, rows)
     }
 
-    /// A sampled servo loop tracking a sine around mid stroke.
+    /// Runs a sampled servo loop that follows a sine around mid-stroke.
     #[allow(clippy::too_many_arguments)]
     fn servo<'py>(
         &self,

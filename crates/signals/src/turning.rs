@@ -35,7 +35,7 @@ impl Extreme {
 pub fn turning_points(values: &[f64], least: f64) -> Vec<usize> {
     let mut points = Vec::new();
     let Some(&first) = values.first() else { return points };
-    // Since the last reversal; before the first one it may go either way.
+    // Extremes since the last reversal. The direction is open before the first reversal.
     let (mut high, mut low) = (Extreme::at(0, first), Extreme::at(0, first));
     let mut rises = None;
     for (place, &value) in values.iter().enumerate().skip(1) {

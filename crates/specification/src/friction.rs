@@ -48,10 +48,10 @@ pub struct Dwell {
     pub exponent: f64,
     /// Sliding distance that renews the contact, m.
     pub distance_m: f64,
-    /// Share by which the increment grows with the gauge pressure in chamber a, 1/Pa.
+    /// Relative growth of the increment with the gauge pressure in chamber a, 1/Pa.
     #[serde(default)]
     pub pressure_a: f64,
-    /// The same for chamber b, 1/Pa.
+    /// Relative growth of the increment with the gauge pressure in chamber b, 1/Pa.
     #[serde(default)]
     pub pressure_b: f64,
 }
@@ -64,7 +64,7 @@ fn kato_exponent() -> f64 {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Relaxation {
-    /// Share of the elastic force that relaxes, -.
+    /// Fraction of the elastic force that relaxes, -.
     pub share: f64,
     /// Time constant, s.
     pub time_s: f64,
@@ -95,7 +95,7 @@ pub struct Temperature {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wear {
-    /// Additional share of friction of a new seal, -.
+    /// Additional fraction of friction of a new seal, -.
     #[serde(default)]
     pub run_in: f64,
     /// Sliding distance of the run-in, m.
@@ -114,7 +114,7 @@ pub struct Wear {
 pub struct Harmonic {
     /// m.
     pub period_m: f64,
-    /// Share of the levels, -.
+    /// Fraction of the levels, -.
     pub amplitude: f64,
     /// Phase at the reference position, rad.
     #[serde(default)]
@@ -135,7 +135,7 @@ pub struct PositionPoint {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Position {
-    /// Positions rise; empty: none.
+    /// Positions increase; empty without a table.
     #[serde(default)]
     pub table: Vec<PositionPoint>,
     /// Periodic terms.
@@ -144,7 +144,7 @@ pub struct Position {
     /// Linear trend, 1/m.
     #[serde(default)]
     pub slope_per_m: f64,
-    /// Position at which the trend is nil, m.
+    /// Position at which the trend is zero, m.
     #[serde(default)]
     pub reference_m: f64,
 }
@@ -159,7 +159,7 @@ pub struct Direction {
     pub negative: f64,
 }
 
-/// A force across the axis and the coefficient of friction of the guide that takes it.
+/// A force across the axis, and the coefficient of friction of the guide that carries it.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SideLoad {
@@ -260,7 +260,7 @@ pub struct FormulaLevels {
 pub struct Formula {
     /// Its name in messages and tables.
     pub name: String,
-    /// Its name for people.
+    /// Title for users.
     #[serde(default)]
     pub title: String,
     /// Key in references.bib, if there is one.
@@ -268,7 +268,7 @@ pub struct Formula {
     pub source: String,
     /// Its parameters, in their order.
     pub parameters: Vec<FormulaParameter>,
-    /// Those that modifiers act on.
+    /// Parameters that modifiers change.
     #[serde(default)]
     pub levels: FormulaLevels,
     /// Its inner states, in their order.

@@ -8,8 +8,8 @@ pub use friction::*;
 use serde::{Deserialize, Deserializer, de::Error};
 use std::collections::BTreeMap;
 
-/// A description that reads itself. `serde_json::from_str` does the same, but is compiled again, for all tables, in each
-/// crate that calls it, and as fast code: this crate is compiled to be small.
+/// A description that can be read from JSON. `serde_json::from_str` would be compiled again in each calling crate, for
+/// all tables and optimised for speed. This crate is optimised for size.
 pub trait FromJson: Sized {
     /// Error in JSON.
     ///
@@ -18,7 +18,7 @@ pub trait FromJson: Sized {
     fn from_json(json: &str) -> serde_json::Result<Self>;
 }
 
-/// Lets descriptions read themselves where they are defined; see [`FromJson`].
+/// Implements the reading of descriptions in this crate; see [`FromJson`].
 #[macro_export]
 macro_rules! from_json {
     ($($table:ty),*) => {
@@ -31,7 +31,7 @@ macro_rules! from_json {
 }
 pub use serde_json;
 
-/// Reads a description within another one the same way.
+/// Reads a nested description in the same way.
 ///
 /// # Errors
 /// It is of another form.
@@ -49,7 +49,7 @@ pub struct Gas {
     pub heat_capacity_ratio: f64,
     /// Specific gas constant, J/(kg K).
     pub gas_constant_j_kg_k: f64,
-    /// None for an ideal gas.
+    /// `None` for an ideal gas.
     #[serde(default)]
     pub virial: Option<Virial>,
 }
@@ -120,7 +120,7 @@ pub struct Tank {
     pub ambient: GasState,
     /// The volume.
     pub volume: FixedVolume,
-    /// None: the tank is shut.
+    /// `None`: the tank is shut.
     pub line: Option<Line>,
     /// Numbers of the tube with waves between line and volume.
     #[serde(default)]
@@ -143,10 +143,10 @@ pub enum CylinderKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ChamberLawName {
-    /// That of mass and energy.
+    /// Balance of mass and energy.
     #[default]
     EnergyBalance,
-    /// That of the source paper; for reproducing the paper only.
+    /// Balance of the source paper; only for reproducing the paper.
     AsPrinted,
 }
 
@@ -241,7 +241,7 @@ pub struct Load {
     /// External force in +x, N.
     #[serde(default)]
     pub force_n: f64,
-    /// None: no spring acts on it.
+    /// `None`: no spring acts on the load.
     #[serde(default)]
     pub spring: Option<LoadSpring>,
 }
@@ -284,7 +284,7 @@ pub struct Initial {
     pub temperature_a_k: f64,
     /// K.
     pub temperature_b_k: f64,
-    /// Time for which the contact has stood, s; for friction with an age.
+    /// Time for which the contact has been at rest, s; for friction with an age.
     #[serde(default)]
     pub contact_age_s: f64,
 }
@@ -293,7 +293,7 @@ pub struct Initial {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Component {
-    /// Its name in the circuit, of which joints and columns are made.
+    /// Name in the circuit; names of joints and columns contain it.
     pub name: String,
     /// Key of its kind.
     pub kind: String,
@@ -356,9 +356,9 @@ pub struct Circuit {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Junctions {
-    /// It has the volume of its ports.
+    /// The joint has the volume of its ports.
     #[default]
     Volume,
-    /// It has none: the restrictions are merged.
+    /// The joint has no volume: the restrictions are merged.
     Series,
 }

@@ -231,7 +231,7 @@ function Cell({ of }: { of: Card["cells"][number] | undefined }) {
   );
 }
 
-/** Look of a controller: a piece of its line. */
+/** Line style of a controller. */
 function Mark({ index }: { index: number }) {
   const { color, dash } = look(index);
   return (
@@ -341,8 +341,8 @@ export function Table({ heads, rows, label }: { heads: string[]; rows: string[][
 function Told({ found }: { found: Card }) {
   return (
     <section aria-label="Told and true">
-      <h2>What the laws were told</h2>
-      <Table heads={["Drive as assumed by the controllers, near mid-stroke", ""]} rows={found.plant} label="The drive to its laws" />
+      <h2>What the controllers assume</h2>
+      <Table heads={["Drive as assumed by the controllers, near mid-stroke", ""]} rows={found.plant} label="The drive as its controllers assume it" />
       {Object.entries(found.told).map(([law, one]) => (
         <details key={law}>
           <summary>

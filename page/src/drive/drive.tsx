@@ -71,7 +71,7 @@ function Running() {
       ) : (
         <>
           <ZoomedCircuit {...props} />
-          <p class="note pointed">{pins ? endsOf(pins) : "Click a symbol to see its values alone."}</p>
+          <p class="note pointed">{pins ? endsOf(pins) : "Click a symbol to see only its values."}</p>
         </>
       )}
       {isRun.value && <Problems of={wrong.value} />}

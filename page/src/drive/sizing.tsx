@@ -301,7 +301,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       {!running && now.searched && <p class="note">A process that this server did not start searches in this folder.</p>}
       {!running && !now.searched && !now.done && (
         <p class="row">
-          The search was ended before its end.
+          The search was stopped early.
           {now.task ? (
             <>
               <label>
@@ -333,7 +333,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
             <Candidates now={now} way="out" />
             <Candidates now={now} way="back" />
           </div>
-          <p class="note">Times, speeds, energies and load ratios are those that 1 % of the draws pass; below each the values between which 98 % lie. Air: the mean. Circle: meets the task. Cross: misses a limit. Ring: chosen or pinned.</p>
+          <p class="note">Times, speeds, energies and load ratios are those that 1 % of the samples exceed; below each, the range of 98 % of the samples. Air: the mean. Circle: meets the task. Cross: misses a limit. Ring: chosen or pinned.</p>
           <p class="row">
             <label>
               <input type="checkbox" checked={isWhole.value} onChange={(event) => (isWhole.value = event.currentTarget.checked)} /> Every simulated choice, not only the best of each cylinder
@@ -347,7 +347,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
   );
 }
 
-/** Button that writes the data sheet of the best, and the link to it. */
+/** Button that writes the data sheet of the best drive, and the link to it. */
 function DataSheet({ folder }: { folder: string }) {
   const own = `${folder.slice(folder.lastIndexOf("/") + 1)}-sheet`;
   const job = jobs.value.find((one) => one.out === `results/${own}/report.html`);
@@ -429,7 +429,7 @@ const COLUMNS: Column[] = [
 ];
 const MOST_ROWS = 200;
 
-/** The best of each cylinder and pinned choices; all choices as long as nothing is ranked. */
+/** Best choice of each cylinder and pinned choices. All choices are shown until a ranking exists. */
 function bestOfEach(every: Candidate[]): Candidate[] {
   const ranked = every.filter((one) => one.place !== null).sort((a, b) => a.place! - b.place!);
   if (!ranked.length) return [...every];
@@ -508,7 +508,7 @@ function Chosen({ now }: { now: Sizing }) {
       </p>
       <table>
         <thead>
-          <tr>{["Figure", "1 % of the draws pass", "98 % lie between", "Limit", "Margin of 99 %"].map((head, index) => <th scope="col" key={index}>{head}</th>)}</tr>
+          <tr>{["Figure", "1 % of the samples exceed", "98 % lie between", "Limit", "Margin of 99 %"].map((head, index) => <th scope="col" key={index}>{head}</th>)}</tr>
         </thead>
         <tbody>
           {one.limits.map((limit) => (
@@ -531,7 +531,7 @@ function Chosen({ now }: { now: Sizing }) {
           )}
         </tbody>
       </table>
-      <p class="note">Load ratio: weight, external force and friction at rest over the force of the supply on the piston, the worse of both strokes. Above 100 % the drive does not move; what a stroke needs beyond that is simulated.</p>
+      <p class="note">Load ratio: weight, external force and friction at rest over the force of the supply on the piston, the worse of both strokes. Above 100 % the drive does not move. The simulation includes all further forces.</p>
       {one.file && <p><a href={link("drive", one.file)}>Open {one.file} in the Drive view</a></p>}
     </section>
   );

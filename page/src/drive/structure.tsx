@@ -90,7 +90,7 @@ export function Structure({ children }: { children: ComponentChildren }) {
           <span class="note">Click another port to join it.</span>
         </p>
       )}
-      {isEditing.value && blocked && <p class="note">The drawing is that of the last text without a problem: undo, or correct the text.</p>}
+      {isEditing.value && blocked && <p class="note">The drawing shows the last valid text: undo, or correct the text.</p>}
     </div>
   );
 }

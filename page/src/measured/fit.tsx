@@ -112,7 +112,7 @@ export function Behind({ path }: { path: string }) {
           {found.ellipses.length > 0 && (
             <>
               <h2>Values that change together</h2>
-              <p class="note">Ellipses of first order; their shadows are 95 % intervals. Where a profile is lopsided, it is right and the ellipse is not.</p>
+              <p class="note">Ellipses of first order; their projections are 95 % intervals. If a profile is asymmetric, trust the profile and not the ellipse.</p>
               <div class="plots">
                 {found.ellipses.map(({ x, y, correlation, points: at }) => (
                   <Strip key={`${x.name} ${y.name}`} title={`${y.name} over ${x.name}: correlation ${digits(correlation, 2)}`} x={titled(x)} y={titled(y)} curves={[{ label: `${y.name} over ${x.name}`, x: at.map((one) => one[0]), y: at.map((one) => one[1]) }]} />

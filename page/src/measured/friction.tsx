@@ -156,7 +156,7 @@ export function levels(speeds: number[]): number[] {
   return [...speeds].sort((a, b) => a - b).filter((one, k, all) => k === 0 || one > all[k - 1]! * (1 + NEAR));
 }
 
-/** The run of a recording among those of its group: each has a shape. */
+/** Index of a recording's run within its group: each run has a marker shape. */
 function runOf(recording: string, points: { recording: string }[]): string {
   const all = [...new Set(points.map((one) => one.recording))];
   return `run ${all.indexOf(recording) + 1}`;

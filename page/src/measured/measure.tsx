@@ -109,7 +109,7 @@ export function FaultsLine({ faults, span, whole, onShow }: { faults: Faults; sp
 
 const pause = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
 
-/** Form for another recording, and for the strokes of both that are aligned. */
+/** Form that selects another recording, and the strokes of both that are aligned. */
 export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow: (span: [number, number]) => void }) {
   const { path, strokes, onShow } = props;
   const now = beside.value;
@@ -245,7 +245,7 @@ export function Measuring({ path, version, columns, span, isTimed }: { path: str
         </label>
         {now && cursor(0)}
         {now && cursor(1)}
-        {now && <span class="note">A click in a plot puts the nearer one there.</span>}
+        {now && <span class="note">A click in a plot moves the nearer cursor there.</span>}
       </p>
       {now && <MeasuredTable path={path} wanted={wanted} span={span} isTimed={isTimed} />}
     </section>

@@ -8,7 +8,7 @@ export interface Look {
   dash: number[];
 }
 
-/** Eight colours that colour-blind readers tell apart, at least 3 to 1 against the paper: `page/tests/looks.test.ts` measures both. */
+/** Eight colours for colour-blind readers, with a contrast to the paper of at least 3 to 1: `page/tests/looks.test.ts` measures both. */
 export const LOOKS: Look[] = [
   { light: "#2a50e8", dark: "#6187ff", dash: [] },
   { light: "#c0820d", dark: "#f57534", dash: [8, 4] },

@@ -59,7 +59,7 @@ export interface Mark {
   to: number;
 }
 
-/** A moment that is marked above the curves, with what happened. */
+/** A marked moment above the curves, with its event. */
 export interface Event {
   at: number;
   what: string;
@@ -255,7 +255,7 @@ export function Plot(props: PlotProps) {
   );
 }
 
-/** Name and line of each curve; its value while it is pointed at. One curve alone is named by the title. */
+/** Name and line of each curve, and its value under the pointer. A single curve is named by the title. */
 export function Legend({ labels, isOne = false }: { labels: [string, number][]; isOne?: boolean }) {
   return (
     <ul class="legend">
@@ -289,7 +289,7 @@ export function More({ title, saved, children }: { title: string; saved: () => S
   );
 }
 
-/** Put the time that is pointed at, and the value of each curve there, into the title line; elsewhere nothing. */
+/** Show the time under the pointer, and the value of each curve there, in the title line. */
 function tell(u: uPlot, title: HTMLElement, { curves, size }: PlotProps): void {
   const row = u.cursor.idx;
   const time = typeof row === "number" && (u.cursor.left ?? -1) >= 0 ? u.data[0][row] : undefined;

@@ -70,7 +70,7 @@ const ticksOf = (u: uPlot, axis: number): [number, string][] => {
   return (at ?? []).flatMap((one, k) => (one === null || !words?.[k] ? [] : [[one, words[k]!] as [number, string]]));
 };
 
-/** The curves in view as a drawing; its texts are set as texts. */
+/** The visible curves as an SVG drawing; texts stay texts. */
 export function saveSvg(of: Saved): void {
   const { u } = of;
   const [left, top, wide, high] = [u.over.offsetLeft, u.over.offsetTop + LINE, u.over.clientWidth, u.over.clientHeight];

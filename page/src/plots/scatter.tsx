@@ -30,7 +30,7 @@ export function isWide(groups: Group[]): boolean {
   return all.length > 1 && Math.min(...all) > 0 && Math.max(...all) >= DECADE * Math.min(...all);
 }
 
-/** Friction over speed: one marker for each measured point; beyond the measured speeds a curve is dotted. */
+/** Friction over speed, with a marker for each measured point. Beyond the measured speeds, curves are dotted. */
 export function Scatter(props: { title: string; x: string; y: string; groups: Group[]; log: boolean }) {
   const place = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
@@ -110,7 +110,7 @@ export function reached(groups: Group[], low: number, high: number): [number, nu
   return [least - room, most + room];
 }
 
-/** The runs of all points: as many shapes. */
+/** The runs of all points; each run has a marker shape. */
 const runsOf = (groups: Group[]): string[] => [...new Set(groups.flatMap((group) => group.points.flatMap((one) => one.run ?? [])))];
 
 type Shape = (at: CanvasRenderingContext2D, x: number, y: number, r: number) => void;
@@ -163,7 +163,7 @@ function points(u: uPlot, groups: Group[]): void {
   ctx.restore();
 }
 
-/** Name the measured point that is pointed at. */
+/** Show the name of the measured point under the pointer. */
 function name(u: uPlot, place: HTMLElement, { groups, x: xName, y: yName }: { groups: Group[]; x: string; y: string }): void {
   const { left = -1, top = -1 } = u.cursor;
   let [best, words] = [NEAR, ""];

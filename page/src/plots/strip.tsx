@@ -74,7 +74,7 @@ export function Strip({ title, x, y, curves }: { title: string; x: string; y: st
 
 const ROWS = 41; // of a curve in its table
 
-/** Table of the numbers of a figure, with as many rows per curve as people read. */
+/** Table of the numbers of a figure, with few enough rows per curve to read. */
 export function Behind({ title, x, y, curves }: { title: string; x: string; y: string; curves: Strand[] }) {
   const [open, setOpen] = useState(false);
   return (

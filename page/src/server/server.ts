@@ -114,7 +114,7 @@ function askTabs(): Promise<string> {
   });
 }
 
-/** Return a function that runs once at a time. While one call is in flight, the newest waits. */
+/** Return a function with at most one call in flight. During a call, the newest request waits. */
 export function newest(what: () => Promise<void>): () => Promise<void> {
   let [isAsking, isWaiting] = [false, false];
   return async function next() {

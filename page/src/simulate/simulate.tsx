@@ -55,7 +55,7 @@ const ranges = signal<Record<string, [number, number]>>({});
 const frozen = signal<Trace[]>([]);
 const answer = signal<Frame<Head> | null>(null);
 const wrong = signal<Problem[]>([]);
-/** The part of the time that is shown; null: all of it. */
+/** Shown time span; null: the whole run. */
 const zoom = signal<[number, number] | null>(null);
 
 const fields = computed(() => new Map((valid.value?.values ?? []).map((one) => [one.key, one])));
@@ -207,7 +207,7 @@ function Buttons() {
   );
 }
 
-/** Reason why the newest values give no run. The curves shown next to it belong to earlier values. */
+/** Reason why the newest values cannot be simulated. The curves shown next to it belong to earlier values. */
 function Refusal() {
   if (!wrong.value.length) return null;
   return (

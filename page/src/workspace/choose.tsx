@@ -1,4 +1,4 @@
-/** Lists of the files that a view opens, and the three ways to begin. */
+/** Lists of the files that a view opens, and the three starting points. */
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { day, Problems } from "./parts";
@@ -44,7 +44,7 @@ const OwnFiles = ({ children }: { children: ComponentChildren }) => (
   </label>
 );
 
-/** Three ways to begin, each at most two clicks from its first curve. */
+/** Three starting points, each at most two clicks from its first curve. */
 export function Starts({ isEmpty }: { isEmpty: boolean }) {
   return (
     <section class="starts" aria-label="Begin">

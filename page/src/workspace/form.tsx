@@ -12,7 +12,7 @@ import { filesOf } from "./tree";
 type Values = Record<string, unknown>;
 
 const forms = signal<Record<string, { title: string; fields: Field[] }>>({});
-/** Typed values by command; they stay while one looks at another view. */
+/** Typed values by command. They are kept while another view is shown. */
 const typed = signal<Record<string, Values>>({});
 const MOST_LISTED = 200; // recordings that can be ticked
 

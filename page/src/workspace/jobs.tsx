@@ -68,7 +68,7 @@ async function lookOn(): Promise<void> {
 export function Cancel({ job, children }: { job: Job; children: ComponentChildren }) {
   return (
     <button type="button" disabled={job.ends} onClick={() => void ask("/api/cancel", { number: job.number }).then(() => follow())}>
-      {job.ends ? "Ends with what is being run …" : children}
+      {job.ends ? "Ends after the current run ……" : children}
     </button>
   );
 }

@@ -91,7 +91,7 @@ export function SaveButton({ isSaved, save }: { isSaved: boolean; save: () => Pr
   return <button type="button" aria-disabled={isSaved} onClick={() => void (isSaved || save())}>Save</button>;
 }
 
-/** Field of a text. An answer that arrives while one types does not replace what was typed. */
+/** Field of a text. An answer that arrives during typing does not replace the typed text. */
 export function TextField({ label, value, put }: { label: string; value: string; put: (value: string) => void }) {
   const [typed, type] = useState<string | null>(null);
   useEffect(() => type(null), [value]);
@@ -108,7 +108,7 @@ interface NumberProps {
 }
 
 /**
- * Field of a number. A text that is not a number within its limits is answered with a message and changes nothing.
+ * Field of a number. A text that is not a number within the limits gives a message and changes nothing.
  * A field of type "number" would drop a comma silently.
  */
 export function NumberField({ label, value, put, low = -Infinity, high = Infinity, whole = false }: NumberProps) {
@@ -190,10 +190,10 @@ export function DriveChoice({ label, drives, chosen }: { label: string; drives: 
   );
 }
 
-/** A moment of the file system for people. */
+/** Return a time of the file system as text. */
 export const day = (seconds: number): string => new Date(1000 * seconds).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
 
-/** A word where a view reads the file of a description whose text in the page is another one. */
+/** Note in a view that reads a description's file while the page has unsaved text of it. */
 export function Unsaved({ path }: { path: string }) {
   return isUnsaved(path) ? <p class="note">Changes of {path} that are not saved do not count here.</p> : null;
 }

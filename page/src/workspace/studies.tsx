@@ -134,7 +134,7 @@ function Compare() {
   if (!pair.value.length) return null;
   return (
     <section class="panel" aria-label="Compare two">
-      <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another drive or fit: tick it` : pair.value.join(" and ")}</h2>
+      <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another drive or fit: tick its box` : pair.value.join(" and ")}</h2>
       <Problems of={apart.value} />
       {compared.value && <Differences {...compared.value} />}
       {compared.value && <Copied {...compared.value} />}
@@ -144,7 +144,7 @@ function Compare() {
 
 const renaming = signal({ path: "", to: "" });
 
-/** Give a file another name; one that is there is never written over. */
+/** Give a file another name. An existing file is never overwritten. */
 async function rename(): Promise<void> {
   const { path, to } = renaming.value;
   refused.value = [];

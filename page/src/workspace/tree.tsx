@@ -1,4 +1,4 @@
-/** The folder as a tree: files by kind, the catalogue, and what one can begin with. */
+/** The folder as a tree: files by kind, the catalogue, and starting points. */
 import { signal } from "@preact/signals";
 import { inCatalogue, link, route } from "../routes";
 import { viewOf } from "../views";
@@ -37,7 +37,7 @@ export const kindOf = (path: string): string => (inCatalogue(path) ? "drive" : (
 /** The name of a file in its folder. */
 export const nameOf = (path: string): string => path.slice(path.lastIndexOf("/") + 1);
 
-/** A path with its folders pale. */
+/** A path, with its folders in a paler colour. */
 export function PathName({ path }: { path: string }) {
   const name = nameOf(path);
   return <>{path.length > name.length && <span class="dir">{path.slice(0, -name.length)}</span>}{name}</>;
@@ -92,7 +92,7 @@ export function Tree() {
         <input type="file" multiple class="hidden" onChange={({ currentTarget: own }) => (void take([...(own.files ?? [])]), (own.value = ""))} />
       </label>
       <p class="note" role="status">{taking.value}</p>
-      {found && <p class="note">{found.files.length} files{found.left_out > 0 && `; ${found.left_out} names are no UTF-8 and left out`}{found.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}</p>}
+      {found && <p class="note">{found.files.length} files{found.left_out > 0 && `; ${found.left_out} names are not UTF-8 and are left out`}{found.is_cut && "; those beyond are not listed: start pneudrive web in a folder below"}</p>}
     </nav>
   );
 }

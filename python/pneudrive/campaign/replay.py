@@ -133,15 +133,15 @@ class ReplayRig:
         return self._state
 
     def home(self) -> None:
-        """Home the axis; nothing is played."""
+        """Home the axis; no recording is played."""
         self._state = replace(self._state, position_m=self._limits.home_m)
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
-        """Ask for recordings at these absolute pressures, Pa."""
+        """Select recordings at these absolute pressures, Pa."""
         self._state = replace(self._state, pressure_a_pa=a_pa, pressure_b_pa=b_pa)
 
     def move(self, to_m: float, speed_m_s: float) -> None:
-        """Move without recording; nothing is played."""
+        """Move without recording; no recording is played."""
         self._halted.clear()
         self._wait(time.monotonic(), abs(to_m - self._state.position_m) / speed_m_s)
         self._state = replace(self._state, position_m=to_m)
@@ -166,7 +166,7 @@ class ReplayRig:
         self._state = replace(self._state, pressure_a_pa=ambient, pressure_b_pa=ambient, moving=False)
 
     def begin_cycle(self, key: str) -> None:
-        """Prefer the recording of this key; its key counts more than its time."""
+        """Prefer the recording with this key; the key has priority over the time."""
         self._key = key
         for source in self.sources:
             if source.key == key:
@@ -190,7 +190,7 @@ class ReplayRig:
         return {f: tuple(dict.fromkeys(t.levels[f] for t in self.sources if f in t.levels)) for f in factors}
 
     def change(self, levels: dict[str, str]) -> None:
-        """Ask for recordings with this mounting."""
+        """Select recordings with this mounting."""
         self._levels.update(levels)
 
     def _find(self, steps: Sequence[Step]) -> tuple[ReplaySource, int]:

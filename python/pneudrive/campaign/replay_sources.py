@@ -58,7 +58,7 @@ class RecordedCycle(ReplaySource):
 
     @classmethod
     def of(cls, file: CycleFile, campaign: Campaign) -> RecordedCycle:
-        """Make one from the header of a cycle."""
+        """Make a recorded cycle from its header."""
         cycle, true = file.head.cycle, campaign.path / TRUTH / f"{file.name}.json"
         pressures = (cycle.pressure_a_pa, cycle.pressure_b_pa)
         return cls(file.name, cycle.key, cycle.steps, *pressures, file.head.began_s, dict(cycle.levels), file, true)
@@ -104,14 +104,17 @@ class RecordedCycle(ReplaySource):
 
 @dataclass(frozen=True)
 class ForeignRecording(ReplaySource):
-    """Strokes of a foreign file, played from one in the requested direction; their ends may differ by ``slack_m``."""
+    """Strokes of a foreign file.
+
+    They are played from the first one in the requested direction, and their ends may differ by ``slack_m``.
+    """
 
     file: RecordingFile
     slack_m: float
 
     @classmethod
     def of(cls, file: RecordingFile, recording: Recording, strokes: list[Stroke]) -> ForeignRecording:
-        """Make one from the samples of a recording."""
+        """Make recorded strokes from the samples of a recording."""
         steps = tuple(Move(stroke.to_m, abs(stroke.speed_m_s)) for stroke in strokes)
         pressures = (float(np.median(recording.pressure_a_pa)), float(np.median(recording.pressure_b_pa)))
         slack = max(STROKE_SLACK * float(np.ptp(recording.position_m)), SAME_POSITION_M)
@@ -321,7 +324,7 @@ def _identity(folder: Path, recording: Recording) -> Identity:
 
 
 def _envelope(sources: Sequence[ReplaySource], identity: Identity) -> Envelope:
-    """Return the limits of a rig known from recordings only: the range that all of them cover."""
+    """Return the limits of a rig that is known only from recordings: the range that all recordings cover."""
     spans = [span for source in sources if (span := source.range_m()) is not None]
     speeds = [speed for source in sources for speed in source.speeds_m_s]
     if not spans:

@@ -81,7 +81,7 @@ def run_campaign(
     subscribers: Sequence[Callable[[str, dict], None]] = (),
     cancel: Flag | None = None,
 ) -> Result:
-    """Run a campaign into a folder; resume it if the folder holds it already.
+    """Run a campaign into a folder, or resume it if the folder already has it.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def _go_on(
 def _rig_again(
     campaign: Campaign, rig: Rig | str | Path | None, plan: Plan, pace: float | None, allow_code: str | None
 ) -> contextlib.AbstractContextManager[tuple[Rig, str]]:
-    """Return the rig that is named now, otherwise the rig that the folder names if that is allowed."""
+    """Return the named rig, or the rig that the folder names if that is allowed."""
     seed, where = plan.protocol.seed, str(campaign.path / ABOUT)
     if rig is not None:
         return _bench(rig, seed, pace)
@@ -246,7 +246,10 @@ def _rig_again(
 
 @contextlib.contextmanager
 def _bench(rig: Rig | str | Path, seed: int, pace: float | None, **found: str | None) -> Iterator[tuple[Rig, str]]:
-    """Return the rig and its address for a resumed run; empty for a rig that the caller made and closes."""
+    """Return the rig and its address for a resumed run.
+
+    The address is empty for a rig that the caller made and closes.
+    """
     from pneudrive.rig.loading import load_rig, opened
 
     if not isinstance(rig, str | Path):
@@ -290,7 +293,7 @@ def _digest(source: str) -> str:
 
 
 def _check_rig(campaign: Campaign, identity: Identity, source: str) -> None:
-    """Refuse to resume with another rig: the cycles would not belong together."""
+    """Refuse to resume with another rig, because the cycles would not be comparable."""
     here = json.loads(json.dumps(identity.to_dict(), default=plain))
     there = json.loads(json.dumps(campaign.identity.to_dict(), default=plain))
     # The text on errors of a simulated rig depends on the version; the hash of its file identifies it.

@@ -1,12 +1,12 @@
 """Control of a drive along a reference: tune a law from the description, run it on the drive, score it, compare laws.
 
-A law is a word of the core (`pneudrive.control.laws`); its gains follow from the drive that it believes it commands::
+A law is named by a key of the core (`pneudrive.control.laws`). Its gains follow from its model of the drive::
 
     drive = pn.Circuit.load("axis.toml")
     run = pn.control.run(drive, law="nmpc", reference="sine 60 mm 0.5 Hz around 250 mm", setup="real", seed=1)
     run.attrs["score"]["max_error_m"]
 
-All of it is simulation: the laws have seen no machine.
+All results are simulated: no law has run on a machine.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Axis of a controller: whether a model exists, and the parts that the model leaves out."""
+"""Axis of a controller: whether the controllers can model it, and the parts that the model leaves out."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _UNKNOWN = {
 
 
 def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
-    """Refuse a circuit of which the laws have no model: it would be commanded as another drive.
+    """Refuse a circuit that the laws cannot model.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def unknown_numbers(belief: Circuit) -> list[str]:
 
 
 def _chambers(joints: list[list[str]], port: str, cylinder: str, ends: set[str]) -> set[str]:
-    """Return the chambers to which a port leads, through all components that are not ends, and not by the ambient."""
+    """Return the chambers that a port leads to, through all components except ends and the ambient."""
     left, reached = [joint for joint in joints if port in joint], []
     while left:
         joint = left.pop()

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 RUNS, SCORES, KEPT, ABOUT = "runs", "score.csv", "scores.jsonl", "comparison.json"
 TABLE = "score.parquet"
-SO_FAR = "so-far.jsonl"  # a line of each run that is done; gone once the tables are there
-SHARES = (0.5, 0.95, 1.0)  # of the members of a spread, that are told
-_TRUE = "true_"  # before the names of what was true, in the tables
+SO_FAR = "so-far.jsonl"  # a line for each finished run; removed after the tables are written
+SHARES = (0.5, 0.95, 1.0)  # quantiles over the members of a spread that are reported
+_TRUE = "true_"  # prefix of the columns of true values in the tables
 
 
 class ControlledRun(NamedTuple):
@@ -81,13 +81,16 @@ class ScoreCard:
         return [run for run in self.runs if (run.law, run.reference) == (law, along)]
 
     def middle(self, law: str, along: str, measure: str) -> float | None:
-        """Return the median of a measure over the seeds; None where the reference has no such part, or a run failed."""
+        """Return the median of a measure over the seeds.
+
+        None if the measure does not apply to the reference, or a run failed.
+        """
         return self.within(law, along, measure, 0.5)
 
     def within(self, law: str, along: str, measure: str, share: float) -> float | None:
         """Return a quantile of a measure over the runs; a run that failed counts as infinite.
 
-        None where the reference has no such part, or each run failed.
+        None if the measure does not apply to the reference, or each run failed.
         """
         each = [None if run.score is None else getattr(run.score, measure) for run in self.of(law, along)]
         failed = sum(run.score is None for run in self.of(law, along))
@@ -281,12 +284,12 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
     path = folder / TABLE
     if not path.is_file():
         return tuple(_so_far(folder, references))
-    if open_table(path, "parquet", CommandError).own is None:  # its seal says that the bytes are ours
+    if open_table(path, "parquet", CommandError).own is None:  # its hash shows that this package wrote the bytes
         raise CommandError(f"{path} is damaged or was changed", remedy="Run the comparison again.")
     table = pl.read_parquet(path)
     measures = [one.name for one in fields(Score)]
     true = [name for name in table.columns if name.startswith(_TRUE)]
-    out, times = [], Counter[tuple[str, str, int]]()  # two names may have one text: their runs come in this order
+    out, times = [], Counter[tuple[str, str, int]]()  # two names may have equal texts: their runs come in this order
     for row in table.iter_rows(named=True):
         score = None if row["reason"] else Score(**{name: row[name] for name in measures})
         truth = {name.removeprefix(_TRUE): row[name] for name in true if row[name] is not None}
@@ -299,7 +302,7 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
 
 
 def tell(folder: Path, run: ControlledRun) -> None:
-    """Add a run that is done to those so far."""
+    """Add a finished run to the results."""
     said = {"law": run.law, "reference": run.reference, "seed": run.seed, "reason": run.reason, "run": run.file.name}
     said["score"] = None if run.score is None else run.score.to_dict()
     with open_to_append(folder / SO_FAR) as file:
@@ -308,10 +311,10 @@ def tell(folder: Path, run: ControlledRun) -> None:
 
 def _so_far(folder: Path, references: Mapping[str, str]) -> Iterator[ControlledRun]:
     text = ""
-    with suppress(CommandError):  # none is done, or there are so many that they are told at the end
+    with suppress(CommandError):  # no run is finished, or there are so many that they are reported at the end
         text = read_text(folder / SO_FAR, CommandError)
     for line in text.splitlines():
-        with suppress(ValueError, LookupError, TypeError):  # a line that is being written, or that a kill has cut
+        with suppress(ValueError, LookupError, TypeError):  # an incomplete line: still being written, or cut by a kill
             one = json.loads(line)
             score = None if one["score"] is None else Score(**one["score"])
             file = folder / RUNS / Path(one["run"]).name

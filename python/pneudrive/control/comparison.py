@@ -60,9 +60,9 @@ if TYPE_CHECKING:
     References = str | Path | Reference | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]
 
 MOST_SEEDS = 100_000
-MEMBERS = 200  # of a spread, where nothing is said
-STEP_REPEATS = 3  # of each step of the runs that are kept, for its time undisturbed
-SPREAD_SEED, MOST_TRUTHS = 0, 64  # of the draws of a spread; members that are held at a time
+MEMBERS = 200  # members of a spread by default
+STEP_REPEATS = 3  # repeats of each step of kept runs, to measure its undisturbed time
+SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are held at a time
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,9 +119,9 @@ class ControlComparison(ScoreCard, Shown):
 def standard(drive: Drive | Circuit) -> dict[str, Reference]:
     """Return the standard references for a drive, slowed to 0.85 of its speed at full opening where they are faster.
 
-    R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest. R6 is a long fast move, R7 has targets that
-    are approached from both sides, R8 is a hand that leads the piston. Whether the force suffices for them too, says
-    `feasibility`.
+    R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest. R6 is a long fast move, R7 has targets that are
+    approached from both sides, R8 is a path of a hand that guides the piston. `feasibility` shows whether the force
+    suffices for them, too.
 
     Raises
     ------
@@ -229,7 +229,7 @@ def compare_watched(
 ) -> ControlComparison:
     """Compare, and report progress to a watch. Arguments and errors are those of `compare`.
 
-    `named` is the word by which a command line has the drive: it is kept in the folder, so that it can be repeated.
+    `named` is the drive's name on a command line. The folder stores it, so that the command can be repeated.
     """
     if not isinstance(out, str | PathLike):
         raise CommandError(f"out is a {type(out).__name__}", rule="a folder for scores and runs", remedy='out="laws"')
@@ -281,7 +281,7 @@ def compare_watched(
     # Members outermost, so that each of their circuits is compiled once.
     each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
     if any(tuning.own is not None for tuning in tunings.values()):
-        threads = 1  # an object of the user's is one for all runs
+        threads = 1  # all runs share an object of the user
     found = dict(zip(each, _on_threads(one_of, each, threads or processors(), watch), strict=True))
     runs = tuple(found[law, along, seed] for along in to_follow for law in tunings for seed in range(1, count + 1))
     made = ControlComparison(drive.name, tunings, to_follow, read, name, runs, first.mismatch, spread_name)
@@ -310,7 +310,7 @@ def _on_threads(
     threads: int,
     watch: Watch,
 ) -> Iterator[ControlledRun]:
-    """Yield the runs in the order of their requests; runs that have not begun are dropped once one fails."""
+    """Yield the runs in the order of their requests. After a failure, runs that have not begun are dropped."""
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(call, one) for one in asked]
         try:
@@ -362,7 +362,7 @@ def _references(drive: Drive | Circuit, asked: References) -> dict[str, Referenc
 
 @lru_cache(maxsize=1)
 def core_hash() -> str:
-    """Return the SHA-256 of the core that runs: another core may give other bits."""
+    """Return the SHA-256 of the core in use: another core may give other bits."""
     from pneudrive import _core
 
     return hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()
@@ -386,7 +386,7 @@ def _mark(out: Path, tunings: Mapping[str, Tuning]) -> str:
 
 
 def _key(prepared: Prepared, seed: int, mark: str) -> str:
-    """Return the SHA-256 of all that decides a run and its score."""
+    """Return the SHA-256 of all inputs that determine a run and its score."""
     decides = {
         "core": core_hash(),
         "measures": list(Score.__dataclass_fields__),
@@ -406,7 +406,7 @@ def _key(prepared: Prepared, seed: int, mark: str) -> str:
 
 @dataclass
 class _Store:
-    """Runs of a comparison: files of those that are kept, a line of all others with the score alone."""
+    """Runs of a comparison: a file of each kept run, and one line with the score of every other run."""
 
     folder: Path
     lines: Path
@@ -426,7 +426,7 @@ class _Store:
             raise CommandError(f"{lines} cannot be read", value=error.strerror, remedy=remedy) from None
         known: dict[str, dict[str, Any]] = {}
         for line in text.splitlines():
-            with suppress(ValueError, LookupError, TypeError):  # a line that a kill has cut, or that is damaged
+            with suppress(ValueError, LookupError, TypeError):  # a line that is damaged or was cut by a kill
                 one = json.loads(line.decode("utf-8"))
                 score = None if one["score"] is None else Score(**one["score"])
                 known[one["key"]] = {"score": score, "reason": str(one["reason"])}
@@ -436,7 +436,7 @@ class _Store:
         return cls(folder, lines, keeps, known, threading.Lock(), mark)
 
     def run(self, prepared: Prepared, law: str, along: str, seed: int) -> ControlledRun:
-        """Return a run that is there, or run it and keep it."""
+        """Return a stored run, or run it and store it."""
         key = _key(prepared, seed, self.mark)
         plain = re.sub(r"[^A-Za-z0-9]+", "-", f"{law}_{along}").strip("-")[:60]
         file = self.folder / f"{plain}_{seed}_{key[:12]}.parquet"
@@ -467,7 +467,7 @@ class _Store:
 
 
 def _score_in(file: Path, key: str) -> Score | None:
-    """Return the score of a finished run; None where the file is not there, is damaged, or is of another run."""
+    """Return the score of a finished run; None if the file is missing, damaged, or belongs to another run."""
     if not file.exists():
         return None
     try:

@@ -1,4 +1,4 @@
-"""Controller file: a law, its period, its gains, its model of the drive, and how it stands still."""
+"""Controller file: a law, its period, its gains, its model of the drive, and its holding."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3
 
 
 class HoldBand(Described):
-    """Standing still: once the reference stands and the error stays in the band, the force of the air is kept."""
+    """Holding: after the reference has stopped and the error stays in the band, the force of the air is kept."""
 
     table_name: ClassVar[str] = "hold"
     band_m: Length = Field(default=BAND_M, description="error below which it begins")
@@ -72,7 +72,7 @@ _Factor = Annotated[float, Quantity("", bounds=Bounds(at_least=0.1, at_most=10.0
 
 
 class Factors(Described):
-    """Factors of a law's gains, 0.1 to 10; which gain each of them multiplies, the core says.
+    """Factors of a law's gains, 0.1 to 10. The core defines which gain each of them multiplies.
 
     Examples
     --------
@@ -103,7 +103,7 @@ REMOVED_TABLES = {
 
 
 class LawWord(BuiltInLaw):
-    """Annotation of a field for a controller: a word, or the name of code, ``mine.py:Law``."""
+    """Annotation of a field for a controller: its key, or the name of code, ``mine.py:Law``."""
 
     def read(self, given: object) -> str:
         """Check the word."""
@@ -115,8 +115,8 @@ class LawWord(BuiltInLaw):
 class Controller(Described):
     """A controller as its file describes it.
 
-    Gains, and numbers of several or switching valves, have their units. `pneudrive.control.tune` reads them, because
-    the core lists them by controller and valves. Those that are left out follow from the drive.
+    Gains and valve parameters have units. `pneudrive.control.tune` reads them, because the core lists them by
+    controller and valves. Those that are left out follow from the drive.
 
     Examples
     --------

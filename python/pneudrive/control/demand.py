@@ -1,4 +1,4 @@
-"""Whether a drive can follow a reference: its inverse, run along the reference."""
+"""Whether a drive can follow a reference: the inverse of its model, run along the reference."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 #: Share of each limit up to which a reference is taken for feasible (assumed).
 SHARE = 0.85
-_PERIODS = 3.0  # of a sine that are looked at: the first one begins it
+_PERIODS = 3.0  # periods of a sine that are checked, with the first one
 _SEEN_S = 0.2  # behind the last move
-_TRIES = 8  # of a factor on the reference that it gives
+_TRIES = 8  # margin of a suggested factor
 
 
 class Demand(NamedTuple):
@@ -124,7 +124,7 @@ def _percent(share: float) -> str:
 
 
 def _asked(form: str, reference: Reference) -> tuple[dict[str, float], tuple[float, dict[str, float]] | None]:
-    """Return the demands of a reference, and the least factor in time with the demands then."""
+    """Return the demands of a reference, the least factor in time, and the demands at this factor."""
     seen_s = (
         _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
     )
@@ -134,8 +134,8 @@ def _asked(form: str, reference: Reference) -> tuple[dict[str, float], tuple[flo
 def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     """Return the demands of a reference on a drive, and how far it must be slowed.
 
-    The inverse of the controller's model is run along the reference. The piston is at the reference. The gas follows
-    the opening that gives the force for that motion.
+    The inverse of the controller's model is run along the reference. The piston is at the reference. The gas is
+    simulated under the opening that produces the required force.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     if beyond_stroke(reference, plant.stroke_m) is not None:
         slowed = None
     factor, taken = (None, None) if slowed is None else slowed
-    for _ in range(_TRIES):  # its peaks lie between other steps once it is slowed and written
+    for _ in range(_TRIES):  # after slowing and rounding, its peaks are between other steps
         if factor is None or factor == 1.0:
             break
         taken, more = _asked(form, reference.stretched(factor))

@@ -43,7 +43,7 @@ WITHIN, FASTEST, REST_S = (0.1, 0.9), (0.1, 0.5), (0.1, 0.5)
 
 
 class _Learner:
-    """Stands for the law that is not there: the environment is given each command."""
+    """Placeholder for a law: the environment receives each command."""
 
     inputs = ()
 
@@ -52,10 +52,10 @@ class _Learner:
 
 
 class PositionEnv(gymnasium.Env):
-    """A piston that is to follow a reference; the action is the command of the valve, -1 .. 1, at each sample.
+    """A piston that follows a reference. The action is the command of the valve, -1 .. 1, at each sample.
 
     An observation is the numbers of `observed`, then position and velocity of the reference now and at times ahead.
-    `observed` names signals as a custom law gets them (`pneudrive.control.signals`). SI units, pressures absolute; the
+    `observed` names signals of custom laws (`pneudrive.control.signals`). SI units, pressures absolute; the
     names end in their unit. The reward of a sample is minus the true error in mm. An episode is terminated if the
     error is beyond `lost` or the drive cannot move further, and truncated after its duration.
 
@@ -126,7 +126,7 @@ class PositionEnv(gymnasium.Env):
         self._controller = Controller.model_validate(told)
         #: Command of the law that runs beside, at the sample that waits for an action; not a number without a law.
         self.law_command = float("nan")
-        # What an episode begins with but its drive and reference; it also refuses what is wrong now.
+        # Initial data of an episode without drive and reference. Wrong arguments are rejected here.
         self._first = self._prepare(self.drive, self._middle() if reference is None else reference)
         self._prepared = self._first
         for late in self._true(self._first, np.random.default_rng(0)).truth.setup.later_than(self.duration_s):
@@ -145,7 +145,7 @@ class PositionEnv(gymnasium.Env):
         return prepare(drive, law, along, controller=self._controller, **told)
 
     def _middle(self) -> Reference:
-        """Return a stand-in of a reference that is drawn: at rest at mid stroke."""
+        """Return a placeholder for a random reference: at rest at mid-stroke."""
         return Reference("mid stroke", 0.5 * tune(self.drive, setup=self._setup).plant.stroke_m)
 
     def _true(self, prepared: Prepared, random: np.random.Generator) -> Prepared:

@@ -58,10 +58,9 @@ MEANINGS = {
 
 
 class Prepared(NamedTuple):
-    """All that decides a run under control but its seed.
+    """All inputs that determine a run under control, except its seed.
 
-    `plant` is the drive that is run, as it is described; `warnings` tell what of it has no effect, or another one than
-    its words.
+    `plant` is the described drive that is simulated. `warnings` name entries that have no effect or an unexpected one.
     """
 
     circuit: Circuit
@@ -182,7 +181,10 @@ def prepare(
     rtol: float = RTOL,
     allow_code: str | None = None,
 ) -> Prepared:
-    """Read and check all that decides a run but its seed, and warn. Arguments and errors are those of `run`."""
+    """Read and check all inputs that determine a run, except its seed, and warn.
+
+    Arguments and errors are those of `run`.
+    """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     if believes is not None:
         require(believes, "core_json", "believes", 'pn.Drive.load("drive.toml")')
@@ -256,7 +258,7 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     air = air_of(mass_kg, supply_of(truth.core_json), (ambient_pa, circuit.ambient.temperature_k), gas)
     found = score_of(named["time"], named, motion, air)
     said: dict[str, Any] = {"air": air, "score": found.to_dict(), "events": events, "samples": len(named["time"])}
-    if own is not None and own.failure is not None:  # another law has taken over
+    if own is not None and own.failure is not None:  # the standby law has taken over
         said["law_failure"] = str(own.failure)
     return Run(columns, _provenance(prepared, seed) | said, MEANINGS)
 

@@ -27,18 +27,20 @@ if TYPE_CHECKING:
 #: Time from the start that is scored apart, and the end of a sine that is scored, s.
 FIRST_S, LAST_S = 4.0, 4.0
 REST_S, HUNTING_S = 0.2, 0.6  # ends of a dwell in which rest and hunting are measured
-ROUNDING_S = 1e-9  # of times that are sums
-LEAST_DWELL = 2  # samples of a dwell: the next move may begin as one ends
-LONG_DWELL_S = 10.0  # a dwell that lasts longer is looked at behind this time, for hunting
+ROUNDING_S = 1e-9  # rounding of times that are sums
+LEAST_DWELL = 2  # least samples of a dwell: the next move may begin at the end of one
+LONG_DWELL_S = 10.0  # hunting is measured after this time, in dwells that last longer
 BANDS_M = (1e-4, 5e-4, 1e-3)  # of settling
-SLIP_M_S = 1e-3  # speed in a dwell that counts as a slip
-LEAST_APPROACHES, LEAST_TARGETS = 2, 2  # of each side, and of targets, from which on repeatability is measured
-LOST_M = 0.02  # error beyond which a run is lost
+SLIP_M_S = 1e-3  # speed above which a motion in a dwell counts as a slip
+LEAST_APPROACHES, LEAST_TARGETS = 2, 2  # least approaches of each side, and least targets, to measure repeatability
+LOST_M = 0.02  # a run with a larger error is lost
 
 
 @dataclass(frozen=True, repr=False)
 class Score(Shown):
-    """Score of a run; error is reference less position. None: the reference has no such part; inf: never.
+    """Score of a run; error is reference less position. None if the measure does not apply to the reference.
+
+    Inf if an event never occurs.
 
     Attributes
     ----------
@@ -111,7 +113,7 @@ class Score(Shown):
         return asdict(self)
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return title and value with unit of each measure that the reference has, and whether the run is lost."""
+        """Return title and value with unit of each applicable measure, and whether the run is lost."""
         rows = [(title, written(name, getattr(self, name))) for name, (title, *_) in SHOWN.items()]
         lost = [("lost", f"yes: an error exceeded {1e3 * LOST_M:g} mm")] if self.lost else []
         return [row for row in rows if row[1]] + lost
@@ -150,7 +152,7 @@ THOUSAND, _LARGER = 1e3, {"um": "mm", "ms": "s", "us": "ms"}
 
 
 def written(name: str, value: float | None) -> str:
-    """Write a measure with its unit; empty where the reference has no such part.
+    """Write a measure with its unit; empty if it does not apply to the reference.
 
     Examples
     --------
@@ -289,7 +291,7 @@ _Moves = tuple[float, list[ReferenceMove]]
 
 
 def _spans(of: _Moves, end_s: float) -> Iterator[tuple[ReferenceMove, float, float]]:
-    """Yield each move, where it comes from, and when the next one begins or the run ends."""
+    """Yield each move, its start position, and the time at which the next move begins or the run ends."""
     start, moves = of
     begins = [*(move.begin_s for move in moves[1:]), end_s]
     for move, next_s in zip(moves, begins, strict=True) if moves else ():
@@ -298,7 +300,7 @@ def _spans(of: _Moves, end_s: float) -> Iterator[tuple[ReferenceMove, float, flo
 
 
 def _of_targets(time: Array, x: Array, of: _Moves) -> dict[str, Any]:
-    """Measure how repeatably targets are reached that moves come to from both sides."""
+    """Measure the repeatability of targets that are approached from both sides."""
     visits: dict[float, tuple[list[float], list[float]]] = {}
     for move, start, until in _spans(of, float(time[-1])):
         rest = (time >= max(move.end_s, until - REST_S)) & (time <= until)
@@ -315,8 +317,8 @@ def iso230(deviations: Sequence[tuple[Sequence[float], Sequence[float]]]) -> tup
 
     With the mean and the standard deviation s of the deviations of each direction: B is the difference of the means,
     R_i = max(2 s_up + 2 s_down + abs(B), 4 s_up, 4 s_down), R the largest R_i,
-    A = max(mean + 2 s) - min(mean - 2 s), both over all targets and directions. These formulas are in the way of ISO
-    230-2; checked against the standard's text: no.
+    A = max(mean + 2 s) - min(mean - 2 s), both over all targets and directions. These formulas follow the method of ISO
+    230-2. They were not checked against the standard's text.
 
     Parameters
     ----------
@@ -347,7 +349,7 @@ def iso230(deviations: Sequence[tuple[Sequence[float], Sequence[float]]]) -> tup
 
 
 def _overshoot(time: Array, x: Array, of: _Moves) -> float | None:
-    """Return how far the drive comes beyond the end of a move until the next one begins, the largest."""
+    """Return the largest overshoot beyond the end of a move before the next one begins."""
     found = []
     for move, start, until in _spans(of, float(time[-1])):
         beyond = math.copysign(1.0, move.to_m - start) * (x[(time >= move.begin_s) & (time <= until)] - move.to_m)

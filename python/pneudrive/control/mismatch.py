@@ -1,4 +1,4 @@
-"""Mismatch: how a drive differs from its description, which the laws believe: one drive, or a spread of members."""
+"""Mismatch: deviations of a drive from the description that the laws use, for one drive or a spread of members."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ABOVE_ZERO = Bounds(above=0.0)
 
 @dataclass(frozen=True)
 class ValueOrRange(Mark):
-    """Annotation of a value or of a range in which members lie evenly: ``"75 Hz .. 125 Hz"``; both ends are stored."""
+    """Annotation of a value or of a range with a uniform distribution, ``"75 Hz .. 125 Hz"``; both ends are stored."""
 
     si_unit: str = ""
     written: str = ""
@@ -81,7 +81,9 @@ def _factor(of: str) -> Any:  # noqa: ANN401 - pydantic's own
 
 
 class Mismatch(Described):
-    """Deviations of a drive from its description. Numbers, or ranges in which the members of a spread lie evenly.
+    """Deviations of a drive from its description.
+
+    Numbers, or ranges over which the members of a spread are distributed uniformly.
 
     Examples
     --------
@@ -236,7 +238,7 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
 
 
 def _valves(valves: list[dict[str, Any]], drawn: Mapping[str, float]) -> None:
-    """Deviate the valves of a drive in place, which a law takes for equal."""
+    """Change the valves of a drive in place; a law assumes equal valves."""
     for name, key in _VALVE.items():
         if name in drawn and "frequency" not in valves[0]["numbers"]:
             what = f"{name}: {valves[0]['name']} is a switching valve, which has no spool that could deviate"
@@ -258,7 +260,7 @@ def _scale(numbers: dict[str, float], keys: tuple[str, ...], name: str, factor: 
 
 
 def _other_law(word: str, friction: Mapping[str, Any]) -> dict[str, Any]:
-    """Return friction by another law: with the numbers and choices that both have, and without a formula."""
+    """Return friction by another law, with the parameters that both laws have; formulas are dropped."""
     law, has = friction_laws()[word], dict(friction["parameters"])
     if friction.get("elements"):
         has["bristle_stiffness"] = sum(one["stiffness_n_m"] for one in friction["elements"])
@@ -279,13 +281,13 @@ def _other_law(word: str, friction: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float) -> dict[str, float]:
-    """Deviate the supply in place; return the start of the volume behind it."""
+    """Change the supply in place; return the start state of the volume after it."""
     reservoirs = [one for one in form["components"] if one["kind"].startswith("reservoir")]
     for one in reservoirs:
         one["numbers"]["pressure"] *= drawn.get("supply_pressure", 1.0)
     if "supply_conductance" not in drawn:
         return {}
-    (supply,) = reservoirs  # a law commands a circuit with one
+    (supply,) = reservoirs  # a commanded circuit has exactly one
     names = [f"{supply['name']}_{what}" for what in ("restriction", "volume")]
     restriction, volume = names
     for name, kind, numbers in (
@@ -310,7 +312,7 @@ def _supply(form: dict[str, Any], drawn: Mapping[str, float], conductance: float
 
 
 def _has_sensor(setup: Setup, name: str) -> bool:
-    """Return whether an instrumentation has the sensor of a deviation: some have no pressure sensors."""
+    """Return whether an instrumentation has the sensor that a deviation concerns."""
     return name.removesuffix("_b") not in _SENSORS or setup.sensors.pressure_a is not None
 
 
@@ -326,7 +328,7 @@ def _sensors(setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Se
 
 
 def _added(*each: Sequence[Disturbance]) -> tuple[Disturbance, ...]:
-    """Add forces that each hold from a time on until the next one of their own."""
+    """Add two stepwise forces. Each value acts from its time until the next one of the same force."""
 
     def force_n(of: Sequence[Disturbance], at_s: float) -> float:
         return next((one.force_n for one in reversed(of) if one.at_s <= at_s), 0.0)
@@ -336,12 +338,12 @@ def _added(*each: Sequence[Disturbance]) -> tuple[Disturbance, ...]:
 
 
 def ready_mismatches() -> dict[str, Path]:
-    """Return the files of the mismatches that come with the package, by name."""
+    """Return the files of the package's mismatches by name."""
     return {path.stem: path for path in sorted(READY.glob("*.toml"))}
 
 
 def read_mismatch(given: Mismatch | str | Path) -> tuple[Mismatch, str]:
-    """Read a mismatch: the name of a ready one, or a TOML file.
+    """Read a mismatch: a name of the package, or a TOML file.
 
     Parameters
     ----------

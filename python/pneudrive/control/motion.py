@@ -1,4 +1,4 @@
-"""Motion of a reference: where a drive is to go over time, as moves, as a sine, or as polynomials."""
+"""Motion of a reference: wanted position over time, as moves, a sine or polynomials."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 #: How long a reference is run where nothing is said: a sine at least so, and what follows the last move.
 SINE_S, SINE_PERIODS, REST_S = 16.0, 4.0, 2.0
 _TOGETHER_S = 1e-9  # between pieces of one move
-_EVERY, _PERIODS = 400, 2.0  # samples of a move or a period of a sine in which the fastest moment is looked for
-_EVERY_PIECE, _EVERY_PATH = 24, 4000  # the same of a polynomial, of which few are looked at more closely
-TURN_M = 1e-4  # a shorter way back is none (assumed)
-_REAL = 1e-6  # imaginary part of a root that is taken for real
+_EVERY, _PERIODS = 400, 2.0  # samples of a move or a period of a sine, to find the highest speed
+_EVERY_PIECE, _EVERY_PATH = 24, 4000  # the same for a polynomial; only the fastest ones are refined
+TURN_M = 1e-4  # a shorter way back does not count as a reversal (assumed)
+_REAL = 1e-6  # a root with a smaller imaginary part counts as real
 
 
 class ReferenceMove(NamedTuple):
-    """A move to a position, from where the one before it ends; blended with continuous jerk.
+    """A move to a position from the end of the previous move, blended with continuous jerk.
 
     Attributes
     ----------
@@ -96,12 +96,12 @@ class Reference(Shown):
 
     @property
     def is_sine(self) -> bool:
-        """Whether it is a sine, which never stands."""
+        """Whether it is a sine, which never rests."""
         return self.frequency_hz > 0.0
 
     @property
     def duration_s(self) -> float:
-        """Duration of a run where nothing is said: 16 s or four periods of a sine, 2 s of rest behind moves."""
+        """Default duration of a run: 16 s or four periods of a sine, and 2 s of rest after moves."""
         if self.is_sine:
             return max(SINE_S, SINE_PERIODS / self.frequency_hz)
         ends = [move.end_s for move in self.moves[-1:]] + [begin + lasts for begin, lasts, *_ in self.pieces[-1:]]
@@ -121,7 +121,7 @@ class Reference(Shown):
         return _core.reference_at(json.dumps(self.core()), np.ascontiguousarray(times_s, dtype=np.float64))
 
     def reach(self) -> Reach:
-        """Return where it goes and how fast."""
+        """Return range and highest speed."""
         if self.is_sine:
             times = np.linspace(0.0, _PERIODS / self.frequency_hz, int(_PERIODS) * _EVERY + 1)
         else:
@@ -135,7 +135,7 @@ class Reference(Shown):
         return Reach(lowest, highest, float(abs(velocity[fastest])), float(times[fastest]))
 
     def stretched(self, factor: float) -> Reference:
-        """Return it slower by a factor in time, rounded up to a thousandth; unchanged for a factor of up to 1."""
+        """Return the motion slowed by a factor in time, rounded up to a thousandth; unchanged for a factor up to 1."""
         if factor <= 1.0:
             return self
         factor = rounded_up(factor)
@@ -183,7 +183,7 @@ def moves_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:
 
 
 def ways_of(motion: Mapping[str, Any]) -> list[ReferenceMove]:
-    """Return the moves of a motion in the core's form, parted where they turn around."""
+    """Return the moves of a motion in the core's form, divided at their reversals."""
     moves = moves_of(motion)
     if motion["kind"] != "pieces":
         return moves
@@ -208,7 +208,7 @@ def _extremes(piece: Row) -> list[tuple[float, float]]:
 
 
 def _turns(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the points at which a path turns around by more than `TURN_M`, and how far it comes last."""
+    """Return the reversals of a path by more than `TURN_M`, and its last extreme position."""
     found, far, way = [], points[0], 0.0
     for point in points[1:]:
         ahead = point[1] - far[1]

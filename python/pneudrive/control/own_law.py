@@ -1,4 +1,4 @@
-"""Custom laws: a Python class or a compiled C function that gets the signals of sensors and observer."""
+"""Custom laws: a Python class or a compiled C function that receives the signals of sensors and observer."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def _inputs(name: str, law: object) -> list[str]:
             f"{name} has no {'step' if inputs is not None else 'inputs'}: it is no law", rule=_RULE, remedy=remedy
         )
     found = check_inputs(name, inputs)
-    with suppress(ValueError):  # code that does not tell what it takes
+    with suppress(ValueError):  # code without a readable signature
         try:
             inspect.signature(step).bind(0.0, None, None)
         except TypeError as error:
@@ -217,7 +217,7 @@ def _python(name: str, given: object) -> Callable[..., RunningLaw]:
 
 
 def preview_of(motion: Mapping[str, Any]) -> Preview:
-    """Return where a motion in the core's form goes."""
+    """Return the wanted states of a motion in the core's form."""
     return _core.ControlReference(_json(motion))
 
 
@@ -241,7 +241,7 @@ def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., Run
     digest = hashlib.sha256(data).hexdigest()
     if expected is not None and digest != expected:
         raise CommandError(f"{path} changed while it was read")
-    # A copy: a loader that knows the path would go on with a file that is no longer there.
+    # A copy: the loader caches by path and would reuse a file that was replaced.
     folder = tempfile.mkdtemp(prefix="pneudrive-law-")
     copy = Path(folder) / Path(path).name
     try:
@@ -250,7 +250,7 @@ def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., Run
     except OSError as error:
         raise CommandError(f"{path} cannot be loaded", value=str(error).replace(str(copy), path)) from None
     finally:
-        shutil.rmtree(folder, ignore_errors=True)  # what is loaded stays loaded; where it cannot be removed, it stays
+        shutil.rmtree(folder, ignore_errors=True)  # a loaded library stays usable; its file may remain
     try:
         function = library[name]
     except AttributeError:
@@ -271,7 +271,7 @@ def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., Run
 
         def call(values: tuple[float, ...]) -> float:
             sample[:] = values
-            # By the time of the sample: a period may have been missed.
+            # The index follows from the sample's time: a period may have been missed.
             place = min(max(round(values[0] / period_s), 0), count - 1 - AHEAD) if math.isfinite(values[0]) else 0
             preview.wanted = rows.ctypes.data + place * rows.strides[0]
             command.value = math.nan
@@ -284,7 +284,7 @@ def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., Run
 
 
 def c_header() -> str:
-    """Return the header of compiled laws, which is made of the core's list of signals.
+    """Return the header of compiled laws, made from the core's list of signals.
 
     Examples
     --------

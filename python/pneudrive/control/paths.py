@@ -1,6 +1,7 @@
 """Paths as polynomials: from point to point within limits, through points, and along lines at constant speed.
 
-A piece is a row: begin, s, duration, s, and ten numbers of the powers of the share of the duration that has passed, m.
+A piece is a row: begin, s, duration, s, and ten coefficients, m, for the powers of the elapsed fraction of the
+duration.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ BLENDS = {7: (0, 0, 0, 0, 35, -84, 70, -20), 9: (0, 0, 0, 0, 0, 126, -420, 540, 
 PEAK = 2.1875
 #: Velocity that grows from 0 to 1 by the blend of order 7, integrated.
 _RUN_UP = (0, 0, 0, 0, 0, 7, -14, 10, -2.5)
-_ROUNDS = 200  # of a bisection: to the last bit
+_ROUNDS = 200  # steps of a bisection: to the last bit
 
 
 class PathLimits(NamedTuple):
@@ -46,7 +47,7 @@ class PathLimits(NamedTuple):
 
 
 def piece(begin_s: float, duration_s: float, start_m: float, way_m: float, shape: Sequence[float]) -> Row:
-    """Return a piece: from a start on a way with the shape of a polynomial."""
+    """Return a piece: a start position plus a distance times a polynomial."""
     numbers = [way_m * own for own in (*shape, *[0.0] * (POWERS - len(shape)))]
     return [begin_s, duration_s, start_m + numbers[0], *numbers[1:]]
 
@@ -91,7 +92,7 @@ def within_limits(begin_s: float, start_m: float, to_m: float, limits: PathLimit
 
 
 def _longest(fits: Callable[[float], bool]) -> float:
-    """Return the longest time that fits; 0 where none does."""
+    """Return the longest time that fits; 0 if no time does."""
     low, high = 0.0, 1e-6
     while fits(high):
         low, high = high, 2.0 * high
@@ -104,7 +105,7 @@ def _longest(fits: Callable[[float], bool]) -> float:
 
 
 def _integrated(begin_s: float, start_m: float, sign: float, each: Sequence[tuple[float, float]]) -> list[Row]:
-    """Integrate times of constant snap."""
+    """Integrate intervals of constant snap."""
     rows, (x, v, a, j) = [], (start_m, 0.0, 0.0, 0.0)
     for t, size in each:
         s = sign * size
@@ -117,10 +118,10 @@ def _integrated(begin_s: float, start_m: float, sign: float, each: Sequence[tupl
 
 
 def along_line(begin_s: float, start_m: float, to_m: float, duration_s: float, run_up_s: float) -> list[Row]:
-    """Return a move at constant velocity, which it takes up and lays down by a blend.
+    """Return a move at constant velocity, with blends at its begin and end.
 
-    `duration_s` is that of the way at constant velocity alone; the move takes one `run_up_s` more, which is shortened
-    to the duration of a short way.
+    `duration_s` is the duration at constant velocity for the whole distance. The blends add `run_up_s`, which is
+    limited to `duration_s`.
     """
     way = to_m - start_m
     run_up = min(run_up_s, duration_s)
@@ -131,7 +132,7 @@ def along_line(begin_s: float, start_m: float, to_m: float, duration_s: float, r
     rows = [first]
     if straight > 0.0:
         rows.append(piece(begin_s + at, straight, start_m + half, velocity * straight, (0.0, 1.0)))
-    # Backwards: what is left of the way is that of the run up, mirrored.
+    # Backwards: the rest of the way is the mirrored run-up.
     last = np.polynomial.Polynomial([1.0, -1.0])
     mirrored = -np.polynomial.Polynomial(_RUN_UP)(last)
     rows.append(piece(begin_s + at + straight, run_up, to_m, velocity * run_up, mirrored.coef.tolist()))
@@ -147,7 +148,7 @@ def through(times_s: Sequence[float], points_m: Sequence[float]) -> list[Row]:
 
 
 def near(times_s: Array, points_m: Array, knot_s: float) -> list[Row]:
-    """Return the spline of order 7 with knots at this distance that lies nearest to the samples of a record.
+    """Return the spline of order 7, with knots at this distance, that fits the samples of a record best.
 
     At both ends it is at rest at the record's position.
     """
@@ -158,7 +159,7 @@ def near(times_s: Array, points_m: Array, knot_s: float) -> list[Row]:
     count = max(REST, math.ceil((end - begin) / knot_s))
     knots = np.concatenate([[begin] * ORDER, np.linspace(begin, end, count + 1), [end] * ORDER])
     basis: Any = BSpline.design_matrix(times_s, knots, ORDER).tocsc()
-    # A value and three derivatives at an end are those of the four coefficients there.
+    # The four coefficients at an end determine the value and three derivatives there.
     numbers = np.empty(len(knots) - ORDER - 1)
     numbers[:REST], numbers[-REST:] = points_m[0], points_m[-1]
     inner = basis[:, REST:-REST]

@@ -1,4 +1,4 @@
-"""References: where a drive is to go over time, as text or file, and whether the drive can follow."""
+"""References: wanted position over time, as text or file, and whether the drive can follow."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from pneudrive.simulation.trajectory import read_columns
 LONGEST_S = 1e6  # of a reference
 LONGEST_REMEDY = 200  # characters of a slower reference in a message
 KNOT_S = 0.05  # distance of the knots of the spline through a record (assumed)
-ROUNDING_M = 1e-9  # by which the end of a path may miss the end of the stroke
-BEYOND_SHARE, BEYOND_M = 0.5, 1e-3  # of the span of a record's samples, and m, that its curve may leave it by (assumed)
+ROUNDING_M = 1e-9  # allowed excess of a path's end over the stroke
+BEYOND_SHARE, BEYOND_M = 0.5, 1e-3  # allowed excess of the curve over a record: fraction of its range, and m (assumed)
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*[A-Za-zµ]+"
 _SINE = re.compile(rf"sine\s+({_NUMBER})\s+({_NUMBER})\s+around\s+({_NUMBER})", re.IGNORECASE)
 _STANDARD = re.compile(r"R[1-8]")
@@ -263,7 +263,7 @@ def _of_record(path: Path) -> Reference:
 
 
 def _check_span(made: Reference, time: Any, position: Any) -> None:  # noqa: ANN401 - arrays
-    """Refuse a record between whose samples the curve goes elsewhere."""
+    """Refuse a record if the fitted curve deviates between its samples."""
     low, high = float(position.min()), float(position.max())
     within = max(BEYOND_SHARE * (high - low), BEYOND_M)
     reach = made.reach() if np.isfinite(made.pieces).all() else Reach(-np.inf, np.inf, np.inf, 0.0)
@@ -303,7 +303,10 @@ def _checked(text: str, start_m: float, moves: list[ReferenceMove], order: int =
 
 
 def beyond_stroke(of: Reference, stroke_m: float) -> tuple[str, str] | None:
-    """Return to where a reference leads beyond the stroke, and the rule that it breaks; None: it stays within."""
+    """Return the position beyond the stroke and the rule that a reference breaks.
+
+    None if it stays within the stroke.
+    """
     reach = of.reach()
     for end in (reach.lowest_m, reach.highest_m):
         if not -ROUNDING_M <= end <= stroke_m + ROUNDING_M:

@@ -20,7 +20,7 @@ from pneudrive.rig.keys import KEYS, any_sign, not_negative
 
 _Kind = TypeVar("_Kind", bound=Described)
 SETUPS = Path(__file__).with_name("setups")
-LEAST_BITS, MOST_BITS = 4, 32  # as of the converters of a rig
+LEAST_BITS, MOST_BITS = 4, 32  # like those of a rig's converters
 _ENCODER, _PRESSURE = KEYS["encoder"], KEYS["pressure_sensor"]
 
 
@@ -70,7 +70,7 @@ class PressureSensor(Described):
 
 
 class ControlSensors(Described):
-    """Sensors that the law reads. Without those of pressure, pressures are followed by the model."""
+    """Sensors that the law reads. Without pressure sensors, the model simulates the pressures."""
 
     table_name: ClassVar[str] = "sensors"
     position: PositionSensor = PositionSensor()
@@ -102,7 +102,7 @@ class ControlComputer(Described):
 
 
 class LimitSwitches(Described):
-    """Limit switches: beyond them the command may only lead away."""
+    """Limit switches. Beyond them, only commands that lead away are allowed."""
 
     table_name: ClassVar[str] = "switches"
     low_m: Position
@@ -134,11 +134,11 @@ FAULTS = {
 }
 CHANNEL_UNITS = {"position": "m", "pressure_a": "Pa", "pressure_b": "Pa"}
 MAY_LACK_A_VALUE = ("reference",)
-ABSOLUTE = ("supply-fallen", "saturated")  # kinds whose pressure is no difference
+ABSOLUTE = ("supply-fallen", "saturated")  # kinds with an absolute pressure
 
 
 class ControlFault(Described):
-    """Something that goes wrong, from a time on, until another one or for good."""
+    """A fault that acts from a time on, either until another time or permanently."""
 
     kind: Annotated[str, Choice(tuple(FAULTS))]
     channel: Annotated[str | None, Choice(tuple(CHANNEL_UNITS))] = None
@@ -179,7 +179,7 @@ class ControlFault(Described):
         }
 
     def _plain_pressure(self, value: str) -> str:
-        """Return a pressure without abs; refuse one above ambient, and an absolute one where a difference is needed."""
+        """Return a pressure without "abs". Refuse gauge pressures, and absolute pressures if a difference is needed."""
         is_absolute = self.kind in ABSOLUTE
         if value.endswith(" gauge") or (value.endswith(" abs") and not is_absolute):
             what = f'"{value}" is {"gauge" if value.endswith(" gauge") else "an absolute pressure"}'
@@ -196,13 +196,15 @@ class Disturbance(Described):
 
 
 class ChangedFactors(Factors):
-    """Factors of the law's gains that a user sets while it runs: the gains go there within 0.2 s."""
+    """Factors of the law's gains that a user changes during the run. The gains follow within 0.2 s."""
 
     at_s: Seconds
 
 
 class Setup(Described):
-    """Setup of a run under control. Ready ones are ``ideal``, ``real`` and ``cheap``; their values are assumed.
+    """Instrumentation of a run under control. The package has ``ideal``, ``real`` and ``cheap``.
+
+    Their values are assumed.
 
     Examples
     --------
@@ -241,7 +243,7 @@ class Setup(Described):
         return self
 
     def short_of(self, supply_pa: float, ambient_pa: float) -> list[str]:
-        """Say in words that its pressure sensors end below the pressure of a supply; nothing where they do not."""
+        """Return a warning if the range of its pressure sensors ends below the supply pressure; else an empty text."""
         ranges = [one.range_pa for one in (self.sensors.pressure_a, self.sensors.pressure_b) if one is not None]
         top = ambient_pa + min(ranges, default=math.inf)
         ends = f"The pressure sensors of the setup end at {1e-5 * top:.4g} bar abs, below the supply"
@@ -258,7 +260,7 @@ class Setup(Described):
         ]
 
     def core(self, seed: int, ambient_pa: float) -> dict[str, Any]:
-        """Return it in the core's form, SI, with the seed of all noise and the pressure of the ambient."""
+        """Return the instrumentation in the core's form, SI, with the seed of all noise and the ambient pressure."""
         a, b = self.sensors.pressure_a, self.sensors.pressure_b
         jitter = [self.sensors.position.jitter_s, 0.0, 0.0, self.computer.jitter_s]
         if a is not None and b is not None:
@@ -281,12 +283,12 @@ class Setup(Described):
 
 
 def ready_setups() -> dict[str, Path]:
-    """Return the files of the setups that come with the package, by name."""
+    """Return the files of the package's setups by name."""
     return {path.stem: path for path in sorted(SETUPS.glob("*.toml"))}
 
 
 def read_setup(given: Setup | str | Path) -> tuple[Setup, str]:
-    """Read a setup: the name of a ready one, or a TOML file.
+    """Read a setup: a name of the package, or a TOML file.
 
     Parameters
     ----------
@@ -314,7 +316,7 @@ def read_setup(given: Setup | str | Path) -> tuple[Setup, str]:
 
 
 def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Path], start: str) -> tuple[_Kind, str]:
-    """Read a table of a kind: the name of a ready one, or a TOML file; and its name, "own" for a table.
+    """Read a table of a kind from a name of the package or a TOML file. Return it with its name, "own" for a table.
 
     Raises
     ------

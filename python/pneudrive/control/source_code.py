@@ -36,9 +36,9 @@ def export(
     along: Reference | str | Path | None = None,
     version: str = "2.0",
 ) -> list[Path]:
-    """Write a controller for other tools, made from the equations that `pneudrive.control.run` runs.
+    """Write a controller for other tools, from the equations of `pneudrive.control.run`.
 
-    The code takes samples and the reference, and gives the command. It checks sensors and reference, and has stop
+    The code receives samples and the reference, and returns the command. It checks sensors and reference, and has stop
     ramps. It does not learn: friction and valve are those of the description. An FMU has the same C code in
     ``sources/``, and a library if this machine has a C compiler. ``nmpc`` cannot be written as source code: its FMU is
     a library with the whole controller and its reference.

@@ -28,7 +28,7 @@ def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, Referenc
     R1 and R2: sines of 60 mm, 0.5 and 1 Hz, about mid stroke. R3: stairs, 60 mm forth and back in 0.3 s, then to 0.8
     and to 0.2 of the stroke. R4: ramps of 1, 10 and 100 mm/s. R5: 60 mm in 0.3 s and 40 s of rest. R6: 0.6 of the
     stroke in 0.25 s. R7: five targets, each approached five times from either side, 1.5 s of rest at each. R8: a hand.
-    In a stroke below 200 mm, 0.3 of it takes the place of 60 mm.
+    For a stroke below 200 mm, 0.3 of the stroke replaces 60 mm.
 
     Parameters
     ----------
@@ -44,7 +44,10 @@ def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, Referenc
 
 
 def named_or_read(given: Reference | str | Path, stroke_m: float, speed_m_s: float) -> Reference:
-    """Return a standard reference for a drive by its name, or read another one; errors are those of `reference`."""
+    """Return a standard reference for a drive by its name, or read any other reference.
+
+    Errors are those of `reference`.
+    """
     return _standard(str(given), stroke_m, speed_m_s) if given in NAMES else reference(given)
 
 
@@ -77,7 +80,7 @@ def _moves(start_m: float, *moves: tuple[float, float, float], rest_s: float = R
 
 
 def _ramps(start_m: float, size: float) -> Reference:
-    """Return ramps at constant velocity, each way forth and back."""
+    """Return ramps at constant velocity, each forth and back."""
     rows, at, time = [], start_m, _PAUSE_S
     for velocity, way in _RAMPS:
         for sign in (1.0, -1.0):
@@ -88,7 +91,7 @@ def _ramps(start_m: float, size: float) -> Reference:
 
 
 def _targets(stroke_m: float) -> Reference:
-    """Return moves to targets in turn from below and from above, beyond the last one each time."""
+    """Return moves that approach each target in turn from below and from above. They start beyond the outer targets."""
     count = max(_LEAST_TARGETS, round(_TARGETS_PER_M * stroke_m))
     every = [round(0.1 * stroke_m + 0.8 * stroke_m * k / (count + 1), 6) for k in range(count + 2)]
     cycle = [*every[1:], *every[-2::-1]]

@@ -38,7 +38,7 @@ class BuiltInLaw(Choice):
 
 
 class ControlLimits(Described):
-    """Limits of a drive under control: a reference beyond them is refused, a drive beyond them is stopped."""
+    """Limits of a drive under control. A reference beyond them is refused, and a drive beyond them is stopped."""
 
     table_name: ClassVar[str] = "limits"
     position: Annotated[tuple[float, float] | None, Between("m", "mm")] = Field(
@@ -92,7 +92,7 @@ class Supervision(NamedTuple):
     on_fault: OnFault = OnFault()
 
     def lines(self) -> list[str]:
-        """Return its tables as lines of a controller file, but for the usual ones."""
+        """Return its tables as lines of a controller file, without default values."""
         lines = []
         for table, usual in zip(self, USUAL, strict=True):
             if table != usual:
@@ -101,7 +101,7 @@ class Supervision(NamedTuple):
         return lines
 
     def core(self, ambient_pa: float) -> dict[str, Any]:
-        """Return it in the core's form, SI, pressures absolute; nothing where it is the usual one."""
+        """Return the supervisor in the core's form, SI, pressures absolute; None for the default one."""
         if self == USUAL:
             return {}
         limits, motion, fault = self

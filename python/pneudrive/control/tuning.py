@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 DEFAULT_LAW = "nmpc"
 #: Samples of a law in a period of the mass on its air, below which it is told to be slow (assumed).
 LEAST_SAMPLES = 40
-MOST_OF_FORCE = 0.85  # of the supply that weight and friction may take, beyond which it is said (assumed)
+MOST_OF_FORCE = 0.85  # fraction of the supply's force for weight and friction above which a warning is given (assumed)
 #: Rates that differ by a smaller share are equal.
 EQUAL_DECAY = 0.01
 #: Key, unit, value, meaning and rule of a number, as the core lists it.
@@ -75,17 +75,17 @@ class TunedGain(NamedTuple):
 
     @property
     def quantity(self) -> str | float:
-        """Its value as a controller file has it."""
+        """Value as a controller file writes it."""
         return gain_quantity(self.unit).show(self.value)
 
     def __str__(self) -> str:
-        """Return its value with its unit, rounded."""
+        """Return the rounded value with its unit."""
         return f"{self.value:.4g} {'' if self.unit == '1' else self.unit}".rstrip()
 
 
 @dataclass(frozen=True, repr=False)
 class Plant(Shown):
-    """Linear model of a drive about mid stroke, both chambers at the mean of supply and ambient pressure.
+    """Linear model of a drive at mid-stroke, with both chambers at the mean of supply and ambient pressure.
 
     Attributes
     ----------
@@ -257,7 +257,7 @@ class Tuning(Shown):
     def save(self, path: str | Path) -> Path:
         """Write it as a controller file. Files that it names are named from its folder.
 
-        A drive that was given as `believes` does not name a file: name one as ``drive`` in the output.
+        If `believes` was a drive object, the output has no file name for it: add one as ``drive``.
 
         Raises
         ------
@@ -294,12 +294,12 @@ def _chosen_form(choices: Mapping[str, str], factors: Factors) -> dict[str, Any]
 
 
 def _factored(law: str) -> str:
-    """Return which gain each factor multiplies, in words."""
+    """Return the gain that each factor multiplies, in words."""
     return ", ".join(f"{gain} ({factor})" for of, factor, gain in _core.control_factors() if of == law)
 
 
 def laws() -> list[str]:
-    """Return the words of all laws.
+    """Return the keys of all laws.
 
     Examples
     --------
@@ -402,7 +402,7 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
 
 
 def _beside(law: str, folder: Path) -> str:
-    """Return the name of code whose file is in the folder of a controller's; other words unchanged."""
+    """Return the name of code in the folder of a controller file; leave other names unchanged."""
     module, name = split(law) or ("", "")
     return f"{os.path.normpath(folder / module)}:{name}" if _is_file(module) else law
 
@@ -469,7 +469,7 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
 
 
 def _check_moves(belief: Circuit) -> None:
-    """Refuse friction that sticks exactly to a plan by the circuit: in stick no opening moves the piston."""
+    """Refuse friction with exact stick if the circuit predicts the plan: in stick, no opening moves the piston."""
     states = {own["name"]: own["states"] for own in _core.friction_laws()}
     for one in json.loads(belief.core_json())["components"]:
         law = (one["friction"] or {}).get("law")
@@ -482,7 +482,7 @@ def _check_moves(belief: Circuit) -> None:
 def _numbers_of(
     table: str, whose: str, values: dict[str, Any], ruled: list[_Ruled], check: Callable[[dict[str, float]], object]
 ) -> tuple[TunedGain, ...]:
-    """Read the numbers of a table of a controller file; those that are left out are as the core has them."""
+    """Read the numbers of a table of a controller file; missing ones keep the core's default."""
     known = {key: gain_quantity(unit) for key, unit, *_ in ruled}
     given: dict[str, float] = {}
     for key, value in values.items():
@@ -517,7 +517,7 @@ def believed_by(controller: str | None) -> Drive | Circuit:
 
 
 def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
-    """Load the drive that a controller file names, relative to its folder; return its name from here, too."""
+    """Load the drive that a controller file names relative to its folder; return its name from here, too."""
     from pneudrive.describe.files.load import load_described
 
     path = source if source.startswith(PREFIX) else str(folder / source)
@@ -530,7 +530,7 @@ def _seen_from(folder: str | Path, source: str) -> str:
 
 
 def _code_seen_from(folder: str | Path, law: str) -> str:
-    """Return the name of a custom law as a controller file in a folder has it."""
+    """Return the name of a custom law as written in a controller file of a folder."""
     module, name = split(law) or ("", OWN)
     return f"{_seen_from(folder, module)}:{name}" if _is_file(module) else law if module else name
 
@@ -540,7 +540,7 @@ def _is_file(module: str) -> bool:
 
 
 def _limited(tuning: Tuning, setup: Setup) -> Tuning:
-    """Add the limits of a controller, in words."""
+    """Add the limitations of a controller, in words."""
     plant, said = tuning.plant, []
     bandwidth = next((gain.value for gain in tuning.gains if gain.key == "bandwidth"), plant.natural_frequency_rad_s)
     late = bandwidth * plant.lag_s

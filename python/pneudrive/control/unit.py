@@ -1,4 +1,7 @@
-"""A law with its observer, supervisor and reference as a Functional Mock-up Unit: samples in, the command out."""
+"""A law with its observer, supervisor and reference as a Functional Mock-up Unit.
+
+Inputs are samples, the output is the command.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ _OUTPUTS = (
 def code_plan(
     tuning: Tuning, files: list[tuple[str, str]], variables: list[tuple[str, str, str, str, float]]
 ) -> FmuPlan:
-    """Return the plan of the FMU of a controller in C.
+    """Return the plan of the FMU that contains a controller as C code.
 
     Parameters
     ----------
@@ -37,7 +40,7 @@ def code_plan(
     """
     given = []
     for causality, name, unit, meaning, value in variables:
-        # FMI has whole exponents of units only.
+        # FMI supports only integer exponents of units.
         si, what = ("1", f"{meaning}, {unit}") if "^0." in unit else (unit, meaning)
         si = si.replace("/s2", "/s^2").replace("/s3", "/s^3")
         start = None if causality == "output" else value

@@ -1,7 +1,7 @@
 """The valves of a drive as one signal u: 1 and -1 move the piston out and back, 0 shuts the valves.
 
-A switching valve has only the commands of its positions. If a state is held, its positions are those of a proportional
-valve with the same paths: fully open to one side, or to the other.
+A switching valve has only the commands of its positions. To hold a state, it is replaced by a proportional valve with
+the same paths, fully open to one side or the other.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _proportional(kind: str, table: dict[str, Any]) -> dict[str, Any]:
 
 
 def path_of(table: Mapping[str, Any], *, exhaust: bool) -> dict[str, Any]:
-    """Return size and shape of a path of a valve; those of the exhaust follow the supply's unless given."""
+    """Return size and shape of a path of a valve. The exhaust has those of the supply unless they are given."""
     shape = {key: table[key] for key in ("critical_pressure_ratio", "subsonic_index", "linear_above") if key in table}
     out = {key: table[key] for key in _SIZES if key in table} | shape
     own = {key.removeprefix(_EXHAUST): value for key, value in table.items() if key.startswith(_EXHAUST)}
@@ -139,7 +139,7 @@ def path_of(table: Mapping[str, Any], *, exhaust: bool) -> dict[str, Any]:
 
 
 def positions_of(kind: str, table: Mapping[str, Any]) -> dict[float, float]:
-    """Return the commands of a valve that are tried, with those of the proportional valve that holds them."""
+    """Return the tried commands of a valve, each with the command of the proportional valve that replaces it."""
     if kind == LOCK:
         return {0.0: 0.0}  # open
     if kind.startswith("valve/proportional"):

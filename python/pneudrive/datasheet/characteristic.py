@@ -75,7 +75,7 @@ class Characteristic:
     needs_shares: bool = False
 
     def of(self, plant: HeldDrive, **settings: Any) -> xr.Dataset:  # noqa: ANN401 - of each characteristic its own
-        """Return it for one drive, without intervals."""
+        """Return the characteristic for one drive, without intervals."""
         import xarray as xr
 
         defaults = {name: default for name, (default, _) in self.settings.items()}
@@ -91,7 +91,7 @@ class Characteristic:
         return xr.Dataset(labelled, coordinates, self.about(plant))
 
     def about(self, plant: HeldDrive) -> dict[str, Any]:
-        """Return the notes that every result has."""
+        """Return the notes for all results."""
         return {
             "title": f"{self.title}: {plant.name}",
             "characteristic": self.name,

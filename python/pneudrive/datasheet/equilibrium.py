@@ -1,4 +1,4 @@
-"""Steady states of a drive: gas at rest in itself, the piston pinned or at a constant velocity."""
+"""Steady states of a drive: constant gas states, with the piston pinned or at a constant velocity."""
 
 from __future__ import annotations
 
@@ -236,7 +236,7 @@ class _SteadySearch:
         )
 
     def _check_held(self, z: Array, found: Array) -> None:
-        """Raise an error if a pressure acts on nothing and therefore keeps its value."""
+        """Raise an error if a pressure has no effect on any rate and is therefore undetermined."""
         for k, node in enumerate(self.plant.nodes):
             beside = z.copy()
             beside[k] += HELD
@@ -260,7 +260,7 @@ class _SteadySearch:
         return min(SHORTER, key=left)
 
     def _step(self, z: Array, found: Array, own: int, lasting: float) -> tuple[Array, bool]:
-        """Return an implicit step over a time, and whether it was too long and is cut."""
+        """Return an implicit step over a time, and whether the step was too long and was cut."""
         slopes = np.empty((own, own))
         for k in range(own):
             beside = z.copy()

@@ -62,7 +62,8 @@ def with_intervals(
 ) -> xr.Dataset:
     """Add the lower and upper end of each result, as variables ``NAME_low`` and ``NAME_high``.
 
-    At each end of a value's interval, a result differs from the plain result by some amount d. For several values with
+    At each end of a value's interval, a result differs by an amount d from the result for the value. For several values
+    with
     correlations r, d^2 = sum r_ij d_i d_j. The sign of d_i is that of its end. This is exact for results that are
     linear in the values. A drive without identified values is returned unchanged.
     """
@@ -101,7 +102,7 @@ def correlations(ends: Sequence[Ends]) -> Array:
 
 
 def together(away: Array, shared: Array) -> Array:
-    """Return how far a result goes up, from how far it goes at the ends of each value.
+    """Return the upward deviation of a result, from its deviations at the ends of each value's interval.
 
     Parameters
     ----------

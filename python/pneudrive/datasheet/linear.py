@@ -174,7 +174,10 @@ def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
 
 
 def friction_slope(plant: HeldDrive, gas: Array, position: float, velocity: float) -> float:
-    """Return the slope of the steady friction over velocity, N s/m: at rest far above the Stribeck velocity."""
+    """Return the slope of the steady friction over velocity, N s/m.
+
+    At zero velocity, the slope far above the Stribeck velocity.
+    """
     fast = abs(velocity) or FAST
     low, high = (plant.sliding(fast * (1.0 + sign * STEP), plant.pressures(gas), position) for sign in (-1.0, 1.0))
     return (high - low) / (2.0 * STEP * fast)

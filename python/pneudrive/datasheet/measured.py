@@ -263,7 +263,7 @@ def strokes_of(drive: Drive, record: RecordResult) -> Iterable[tuple[float, Stro
 
 
 def response_of(record: RecordResult) -> MeasuredResponse | None:
-    """Return the frequency response of a recording whose command keeps changing, by averaged spectra.
+    """Return the frequency response of a recording with a continually changing command, by averaged spectra.
 
     Otherwise None.
     """

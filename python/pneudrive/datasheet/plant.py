@@ -1,4 +1,4 @@
-"""A drive as its characteristics see it: one piston under valves, evaluated at any state by the core."""
+"""Plant model for characteristics: one piston under valves, evaluated at any state by the core."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Rates(NamedTuple):
 
 
 class HeldDrive:
-    """One piston under valves, which one signal commands; see `pneudrive.datasheet.actuation`.
+    """One piston under valves that follow one signal; see `pneudrive.datasheet.actuation`.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class HeldDrive:
 
     @cached_property
     def static(self) -> HeldDrive:
-        """The drive without lags of its valves and without cushions: for steady states and linear models.
+        """The drive without valve lags and cushions, for steady states and linear models.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class HeldDrive:
         return HeldDrive(type(self.circuit).model_validate(held_tables(self.circuit)), actuation=self.actuation.of_held)
 
     def before(self, u: float) -> tuple[float, float]:
-        """Return the pressures of chambers a and b before a stroke, Pa: those at rest under the opposite command."""
+        """Return the pressures of chambers a and b before a stroke, Pa. They are steady under the opposite command."""
         ambient, supply = self.ambient[0], self.supply_pa
         usual = (ambient, supply) if u > 0.0 else (supply, ambient)
         if self.described.system.names:
@@ -151,7 +151,7 @@ class HeldDrive:
         return HeldDrive(type(self.circuit).model_validate(tables), actuation=self.actuation)
 
     def sizes(self, commands: Sequence[float]) -> tuple[float, ...]:
-        """Return the sizes of a command for the valves: only 1 if one of them switches."""
+        """Return the possible magnitudes of a command for the valves: only 1 if a valve switches."""
         return tuple(commands) if self.actuation.has_shares else (1.0,)
 
     def plans(self, steps: Sequence[tuple[float, float]]) -> dict[str, str]:
@@ -160,7 +160,9 @@ class HeldDrive:
         return {name: ", ".join(f"{float(t)!r} s: {float(row[name])!r}" for t, row in rows) for name in self.valves}
 
     def line(self, side: str) -> tuple[str, list[tuple[str, str, str]]]:
-        """Return the port of the valve that feeds chamber a or b, and the components between them, from the valve on.
+        """Return the port of the valve that feeds chamber a or b, and the components in between.
+
+        They begin at the valve.
 
         Each component has its port towards the valve and that towards the chamber.
 

@@ -1,4 +1,4 @@
-"""Printed figures of the catalogue's parts, compared with the results of the drive's simulated test stands."""
+"""Published figures of the catalogue's parts, compared with the results of the drive's simulated test stands."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SLOW = 0.05  # m/s: an effective force is one in slow motion
 
 
 def _alone(drive: Drive) -> Drive:
-    """Return a drive as makers test its parts: level, with air, without lines and load."""
+    """Return a drive in the makers' test conditions: level, with air, without lines and load."""
     beside = ("tubing", "flow_control", "load", "gas", "provenance")
     tables = {name: one for name, one in drive.to_dict().items() if name not in beside}
     return type(drive).model_validate(tables | {"cylinder": tables["cylinder"] | {"incline": "0 deg"}})

@@ -36,7 +36,7 @@ OF_A_SHEET = (
 
 
 class SheetNumber(NamedTuple):
-    """A headline number: its name, out and back (or the only one), standard."""
+    """A headline number: name, values out and back (or a single value), and standard."""
 
     name: str
     out: str
@@ -91,7 +91,7 @@ class Datasheet(Shown):
 
     @property
     def headlines(self) -> list[str]:
-        """The sentences at the top."""
+        """Sentences at the top."""
         at = {one.name: one for one in self.numbers}
         lines = []
         if "stroke time" in at:

@@ -76,7 +76,7 @@ def reduce_flow(
 ) -> tuple[float, float, float]:
     """Return sonic conductance, critical pressure ratio and largest relative misfit of measured flows.
 
-    The least flow ratio gives C; b and C are then fitted to all points by least squares on the core's flow function.
+    The choked flow gives a first C. Then b and C are fitted to all points by least squares on the core's flow function.
     """
     from scipy.optimize import least_squares
 
@@ -117,7 +117,7 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
     values = np.array(rows)
     axes = {
         "path": ResultValue(("path",), named, "1", "valve edge with the lines to the chamber"),
-        "ratio": ResultValue(("ratio",), ratios, "1", "absolute pressure behind over that before the path"),
+        "ratio": ResultValue(("ratio",), ratios, "1", "ratio of absolute pressures after and before the path"),
     }
     return axes, {
         "flow": ResultValue(
@@ -135,7 +135,7 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
 
 
 def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMAL_S) -> Found:  # noqa: ANN401
-    """Shut one chamber at pressure, the other at ambient, with the piston fixed by the core's friction or the end."""
+    """Shut one chamber under pressure, with the other one at ambient pressure. Friction or the end holds the piston."""
     filled = plant.supply_pa if pressure is None else float(gas_at(plant, pressure)[0, 0])
     ambient, kelvin = plant.ambient
     times = np.linspace(0.0, duration, 61)
@@ -173,7 +173,7 @@ CHARACTERISTICS = (
         title="Flow of the paths (C and b)",
         definition="Sonic conductance and critical pressure ratio of each path between valve port and chamber, "
         "lines included, from steady flows over the pressure ratio at constant pressure before the path.",
-        algorithm="virtual test stand: reservoirs before and behind the path; least squares by the core's flow law",
+        algorithm="virtual test stand: reservoirs at both ends of the path; least squares by the core's flow law",
         find=_flows,
         standard="ISO 6358-1; with lines ISO 6358-3",
         cites=("iso6358-2013",),

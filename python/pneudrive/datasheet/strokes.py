@@ -39,13 +39,13 @@ LAST_SAMPLES = 6  # whose slope is the end speed where no velocity was measured
 #: Number -> unit and meaning.
 STROKE_MEANING: dict[str, tuple[str, str]] = {
     "stroke_time": ("s", "from the command to the first contact with the end"),
-    "time_99": ("s", "from the command until 99 % of the way are done"),
-    "dead_time": ("s", "from the command until 0.2 % of the way are done"),
+    "time_99": ("s", "from the command until 99 % of the way"),
+    "dead_time": ("s", "from the command until 0.2 % of the way"),
     "rise_time": ("s", "from 10 % to 90 % of the way"),
     "settling_time": ("s", "from the command to the last time outside of 1 % of the way about the final position"),
-    "overshoot": ("m", "beyond the final position, or into the end stop"),
+    "overshoot": ("m", "largest distance beyond the final position, or into the end stop"),
     "way": ("m", "from the position at the command to the end, or to the final position"),
-    "mean_speed": ("m/s", "way over stroke_time, or over time_99 where the end is not reached"),
+    "mean_speed": ("m/s", "way over stroke_time, or over time_99 if the end is not reached"),
     "top_speed": ("m/s", "largest speed"),
     "end_speed": ("m/s", "speed at the first contact with the end"),
     "end_energy": ("J", "kinetic energy of the moving mass at the first contact with the end"),
@@ -252,7 +252,7 @@ def _peak(values: Array | None) -> float:
 
 
 def _before(t: Array, values: Array, when: float) -> float:
-    """Return the last value before a time: behind it, the end stop acts."""
+    """Return the last value before a time, after which the end stop acts."""
     return float(values[max(int(np.searchsorted(t, when)) - 1, 0)]) if when == when else math.nan
 
 

@@ -149,7 +149,7 @@ class Mark:
             raise wrong(key, f"{key}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
-        """Validate by `read` alone."""
+        """Validate only by `read`."""
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: object, handler: object) -> dict[str, Any]:
@@ -207,7 +207,7 @@ class EachChamber(Quantity):
     """Annotation of a field that takes ``{ a = ..., b = ... }`` and stores a `PerChamber`."""
 
     def read(self, given: object) -> PerChamber:  # type: ignore[override]
-        """Convert and check both."""
+        """Convert and check both values."""
         if isinstance(given, PerChamber):
             given = {"a": self.show_one(given.a), "b": self.show_one(given.b)}
         if not isinstance(given, dict):

@@ -83,7 +83,7 @@ class Circuit(Described):
     plugged: tuple[str, ...] = ()
     junctions: Literal["volume", "series"] = Field(
         default="volume",
-        description="Joints of two restrictions: with a small volume, or without one, the two restrictions merged",
+        description="Joints of two restrictions: with a small volume, or without volume, with both restrictions merged",
     )
     initial: dict[str, Any] = Field(default_factory=dict)
     labels: dict[str, str] = Field(default_factory=dict)
@@ -218,7 +218,7 @@ class Circuit(Described):
 
     @property
     def movers(self) -> list[tuple[str, float, float]]:
-        """Key of each moving mass, the mass with all loads, kg, and the area of its piston, m2."""
+        """Each moving mass: its key, the mass with all loads, kg, and the area of its piston, m2."""
         loads = sum(getattr(one, "mass_kg", 0.0) for one in self.components.values())
         return [
             (f"{name}.moving_mass", float(vars(one)["moving_mass_kg"]) + loads, _area(one))

@@ -57,7 +57,7 @@ def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
 
 
 def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> bool:
-    """Return whether a description has to give a parameter: no default, and not derived from others.
+    """Return whether a description must give a parameter: it has no default and does not follow from others.
 
     Some parameters are needed unless another key or choice is given; without `given` they count as not needed.
     """

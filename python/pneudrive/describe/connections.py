@@ -1,7 +1,8 @@
 """Connections between the components of a circuit: chains of ports become joints, and errors in them are reported.
 
-`a -> b -> c` enters a component of two ports by its first and leaves it by its second. Exhausts and optional ports do
-not count, and any other port is named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on port 12 of b, without
+The chain `a -> b -> c` enters a component with two ports by its first port and leaves by its second. Exhausts and
+optional ports are skipped. Any other port must be named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on
+port 12 of b, without
 flow.
 """
 
@@ -26,7 +27,7 @@ MOST_NAMED = 5  # components of an isolated group in a message
 
 
 class Part(NamedTuple):
-    """Data of a component before its circuit is checked."""
+    """Data of a component before the check of its circuit."""
 
     entry: Mapping[str, Any] | None  # entry of its kind in the core, if the kind is known
     key: str  # key in the file
@@ -75,7 +76,7 @@ class Joint:
 
     @property
     def holders(self) -> list[Port]:
-        """Ports with a constant pressure behind them."""
+        """Ports of components that fix the pressure."""
         return [port for port in self.ports if port.holds == "pressure"]
 
     @property
@@ -85,7 +86,7 @@ class Joint:
 
     @property
     def volumes(self) -> list[Port]:
-        """Ports with a volume behind them."""
+        """Ports of components with a volume."""
         return [port for port in self.ports if port.holds == "volume"]
 
 

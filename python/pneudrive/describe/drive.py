@@ -219,7 +219,7 @@ class Drive(Described):
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is supply, valve and cylinder alone, and the valve has neither overlap nor leakage."""
+        """Whether it consists only of supply, valve and cylinder, and the valve has neither overlap nor leakage."""
         return not self.lines and not self.valve.has_shape
 
     @property
@@ -260,7 +260,7 @@ class Drive(Described):
 
     @property
     def commandable(self) -> dict[str, Signal | None]:
-        """The valve, without a name as the drive has one, and its electrical input if one is described."""
+        """The valve, without a name because the drive has only one, and its electrical input if one is described."""
         return {"": self.valve.command}
 
     @property

@@ -1,4 +1,4 @@
-"""Ensembles: one drive in many variants, their designs, the outputs of each run, sensitivities."""
+"""Ensembles: many variants of one drive, with designs, outputs of each run, and sensitivities."""
 
 from __future__ import annotations
 

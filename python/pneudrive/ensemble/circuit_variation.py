@@ -1,4 +1,4 @@
-"""Numbers of a circuit that vary: named as in its trajectory, with the members in the core's form."""
+"""Numbers of a circuit that vary, named as in its trajectory, and the members in the core's form."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ class CircuitVariation(Variation):
 
     @cached_property
     def _moved(self) -> tuple[list[str], list[str], bool]:
-        """Return paths and start values that move with the numbers, and whether each number moves only its own path."""
+        """Return dependent paths and start values, and whether each number changes only its own path."""
         base, starts = self._leaves(self._nominal)
         paths = [_path(one.name) for one in self.numbers if not one.name.startswith(INITIAL)]
         names = self.drive.start_names
@@ -161,7 +161,7 @@ class CircuitVariation(Variation):
         alone = True
         for place in range(len(self.numbers)):
             nudged = self._nudged(place)
-            if nudged is None:  # at its bounds from both sides: member by member
+            if nudged is None:  # numbers at a bound are set member by member
                 alone = False
                 continue
             paths += [path for path, value in nudged[0].items() if path not in paths and value != base[path]]

@@ -108,7 +108,7 @@ def _run_alike(
     """Run members whose commands change at the same times."""
     rates: list[float | None] = [*sorted({one.rate_hz for one in kept if one.word == "samples"})] or [None]
     found = {}
-    for rate in rates:  # the core samples at one rate in a run; what is not sampled comes with the first
+    for rate in rates:  # the core samples at one rate in a run; unsampled outputs come with the first rate
         places = [k for k, one in enumerate(kept) if (one.rate_hz if one.word == "samples" else rates[0]) == rate]
         asked = [_asked(kept[k]) for k in places]
         outcome = _run(core, members, alike, rtol, asked, threads, look)

@@ -96,7 +96,7 @@ class DaskExecutor:
                         remedy="Look at the workers' memory, take smaller chunks, or let Dask try more often: its "
                         "setting distributed.scheduler.allowed-failures.",
                     ) from None
-                except TimeoutError:  # chunks take long, or one is run again whose result was lost with its worker
+                except TimeoutError:  # chunks take long, or the lost chunk of a worker is repeated
                     seen = self._still_there(seen)
                     continue
                 seen = time.monotonic()

@@ -195,7 +195,7 @@ def read_rows(given: Any, signal: Signal | None) -> EachSteps:  # noqa: ANN401
 
 
 def _is_many(given: Any) -> bool:  # noqa: ANN401
-    """Return whether it is a list of commands, that is, whether an entry is not a pair of time and value."""
+    """Return whether it is a list of commands: an entry is then not a pair of time and value."""
     if isinstance(given, np.ndarray):
         return given.ndim in (1, 3) and len(given) > 0
     if isinstance(given, str) or not isinstance(given, Sequence):

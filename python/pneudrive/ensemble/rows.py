@@ -262,7 +262,7 @@ def _sobol(first: int, last: int, size: int, d: int, seed: int) -> Array:
 
 @lru_cache(maxsize=4)
 def _few_sobol(size: int, d: int, seed: int) -> Array:
-    """Return all points of a few members, because a slider requests them with each answer."""
+    """Return all points of a few members at once, because a slider requests them with each answer."""
     points = _next(qmc.Sobol(d, scramble=True, rng=seed), size)
     points.setflags(write=False)
     return points
@@ -270,7 +270,7 @@ def _few_sobol(size: int, d: int, seed: int) -> Array:
 
 def _next(own: qmc.Sobol, count: int) -> Array:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # that a chunk is no power of 2
+        warnings.simplefilter("ignore", UserWarning)  # SciPy warns if a chunk is not a power of 2
         return own.random(count) + HALF_CELL
 
 

@@ -36,8 +36,8 @@ BASE_POINTS, TRAJECTORIES = 1024, 50
 METHODS = ("sobol", "morris")
 #: Variables of the result -> long name, by method; those that are shares have no unit, the others that of the output.
 SOBOL = {
-    "first": "share of the variance that the number brings alone",
-    "total": "share of the variance that the number brings, with its interactions",
+    "first": "fraction of the variance that the number causes alone",
+    "total": "fraction of the variance that the number causes, with its interactions",
 }
 MORRIS = {
     "mu_star": "mean of the absolute elementary effects",

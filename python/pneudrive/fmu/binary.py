@@ -56,7 +56,7 @@ _LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ct
 
 
 def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
-    """Return the event indicators and the sizes of the states from the library, which checks and starts the plan.
+    """Check and start a plan in the library, and return its event indicators and the sizes of its states.
 
     Parameters
     ----------

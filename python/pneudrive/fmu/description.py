@@ -120,7 +120,7 @@ def _interfaces(root: ElementTree.Element, plan: FmuPlan, is_two: bool) -> None:
         ElementTree.SubElement(root, "CoSimulation", common | steps)
         return
     common |= {f"canSerialize{state}": "true"}
-    derivatives = not plan.is_actuator  # of the force there are none
+    derivatives = not plan.is_actuator  # the force has no limits
     if derivatives:
         names = ("providesDirectionalDerivative",)
         if not is_two:

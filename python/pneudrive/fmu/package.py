@@ -96,8 +96,8 @@ def export_fmu(
 
     Inputs are the command and the external force in N. Outputs are the variables of a trajectory in SI. Parameters are
     the numbers of the drive file by their keys, and ``start.position``, ``start.pressure_a`` and so on. Pressures are
-    absolute. Each number is independent: a value that a drive file derives from another number does not follow it in
-    the FMU.
+    absolute. Each parameter is independent. A value that the drive file derives from another one does not change with
+    it in the FMU.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 DESCRIPTION = "modelDescription.xml"
-MOST_BYTES = 16_000_000  # of a description; one of a drive has 0.1 MB
+MOST_BYTES = 16_000_000  # largest description; that of a drive has 0.1 MB
 _KINDS = ("CoSimulation", "ModelExchange")
 _SHOWN = ("input", "output", "parameter")
 
@@ -72,7 +72,7 @@ def read_fmu(path: Path) -> SeenFmu:
         root = ElementTree.fromstring(text)
     except CommandError:
         raise
-    except Exception as error:  # what the libraries for archives and XML raise on damaged bytes is not documented
+    except Exception as error:  # the exceptions of the archive and XML libraries for damaged bytes are not documented
         raise CommandError(f"{path.name} is not an FMU that can be read: {error}") from None
     return SeenFmu(
         title=root.get("modelName", ""),

@@ -1,4 +1,4 @@
-"""Source code in an FMU, and the library that a compiler of this machine makes of it."""
+"""Source code in an FMU, and the library that this machine's compiler builds from it."""
 
 from __future__ import annotations
 

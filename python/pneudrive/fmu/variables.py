@@ -208,7 +208,7 @@ def session_notes(described: Drive | Circuit) -> list[str]:
 
 
 def _as_actuator(described: Drive | Circuit) -> Drive:
-    """Check that a description is a drive, and remove the load's force and spring, which are part of the other tool."""
+    """Check that a description is a drive, and remove the load's force and spring. The other tool models them."""
     if not isinstance(described, Drive):
         raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
     load = described.carried.model_copy(update={"force_n": 0.0, "spring": None})
@@ -225,7 +225,7 @@ def _inputs(session: CoreSession, form: dict[str, Any], is_short: bool, actuator
     for core, unit, bounds, what in session.inputs:
         of, _, last = core.rpartition(".")
         if last in ("pressure_pa", "temperature_k"):
-            continue  # a parameter, that of a supply
+            continue  # the command of a supply is a parameter
         name = {"load_force_n": "force", "command": "command"}.get(last, meaning(last)[0])
         if actuator and last == "load_force_n":
             continue

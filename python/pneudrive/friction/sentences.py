@@ -1,4 +1,4 @@
-"""Sentences on recordings and campaigns, and statements on what data determine; the texts are in sentences.toml."""
+"""Sentences on recordings and campaigns, and statements on determined values. The texts are in sentences.toml."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 NAMED = 3  # most cycles that a sentence names
 Said = tuple[str, dict[str, Any]]
-"""Topic and name of a sentence, and the values of its braces."""
+"""Topic and name of a sentence, and the values for its placeholders."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def say_all(said: Iterable[Said]) -> Iterator[Statement]:
 
 
 def named(names: Iterable[str], separator: str = ", ") -> str:
-    """Return the names of the first of several."""
+    """Return the first of several names, joined to one text."""
     return separator.join(list(names)[:NAMED])
 
 

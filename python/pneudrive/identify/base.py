@@ -165,7 +165,7 @@ class Fit(Shown):
     def profile(self, names: Sequence[str] | None = None) -> dict[str, tuple[float, float]]:
         """Return 95 % intervals by profile likelihood: each value is held while all others are fitted.
 
-        Undetermined values have one too: its open ends are infinite, or at the bound of the value.
+        Undetermined values also have an interval: its open ends are infinite, or at the bound of the value.
 
         Parameters
         ----------
@@ -277,8 +277,8 @@ class Fit(Shown):
     def report(self, folder: str | Path = "report") -> Path:
         """Write a page of the fit, report.html with its figures, into a folder, and return its path.
 
-        It shows values with intervals and recordings, undetermined values, and the residuals, which a fit from a file
-        lacks.
+        It shows values with intervals and recordings, undetermined values, and the residuals. A fit from a file has no
+        residuals.
 
         Raises
         ------
@@ -311,7 +311,7 @@ class Fit(Shown):
         )
 
     def _correlations(self, keys: Mapping[str, str]) -> dict[str, dict[str, float]]:
-        """Return by key the correlations of values; systematic uncertainties are independent, so they lessen them."""
+        """Return the correlations by key; systematic uncertainties are independent and lower them."""
         if not self.covariance.size:
             return {}
         places = {name: self.free.index(name) for name in keys}
@@ -502,7 +502,7 @@ class Fit(Shown):
         return text + (f", U(k=2) {expanded}" if expanded else "") + (f"; model ± {model}" if model else "")
 
     def _row(self, name: str, value: float) -> tuple[str, str, str, str, str]:
-        """Return value, unit, interval or state, U (k = 2) and model error as text; empty without one."""
+        """Return value, unit, interval or state, U (k = 2) and model error as text; a missing entry is empty."""
         factor, unit = shown_in(self.units[name])
         if not np.isfinite(value):
             return "", unit, "not determined", "", ""

@@ -1,4 +1,4 @@
-"""Block bootstrap of a fit: intervals from redrawn recordings (cycles), without relying on errors of single values."""
+"""Block bootstrap of a fit: intervals from resampled recordings (cycles). It does not use errors of single values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LEAST_BLOCKS = 6
 
 @dataclass(frozen=True, repr=False)
 class Bootstrap(Shown):
-    """Estimates from redrawn data.
+    """Estimates from resampled data.
 
     Attributes
     ----------
@@ -58,10 +58,10 @@ class Bootstrap(Shown):
 
 
 def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "huber") -> Bootstrap:
-    """Redraw the recordings of a fit, and fit each draw.
+    """Resample the recordings of a fit, and fit each sample.
 
-    Values of one recording (in a campaign: one cycle) share errors. They stay together, so that the intervals are valid
-    although single values are not independent.
+    Values of one recording (in a campaign: one cycle) share errors. The values of a recording stay together, so the
+    intervals are valid although single values are not independent.
 
     Parameters
     ----------

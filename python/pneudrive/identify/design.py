@@ -240,7 +240,7 @@ def next_measurements(
 ) -> Design:
     """Choose the next points by Fedorov's exchange over a grid of speeds and the pressures of the limits.
 
-    The criterion is averaged over the prior, because a design for one guess of vs is poor for another.
+    The criterion is averaged over the prior, because a design for one value of vs is poor for another value.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ def _check(limits: Limits, criterion: str, points: int | None, seconds: float | 
 
 
 def _noise(source: FrictionFit | Prior) -> float:
-    """Return the standard deviation of one further value, N, from the fit."""
+    """Return the standard deviation of a further measured value, N, from the fit."""
     if isinstance(source, Prior) or source.observations is None:
         return float("nan") if isinstance(source, Prior) else source.statistics["rms_n"]
     typical = float(np.median(source.observations.stderr_n))
@@ -346,7 +346,10 @@ def _region(prior: Prior, over: Limits) -> Array:
 
 
 def _half_widths(prior: Prior, matrix: Array, values: int) -> dict[str, float]:
-    """Return half-widths in natural units, the median over the draws; Student's t for all values then measured."""
+    """Return half-widths in natural units: the median over the prior samples.
+
+    Student's t is that for all values after the measurement.
+    """
     free = values - len(prior.model.names)
     found = []
     for q, m in zip(prior.draws, matrix, strict=True):

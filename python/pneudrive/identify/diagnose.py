@@ -43,16 +43,16 @@ MOST_SPEEDS = 6
 #: Undetermined part -> reason, and remedy. Values are in braces.
 SENTENCES = {
     "held at zero": (
-        "it was held at zero; coulomb is then all the friction at the speeds of the map",
+        "it was held at zero; coulomb is then the whole friction at the speeds of the map",
         "measure at speeds that differ by a factor of three or more",
     ),
     "one speed": (
-        "all rows have one speed ({levels}); coulomb is then all the friction at that speed",
+        "all rows have one speed ({levels}); coulomb is then the whole friction at that speed",
         "measure at a second speed, at least three times higher",
     ),
     "few values, viscous": (
         "the map has {values} independent values, fewer than the law has parameters; coulomb is then "
-        "all the friction at its speeds",
+        "the whole friction at its speeds",
         "measure at a second speed, at least three times higher",
     ),
     "few speeds": (
@@ -76,7 +76,7 @@ SENTENCES = {
         "measure with chamber {chamber} at two or more pressures at least 1 bar apart",
     ),
     "same pressure": (
-        "both chambers always had the same pressure: only the sum of both slopes is known, half of it is given to each",
+        "both chambers always had the same pressure: only the sum of both slopes is known, each gets half of it",
         "measure with different pressures in the chambers, such as a grid of 0, 2, 4 and 6 bar gauge",
     ),
     "weak": (
@@ -91,17 +91,17 @@ SENTENCES = {
     ),
     "same speeds": (
         "all speeds are about {mean}, and one speed does not show how friction depends on it; coulomb is "
-        "then all the friction at this speed",
+        "then the whole friction at this speed",
         "add levels at other speeds",
     ),
     "falls": (
-        "friction falls with speed between {slowest} and {fastest}, which no viscous part does; coulomb is "
+        "friction falls with speed between {slowest} and {fastest}, unlike a viscous part; coulomb is "
         "then the mean friction at these speeds",
         "add levels below {slowest} and above {beyond}, for a law with a Stribeck part",
     ),
     "anything": (
         "between {slowest} and {fastest} it could be up to {reach} N, where {typical} N were measured; coulomb "
-        "is then all the friction at these speeds",
+        "is then the whole friction at these speeds",
         "add levels above {beyond}",
     ),
     "tail": (

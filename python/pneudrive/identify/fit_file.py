@@ -1,4 +1,4 @@
-"""Shape of a fit.toml: which keys a file of a fit has, checked before its values are used."""
+"""Schema of a fit.toml, checked before its values are used."""
 
 from __future__ import annotations
 
@@ -113,12 +113,12 @@ def check_shape(content: Mapping[str, Any], title: str, groups: Iterable[str], w
 
 
 def _deepest(error: ValidationError) -> Mapping[str, Any]:
-    """Return the problem with the longest key: of alternatives, the one that fits most."""
+    """Return the problem with the longest key: it belongs to the alternative that fits best."""
     return max(error.errors(include_url=False), key=lambda problem: len(problem["loc"]))
 
 
 def _key(place: Iterable[object]) -> str:
-    """Return the dotted key of a place, without the names of pydantic's alternatives."""
+    """Return the dotted key of a location, without the names of pydantic's alternatives."""
     return ".".join(str(part) for part in place if part not in ("_Recording", "_Undetermined", "str"))
 
 

@@ -193,7 +193,7 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
 
 
 def _within_limits(found: Identified, drive: Drive, changed: set[str]) -> dict[str, str | float]:
-    """Move an unidentified force to the identified one if it would contradict it.
+    """Move an unidentified force to the identified one if the two contradict each other.
 
     The breakaway force is not below the Coulomb force, so each of the two is a limit of the other.
     """

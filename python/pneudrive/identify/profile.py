@@ -1,7 +1,8 @@
 """Profile-likelihood intervals of a sliding law.
 
-At a given Stribeck velocity and exponent, the law is linear in all other parameters. The profile then needs no repeated
-fits: over a grid of these two, linear least squares gives the cost, the best forces and their variances. The interval
+At a given Stribeck velocity and exponent, the law is linear in all other parameters. The profile therefore needs no
+repeated fits: over a grid of these two parameters, linear least squares gives the cost, the best forces and their
+variances. The interval
 of a parameter is the union over the grid of values below the threshold of the cost. Unlike value +- t * standard error,
 it is open if the data do not bound the parameter.
 """

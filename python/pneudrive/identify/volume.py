@@ -151,7 +151,10 @@ def identify_volume(
 
 
 def _linear_regions(tank: Tank, records: list[VolumeRecording]) -> list[Tank]:
-    """Return the tank, and one with a shorter linear region if that is assumed and a recording reaches into it."""
+    """Return the tank.
+
+    If the linear region is assumed and a recording reaches it, also return a tank with a shorter one.
+    """
     line = tank.line
     if line is None or "linear_above" in line.to_dict():
         return [tank]
@@ -163,7 +166,7 @@ def _linear_regions(tank: Tank, records: list[VolumeRecording]) -> list[Tank]:
 def _free(
     tank: Tank, records: list[VolumeRecording], asked: Sequence[str] | None
 ) -> tuple[list[str], list[Undetermined]]:
-    """Return the names of free values, and those held because no recording can determine them."""
+    """Return the names of free values, and of values that are held because no recording can determine them."""
     form = tank.core_form()
     known = [name for name in NUMBERS if form[name.partition(".")[0]] is not None]
     if asked is not None:
@@ -180,7 +183,7 @@ def _free(
     into_ambient = line is not None and abs(line["pressure_pa"] / tank.ambient.pressure_pa - 1.0) < 0.01
     if into_ambient and all((r.opening > 0.0).all() for r in records):
         names.remove("volume.leakage")
-        reason = "the line is open all the time and leads to the ambient air, as the leak does"
+        reason = "the line is always open and leads to the ambient air, like the leak"
         return names, [Undetermined("volume.leakage", reason, "record with the line shut")]
     return names, []
 
@@ -267,7 +270,10 @@ def _minima(
 
 
 def _other_minima(solved: Solved, points: list[Iterate]) -> list[Solved]:
-    """Return further minima whose cost does not exclude them: the recordings do not tell them from the best one."""
+    """Return further minima whose cost does not exclude them.
+
+    The recordings cannot distinguish them from the best one.
+    """
     problem, found = solved.problem, []
     for point in points:
         try:
@@ -370,7 +376,7 @@ def _lost(
     elif open_below:
         reason = f"only an upper limit is known, {above} {unit}"
         reason += (
-            ": the recordings cannot distinguish none from little"
+            ": the recordings cannot distinguish zero from a small value"
             if name in ("volume.leakage", "volume.heat_transfer")
             else ""
         )
@@ -393,7 +399,7 @@ def _alternatives(others: list[Solved]) -> list[str]:
         values = zip(problem.parameters, problem.values(minimum.point.eta), strict=True)
         shown = [(p.name, value / readable(p.unit)[0], readable(p.unit)[1]) for p, value in values]
         words = ", ".join(f"{name} = {plain(value)} {unit}".rstrip() for name, value, unit in shown)
-        notes.append(f"other values fit as well: {words}; the intervals hold both, record also with the line shut")
+        notes.append(f"other values fit as well: {words}; the intervals include both; also record with the line shut")
     return notes
 
 

@@ -1,4 +1,4 @@
-"""Rigs, real and simulated. Simulated rigs know their ground truth.
+"""Rigs, real and simulated. Simulated rigs also give their ground truth.
 
 A campaign uses a rig only through the protocols of `pneudrive.rig.interface`: `Rig` (nine verbs), and for simulated
 rigs `Reproducible` (begin_cycle, memory, restore, truth) and `Changeable` (levels, change: mounting, seal, drive).

@@ -130,7 +130,7 @@ def stream(seed: int, *words: str) -> np.random.Generator:
 def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
     """Return the friction scale of cycle, day, mounting and seal: a factor on all friction forces of the rig file.
 
-    The factors are lognormal, each drawn from the seed and the name of its cycle, day, mounting or seal.
+    The factors are lognormal. Each depends only on the seed and the name of its cycle, day, mounting or seal.
     """
     changed = {factor: past.changes.get(factor, 0) for factor in ("mounting", "seal")}
     drawn = {

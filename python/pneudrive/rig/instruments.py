@@ -65,7 +65,7 @@ class Instruments:
     def read(
         self, true: dict[str, Array], past: Past, rng: np.random.Generator | None, weight_n: float = 0.0
     ) -> dict[str, Array]:
-        """Return the readings of true signals.
+        """Return the readings for true signals.
 
         Parameters
         ----------

@@ -176,7 +176,7 @@ class RigFile(Described):
         return file
 
     def beside(self, name: str | None) -> Path | None:
-        """Return the path of a file that this one names; a relative name starts from the folder of this file."""
+        """Return the path of a file that this file names. A relative name refers to the folder of this file."""
         return None if name is None else self._folder / Path(name).expanduser()
 
     def described(self) -> tuple[Identity | None, Envelope | None]:

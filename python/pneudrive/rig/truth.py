@@ -3,7 +3,7 @@
 - ``clock_s``, ``travel_m``, ``room_temperature_k``, ``seal_temperature_k``: at the end of the cycle
 - ``levels``: mounted factor levels
 - ``sensors``: errors of the force sensor: zero, gain (relative), hysteresis
-- ``steps``: one entry for each step that did something
+- ``steps``: one entry for each step with a motion or a hold
 
 A move has its ``speed_m_s`` and ``direction``. ``friction`` is the law with its present values. ``friction_n`` is the
 mean steady friction along the move at that speed and the set pressures. If there is a part at constant speed, it has

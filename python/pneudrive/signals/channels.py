@@ -1,4 +1,4 @@
-"""Columns of a recording, in the units of its layout or its file: for views of any length of any file."""
+"""Columns of a recording in the units of its layout or its file, for views of any length."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class FileChannel:
 
 @dataclass(frozen=True)
 class ChannelFile:
-    """A recording, open: its columns by name, without the samples that its layout skips.
+    """An open recording: its columns by name, without the samples that its layout skips.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class ChannelFile:
         return self.time.si(self.time.of(np.asarray(time, float))), values
 
     def counted(self, fall: int) -> ChannelFile:
-        """Return the file without its column of times, which do not rise at a sample."""
+        """Return the file without its column of times, because the times do not increase at a sample."""
         return replace(
             self, time=None, notes=(*self.notes, f"the times do not rise at sample {fall}: samples are counted")
         )
@@ -143,7 +143,7 @@ def first_fall(seconds: Array, before: float) -> int | None:
 
 @dataclass(frozen=True)
 class SharedChannel:
-    """A column of a recording and the same one of another: numbers of the latter in the unit of the former."""
+    """A column of a recording and the same column of another recording, with numbers in the unit of the first."""
 
     own: FileChannel
     other: FileChannel
@@ -151,13 +151,13 @@ class SharedChannel:
     zero: float
 
     def of(self, values: Array) -> Array:
-        """Return numbers of the other file as this one would have them."""
+        """Return numbers of the other file in the unit of this file."""
         return values if (self.slope, self.zero) == (1.0, 0.0) else self.slope * values + self.zero
 
 
 @dataclass(frozen=True)
 class _OpenTable:
-    """A table with the units that its file states, what its layout calls its columns, and which hold texts."""
+    """A table with the units of its file, the names of its columns in the layout, and its columns of texts."""
 
     table: Table
     units: dict[str, str] = field(default_factory=dict)

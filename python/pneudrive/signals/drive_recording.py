@@ -125,7 +125,7 @@ class VolumeRecording(DriveRecording):
     """A recording of a fixed volume.
 
     Its columns are ``time_s`` (increasing, from 0), ``pressure_pa`` (absolute) and ``command``. The command is the
-    fraction of the line's full opening, held from each sample to the next, and 1 if not recorded. If recorded,
+    fraction of the line's full opening, constant from each sample to the next, and 1 if not recorded. If recorded,
     ``inlet_pressure_pa`` (absolute, between the line and the tube) is included.
     """
 
@@ -136,7 +136,7 @@ class VolumeRecording(DriveRecording):
 
     @property
     def opening(self) -> Array:
-        """Share of the line's full opening."""
+        """Fraction of the line's full opening."""
         return self.columns["command"]
 
     @property

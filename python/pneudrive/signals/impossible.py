@@ -1,6 +1,6 @@
-"""Impossible values: wrong units, columns and signs, refused before they look like strange physics.
+"""Impossible values, from wrong units, columns or signs. They are refused before they are mistaken for physics.
 
-Impossible numbers are refused here; unusual numbers are doubts, which are flags of the friction map.
+Impossible numbers are refused here. Unusual numbers become flags of the friction map.
 """
 
 from __future__ import annotations

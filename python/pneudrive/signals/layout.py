@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Column:
-    """One channel: SI value = sign * (raw * scale + offset) * factor, read ``delay_s`` late.
+    """One channel: Reader of a column: SI value = sign * (raw * scale + offset) * factor, with a delay of ``delay_s``.
 
     ``scale`` and ``offset`` convert the raw number to the column's unit. ``accuracy_si`` is a standard uncertainty.
     ``range_si`` has the lowest and highest value of the sensor (pressures absolute). ``curve`` is the calibration of
@@ -139,7 +139,7 @@ class FileLayout(SampledLayout):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Layout(Shown):
-    """A layout file as it was written, ready to be applied to a file's name.
+    """A layout file before its overrides are applied to a file's name.
 
     Examples
     --------
@@ -297,7 +297,7 @@ class Layout(Shown):
         return toml.located(wrong(key, what, rule=rule, remedy=remedy), self.origin, self.text).turned(LayoutError)
 
     def _place(self, key: str, chosen: Sequence[int]) -> str:
-        """Return the place of a key in the file, also in an override. Otherwise return the place of its table."""
+        """Return the location of a key in the file, also in an override. Otherwise return the location of its table."""
         while key:
             for at in (*(f"for.{index}." for index in reversed(chosen)), ""):
                 found: Any = self.tree["for"][int(at.split(".")[1])] if at else self.tree
@@ -427,9 +427,11 @@ def _is_field(part: str) -> bool:
 
 
 def _ends(parts: list[str], name: str, *, whole: bool) -> tuple[int, ...] | None:
-    """Return where each part ends in a name; None if the name does not match, or not to its end if `whole`.
+    """Return the end of each part in a name; None if the name does not match.
 
-    Each place is tried once for each part: a regular expression would try every way to split the name, whose number
+    If `whole`, the match must include the name's end.
+
+    Each position is tried once for each part. A regular expression would try every split of the name, and their number
     grows exponentially with the fields.
     """
 

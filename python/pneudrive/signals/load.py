@@ -181,7 +181,7 @@ def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, 
 
 @dataclass(frozen=True)
 class LongFile:
-    """A Parquet file of many rows, from parts of which recordings are made.
+    """A Parquet file of many rows that is read part by part.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ class LongFile:
 
 
 def find_long(file: RecordingFile, least: int) -> LongFile | None:
-    """Return a Parquet file as one of many rows if it has more than `least`; None for all others, and with dates."""
+    """Return a Parquet file with more than `least` rows for reading in parts; None for other files and for dates."""
     said = None if file.layout is None or file.has_cycles else file.layout.for_file(file.path)
     if file.has_cycles or (said is not None and (said.format != "parquet" or said.dates or not said.is_plain)):
         return None
@@ -397,7 +397,7 @@ def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.floa
 
 
 def aligned(said: FileLayout | SampledLayout, values: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
-    """Return all channels on the time base, without the ends at which a channel that is read late has no values."""
+    """Return all channels on the time base, without the ends at which a delayed channel has no values."""
     time = values["time"]
     delays = {channel: said.columns[channel].delay_s - said.columns["time"].delay_s for channel in values}
     late = {channel: shifted(time, values[channel], delay) for channel, delay in delays.items() if delay}
@@ -408,7 +408,7 @@ def aligned(said: FileLayout | SampledLayout, values: dict[str, NDArray[np.float
 
 
 def shifted(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:
-    """Return the values of a channel that is read ``delay_s`` late, on the common time base. NaN for missing values."""
+    """Return the values of a channel with the delay ``delay_s``, on the common time base. NaN for missing values."""
     order = np.isfinite(time_s)
     if not order.any() or (np.diff(time_s[order]) < 0).any():
         return values  # the recording refuses such times with its own message

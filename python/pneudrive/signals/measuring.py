@@ -1,4 +1,4 @@
-"""Two places in a recording measured: time, value, difference and slope, also for another recording."""
+"""Measurement of a recording at two times: value, difference and slope, also for another recording."""
 
 from __future__ import annotations
 
@@ -185,7 +185,10 @@ def measured(
 
 
 def nearest_sample(time_s: Array, at: float) -> int:
-    """Return the number of the sample nearest to a time among rising times; of two as near the earlier one."""
+    """Return the index of the sample nearest to a time among increasing times.
+
+    The earlier of two equally near samples.
+    """
     after = min(int(np.searchsorted(time_s, at)), len(time_s) - 1)
     return after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
 

@@ -32,7 +32,7 @@ STUCK_TRAVEL_SHARE = 0.02
 
 @dataclass(frozen=True)
 class SampleFault:
-    """Faults of one kind: how many samples or intervals, and the first and last time of each place, s."""
+    """Faults of one kind: the number of samples or intervals, and the first and last time of each place, s."""
 
     count: int
     places: list[tuple[float, float]]
@@ -163,8 +163,8 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
 def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return single samples that differ from both neighbours by much more than the noise, if the neighbours agree.
 
-    If the neighbours differ, or the channel changes just before or after, it is a change of level, whose
-    overshoot may be real: breakaway after a reversal.
+    If the neighbours differ, or the channel changes just before or after, it is a change of level. Its overshoot may be
+    real, for example breakaway after a reversal.
     """
     mask = np.zeros(values.size, dtype=bool)
     steps = np.diff(values)
@@ -224,7 +224,7 @@ def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDA
 def _usual_run(lengths: NDArray[np.intp]) -> float:
     """Return the usual length of runs from coarse quantisation, weighted by samples.
 
-    The longest run is excluded: a sensor that is stuck for most of the time must not pass for a coarse one.
+    The longest run is excluded: a sensor that is stuck for most of the time must not be mistaken for a coarse one.
     """
     if lengths.size <= 1:
         return 0.0
@@ -237,7 +237,7 @@ def _usual_run(lengths: NDArray[np.intp]) -> float:
 def clipped(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
     """Mark samples at the largest or smallest value of a noisy channel, if there are long runs of it.
 
-    A channel near its limit touches it for single samples too: these are clipped like the runs.
+    A channel near its limit also touches it for single samples. These are marked like the runs.
 
     A channel that rests at its extremes for most of the time is a smooth signal (a simulation), not a clipped one.
     """

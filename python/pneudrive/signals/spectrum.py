@@ -20,7 +20,7 @@ UNEVEN = 0.01  # largest deviation of a step of time from the median one, as a s
 def amplitude_density(time_s: Array, values: Array) -> tuple[Array, Array]:
     """Return frequencies and the one-sided amplitude density by Welch's method (`scipy.signal.welch`, Hann windows).
 
-    The mean of each segment is taken off; segments of at most 16384 samples overlap by half.
+    The mean of each segment is subtracted. Segments of at most 16384 samples overlap by half.
 
     Parameters
     ----------

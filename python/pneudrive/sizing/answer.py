@@ -22,7 +22,7 @@ LITRES_PER_M3 = 1e3
 
 
 def named(parts: Mapping[str, str]) -> dict[str, str]:
-    """Return maker and type of the parts of a drive, without the slots that stay empty."""
+    """Return maker and type of the parts of a drive, without empty slots."""
     return {slot: maker_type(name) for slot, name in parts.items() if name not in (WITHOUT, "*")}
 
 
@@ -43,7 +43,7 @@ def maker_type(name: str) -> str:
 
 
 def taken(parts: Mapping[str, str]) -> str:
-    """Say which parts to take."""
+    """Return the recommended parts, in words."""
     words = {"valve": "valve", "tube": "tube", "flow_control": "flow control"}
     own = named(parts)
     rest = [f"{word} {own[slot]}" for slot, word in words.items() if slot in own]
@@ -87,7 +87,7 @@ def sentence(task: SizingTask, best: SizedDrive | None, provisional: Sequence[Pr
 
 
 def yearly(drive: SizedDrive, task: SizingTask) -> list[str]:
-    """Say air, energy and cost of a year; empty where the task does not say how often the drive runs."""
+    """Return air, energy and cost of a year, in words; empty if the task does not give the cycles per hour."""
     if task.cycles_per_hour is None:
         return []
     cycles = task.cycles_per_hour * task.hours_per_year
@@ -119,9 +119,9 @@ def notes(task: SizingTask, most: int | None, interrupted: bool) -> list[str]:
     if interrupted:
         said.append("The search was interrupted: the ranking is that of the results so far.")
     elif most is not None:
-        said.append(f"The search ended after {most} tuned choices: raise `most` to look at all that may rank.")
+        said.append(f"The search ended after {most} tuned choices: raise `most` to include all choices that may rank.")
     if task.end_speed_m_s is None and task.impact_energy_j is None:
-        said.append("The task limits neither speed nor energy at the ends: look at them before ordering.")
+        said.append("The task limits neither speed nor energy at the ends: check both before ordering.")
     if task.cycles is not None:
-        said.append("Life is held against B10 where a part of the catalogue states it; most sheets do not.")
+        said.append("The life is compared with B10 if the sheet of a part states it; most sheets do not.")
     return said

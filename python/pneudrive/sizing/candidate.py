@@ -1,8 +1,9 @@
 """Candidates of a search: the results of a choice of parts so far, and their uncertainty.
 
-A pair is a cylinder with a tube: these two decide the air of a cycle. A probe runs it with the widest valve and no flow
-control. Its air is that of all choices on the pair, and its time is the shortest. A choice then passes stages: nominal
-runs on a coarse grid of settings, tuned settings, spreads with more and more draws.
+A pair is a cylinder with a tube: these two determine the air of a cycle. A probe runs it with the widest valve and no
+flow
+control. Its air holds for all choices with this pair, and its time is the shortest of them. A choice then passes three
+stages: nominal runs on a coarse grid of settings, tuned settings, and spreads with more and more samples.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ class TubedCylinder:
 
     @property
     def least_air(self) -> float:
-        """Least air of a cycle that any choice on the pair may have, kg."""
+        """Least air of a cycle over all choices with the pair, kg."""
         return LEAST_AIR * self.fill if self.air is None else (1.0 - AIR_SLACK["probed"]) * self.air
 
     @property
@@ -84,7 +85,7 @@ class TubedCylinder:
         return len(self.valves) * len(self.flow_controls)
 
     def probe(self, task: SizingTask, threads: int | None) -> list[StrokeRuns]:
-        """Return the runs with the widest and earliest of all its valves: nominal and fast, out and back."""
+        """Return the runs with the widest and earliest-opening valve of the pair: nominal and fast, out and back."""
         numbers: dict[str, float] = dict(self.valves[0].numbers)
         for valve in self.valves:
             choice = DriveChoice(self.cylinder, valve, self.tube, NO_FLOW_CONTROL)
@@ -99,7 +100,7 @@ class TubedCylinder:
         }
         kinds = {one.kind for one in self.valves}
         first = self.valves[0] if len(kinds) == 1 else replace(self.valves[0], table={"kind": "valve/switching-5/2"})
-        if len(kinds) > 1:  # any may be the earliest
+        if len(kinds) > 1:  # any valve may open first
             early["time_on"] = early["time_off"] = min(value for key, value in early.items() if key != "travel_share")
         assumed = frozenset().union(*(one.assumed for one in self.valves))
         widest = replace(first, numbers=numbers | early, assumed=assumed)
@@ -107,7 +108,7 @@ class TubedCylinder:
         return [StrokeRuns(strokes, way, cases(task, way)[[0, 2]], np.ones((2, 4))) for way in (True, False)]
 
     def take(self, task: SizingTask, found: Sequence[StrokeResults]) -> None:
-        """Take the results of the probe."""
+        """Store the results of the probe."""
         out, back = found
         self.air = float(out.air[0] + back.air[0])
         self.times = float(out.time[0]), float(back.time[0])
@@ -135,7 +136,7 @@ class TubedCylinder:
         return made
 
     def nearest(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
-        """Return a choice, where all are too slow, with how much it misses: the nearest miss needs it."""
+        """Return a choice with its missed limits if all choices are too slow; the nearest miss uses it."""
         times = zip(("out", "back"), self.times, (task.outward_s, task.back_s), strict=True)
         way, time, limit = max(times, key=lambda one: one[1] / one[2])
         if time <= limit:
@@ -146,7 +147,7 @@ class TubedCylinder:
         return [widest]
 
     def _flow(self, valve: float, needle: float) -> float:
-        """Return the conductance of the way out, in series."""
+        """Return the conductance of the exhaust path, in series."""
         return sum(size**-2.0 for size in (valve, self.tube_flow, needle)) ** -0.5
 
 
@@ -156,7 +157,7 @@ def _exhaust(valve: PartChoice) -> float:
 
 @dataclass(eq=False)
 class SizingCandidate:
-    """A choice of parts on its way through the stages.
+    """A choice of parts in the stages of the search.
 
     Attributes
     ----------
@@ -196,7 +197,7 @@ class SizingCandidate:
 
     @property
     def drive(self) -> SizedDrive | None:
-        """Drive with the most draws."""
+        """Simulated drive with the most samples."""
         return self.drives[max(self.drives)] if self.drives else None
 
     def provisional(self) -> Provisional:
@@ -206,7 +207,7 @@ class SizingCandidate:
         return Provisional(self.choice.parts, known.air, known.times, known.least)
 
     def bound(self, final: int) -> Rank:
-        """Return the best key of the ranking that it may still have, after `final` draws."""
+        """Return the best possible ranking key after `final` samples."""
         if (drive := self.drive) is not None:
             slack = SPREAD_AIR * (drive.draws**-0.5 - final**-0.5)
             air = drive.air * (1.0 - slack) if self.hardest is None else self.hardest.air * (1.0 - HARDEST_AIR)
@@ -219,7 +220,7 @@ class SizingCandidate:
         return rank_of(air, self.reach(final), self.choice.sizes, self.choice.name)
 
     def reach(self, final: int) -> float:
-        """Return the largest margin that it may have after `final` draws."""
+        """Return the largest possible margin after `final` samples."""
         if (drive := self.drive) is not None:
             margin = drive.margin + SPREAD_SLACK * (drive.draws**-0.5 - final**-0.5)
             return margin if self.hardest is None else self.hardest.margin
@@ -231,25 +232,25 @@ class SizingCandidate:
 
     @property
     def waits_for_lead(self) -> bool:
-        """Whether the lead is to be run first."""
+        """Whether the candidate in the lead is run first."""
         return self.known is None and self.lead is not None and not self.lead.lost and self.lead.known is None
 
     def look_at_reach(self, final: int) -> None:
-        """Leave it out where its own runs, or those with the widest valve, show that it cannot do the task."""
+        """Leave the candidate out if its runs, or those with the widest valve, show that it cannot do the task."""
         if self.reach(final) < 0.0:
             of = "" if self.rough or self.tuned or self.lead is None else f" with {self.lead.choice.valve.name}"
             self.lost = f"spreads: margin of {100.0 * self.reach(final):.0f} % at most{of}"
 
     @property
     def known(self) -> float | None:
-        """Margin that is expected over the spreads, by its last runs; None before the first run."""
+        """Expected margin over the spreads, from the last runs; None before the first run."""
         if self.drive is not None:
             return self.drive.margin if self.hardest is None else self.hardest.margin
         found = self.tuned or self.rough
         return None if found is None else min(found.least, found.nominal)
 
     def promise(self, is_soft: bool, of_cylinder: Mapping[str, float]) -> tuple[bool, Rank]:
-        """Return the key of the order in which choices are looked at: without slack.
+        """Return the key that orders the choices for simulation, without slack.
 
         Parameters
         ----------
@@ -289,13 +290,16 @@ class SizingCandidate:
             self.lost = f"spreads: margin of {100.0 * found.least:.0f} % in the worst case"
 
     def take_hardest(self, found: Hardest, final: int) -> None:
-        """Take the results of its hardest draws."""
+        """Store the results of the hardest samples."""
         self.hardest = found
         if found.failed > (1.0 - PROBABILITY) * final:
             self.lost = f"spreads: {found.failed} of {final} draws miss a limit"
 
     def take_drive(self, found: SizedDrive, final: int) -> None:
-        """Take simulated spreads; more failures than the final draws may have, or than is likely then, end it."""
+        """Store simulated spreads.
+
+        The candidate is left out if more samples fail than the final samples allow or make likely.
+        """
         self.drives[found.draws] = found
         allowed, failed = 1.0 - PROBABILITY, found.draws - found.met
         likely = allowed + DOUBT * math.sqrt(allowed / found.draws)
@@ -309,7 +313,7 @@ Rank = tuple[int, float, tuple[float, ...], str]
 
 
 class Dropped(NamedTuple):
-    """Choices that were left out for one reason.
+    """Choices that were left out for the same reason.
 
     Attributes
     ----------

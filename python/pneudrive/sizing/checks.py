@@ -1,7 +1,7 @@
 """Checks of the machine builder: side load, buckling of the rod, absorbers, holding force without supply.
 
-Each check names the standard or the maker's rule that it follows. A check that needs a value which no sheet of the part
-gives says so.
+Each check names the standard or the maker's rule that it follows. If no sheet of the part gives a needed value, the
+check reports this.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class MachineCheck(NamedTuple):
 
 
 def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
-    """Return the force at which the rod buckles, over the safety, N; None for a cylinder without a pushing rod.
+    """Return the buckling force of the rod divided by the safety, N; None for a cylinder without a pushing rod.
 
     Euler: F = pi^2 E I / (k L)^2 with I = pi d^4/64, L the stroke.
     """
@@ -67,19 +67,19 @@ def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
 
 
 def side_load_n(task: SizingTask) -> float:
-    """Return the part of the load's weight across the axis that the cylinder carries, N: none with a guide."""
+    """Return the weight of the load across the axis that the cylinder carries, N; zero with a guide."""
     across = 0.0 if abs(task.incline_rad) == 0.5 * math.pi else math.cos(task.incline_rad)
     return task.mass_kg * STANDARD_GRAVITY_M_S2 * across if task.guide == "none" else 0.0
 
 
 def push_n(cylinder: PartChoice, task: SizingTask) -> float:
-    """Return the largest force on the rod: supply at its upper end on the whole piston, N."""
+    """Return the largest force on the rod, N: the highest supply pressure on the whole piston."""
     gauge = task.supply_pa + task.supply.spread_pa - task.ambient.pressure_pa
     return gauge * math.pi / 4.0 * cylinder.numbers["bore"] ** 2
 
 
 def mechanical_shortage(cylinder: PartChoice, task: SizingTask) -> Shortage | None:
-    """Return why a cylinder cannot carry the load: side load on its sheet, or buckling of its rod."""
+    """Return the reason why a cylinder cannot carry the load: side load of its sheet, or buckling of its rod."""
     load, weight = cylinder.printed_si("max_load", "N"), side_load_n(task)
     if load is not None and weight > load:
         return Shortage("side load", load / weight, f"it carries {load:.3g} N across, the load weighs {weight:.3g} N")

@@ -122,7 +122,7 @@ class DriveChoice:
 
     @property
     def name(self) -> str:
-        """Names of its parts in one word."""
+        """Names of its parts, joined to one word."""
         return "+".join(self.parts.values())
 
     @property
@@ -138,7 +138,10 @@ class DriveChoice:
 
     @property
     def swiftness(self) -> tuple[float, float, float, float]:
-        """Sizes of its flow paths and how early its valve opens: on the same cylinder and tubes, more is faster."""
+        """Sizes of its flow paths, and the negative opening time of its valve.
+
+        With the same cylinder and tubes, larger values are faster.
+        """
         valve = self.valve.numbers
         late = max(valve.get(key, 0.0) for key in ("time_on", "time_off", "delay"))
         size = valve["conductance"]
@@ -194,12 +197,12 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
 
 
 def is_servo(entry: Entry) -> bool:
-    """Return whether a part is a proportional valve; a closed-centre valve may be described as one that switches."""
+    """Return whether a part is a proportional valve. A closed-centre valve may be described as a switching valve."""
     return entry.kind == PROPORTIONAL and all(one.key != SWITCHES for one in entry.printed)
 
 
 def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
-    """Return one part of each group that differs in names alone, with the names of the others.
+    """Return one part of each group of parts that differ only in their names, with the names of the others.
 
     Parameters
     ----------
@@ -218,7 +221,7 @@ def combined(found: Mapping[str, Sequence[PartChoice]]) -> list[DriveChoice]:
 
 
 def _choice(entry: Entry, given: Mapping[str, Any], assumed: Mapping[str, tuple[Any, str]]) -> PartChoice:
-    """Return a part over which values of the task are put, and under which the assumed ones."""
+    """Return a part whose values are overridden by those of the task and completed by assumed ones."""
     check(entry)
     kind = component_class(entry.kind)
     table = kind.flat(part_table(PREFIX + entry.name))
@@ -280,7 +283,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
     over: dict[str, Any] = {"incline": units.write(task.incline_rad, "rad", "deg")}
     if not any(key.startswith("end_stop") for key in own):
         damping = 2.0 * STOP_DAMPING * math.sqrt(STOP_N_M * (task.mass_kg + mass))
-        why = "a contact that does not rebound: it ends the stroke"
+        why = "a contact without rebound: it ends the stroke"
         stop = (f"{STOP_N_M:.0e} N/m", f"{damping:.3g} N s/m", "0.1 mm")
         keys = ("end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth")
         assumed |= {key: (value, why) for key, value in zip(keys, stop, strict=True)}
@@ -304,7 +307,7 @@ def _guided(entry: Entry, choice: PartChoice, guide_n: float) -> PartChoice:
 
 
 def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
-    """Return the friction that the sheet leaves open: a Stribeck law."""
+    """Return the assumed friction if the sheet gives none: a Stribeck law."""
     area = math.pi / 4.0 * bore**2
     own = {value.key: value.value for value in entry.values}
     printed = {value.key: value.value for value in entry.printed}
@@ -328,7 +331,10 @@ def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
 
 
 def _cushion(entry: Entry, bore: float, stroke: float) -> dict[str, tuple[Any, str]]:
-    """Return values of adjustable cushions that the sheet does not give; empty without cushions, or room for them."""
+    """Return assumed values of adjustable cushions that the sheet does not give.
+
+    Empty without cushions, or without room for them.
+    """
     if any(value.key.startswith("cushion") for value in entry.values):
         return {}
     printed = {value.key: value.value for value in entry.printed}
@@ -350,7 +356,7 @@ def _valve(entry: Entry, _task: SizingTask) -> PartChoice:
         own = {value.key for value in entry.values}
         late = {} if own & {"frequency", "delay"} else {"delay": ("20 ms", "no sheet gives it: of a solenoid valve")}
         return _choice(entry, {}, late)
-    why = "not on the sheet: of a solenoid valve of this size"
+    why = "not on the sheet: usual for a solenoid valve of this size"
     return _choice(entry, {}, {"time_on": ("20 ms", why), "time_off": ("30 ms", why)})
 
 
@@ -361,7 +367,7 @@ def _tube(entry: Entry, task: SizingTask) -> PartChoice:
 def _flow_control(entry: Entry, _task: SizingTask) -> PartChoice:
     own = {value.key: value for value in entry.values}
     keys = [key for key in own if key.startswith("needle_")]
-    free = {key.replace("needle", "check"): (own[key].value, "as the needle fully open") for key in keys}
+    free = {key.replace("needle", "check"): (own[key].value, "equal to the fully open needle") for key in keys}
     has = any(key.startswith("check_") for key in own)
     return _choice(entry, {}, {} if has else free)
 

@@ -69,7 +69,7 @@ class SizingFolder:
             temporary.write_text(json.dumps(about, indent=1), encoding="utf-8")
 
     def _lock(self) -> None:
-        """Take the folder; if files have no locks, continue without."""
+        """Lock the folder; continue without a lock if the file system has no locks."""
         with suppress(OSError):
             self._file = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | NO_FOLLOW, 0o666)
             if take(self._file):
@@ -82,7 +82,7 @@ class SizingFolder:
             )
 
     def release(self) -> None:
-        """Let other processes work in the folder."""
+        """Release the folder for other processes."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
@@ -126,15 +126,15 @@ class SizingFolder:
         return self._of.get((name, draws))
 
     def tuned(self, name: str) -> Tuned | None:
-        """Return the tuned settings of a choice, if they are known."""
+        """Return the stored tuned settings of a choice, if any."""
         return self._tuned.get(name)
 
     def keep(self, drive: SizedDrive) -> None:
-        """Keep a drive that was simulated."""
+        """Store a simulated drive."""
         self._write(drive.to_dict())
 
     def keep_tuned(self, name: str, tuned: Tuned) -> None:
-        """Keep the tuned settings of a choice."""
+        """Store the tuned settings of a choice."""
         self._write({"name": name, **tuned._asdict()})
 
     def tell(self, sentence: str) -> None:
@@ -153,7 +153,7 @@ class SizingFolder:
 def read_choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
     """Read a line: a drive that was simulated, or the name and settings of one that was tuned.
 
-    None for the line that was being written when the search was killed, or still is.
+    None for an incomplete line: the search was killed while writing it, or still writes it.
     """
     try:
         one: dict[str, Any] = json.loads(line)

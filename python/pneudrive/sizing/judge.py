@@ -1,4 +1,4 @@
-"""Whether drives meet a task: margins of its limits draw by draw, the worst 1 %, the probability with its bound."""
+"""Whether drives meet a task: margins in each sample, the worst 1 %, and the probability with its bound."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class LimitMargin(NamedTuple):
 
     @property
     def margin(self) -> float:
-        """Margin that 99 % of the draws have."""
+        """Margin that 99 % of the samples reach."""
         return float(np.quantile(self.margins, 1.0 - PROBABILITY, method="lower"))
 
 
@@ -90,7 +90,7 @@ def limits(task: SizingTask, choice: DriveChoice, out: StrokeResults, back: Stro
 
 
 def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
-    """Return the largest pressure that the cylinder may have, absolute: of the task, or of its sheet."""
+    """Return the largest allowed absolute pressure in the cylinder: from the task, or from its sheet."""
     ambient = task.ambient.pressure_pa
     if task.peak_pressure is not None:
         return task.peak_pressure.absolute_pa(ambient)
@@ -99,29 +99,29 @@ def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
 
 
 def worst(values: Array) -> float:
-    """Return the value that at most 1 % of the draws pass."""
+    """Return the value that at most 1 % of the samples exceed."""
     return float(np.quantile(values, PROBABILITY, method="higher"))
 
 
 def passed(draws: int) -> int:
-    """Return how many of the draws may pass the worst value."""
+    """Return the number of samples that may exceed the worst value."""
     return math.floor((1.0 - PROBABILITY) * (draws - 1) + ROUNDING)
 
 
 def interval(values: Array) -> tuple[float, float]:
-    """Return the values that 99 % and that 1 % of the draws pass: 98 % lie between."""
+    """Return the 1 % and 99 % quantiles over the samples."""
     return float(np.quantile(values, 1.0 - PROBABILITY, method="lower")), worst(values)
 
 
 def is_met(found: list[LimitMargin]) -> NDArray[np.bool_]:
-    """Return which draws keep all limits."""
+    """Return which samples keep all limits."""
     return np.all([one.margins >= 0.0 for one in found], axis=0)
 
 
 def probability_bound(met: int, draws: int) -> float:
-    """Return the lower bound of a probability after Clopper and Pearson, at 95 % confidence, one-sided.
+    """Return the one-sided lower bound of a probability at 95 % confidence, after Clopper and Pearson.
 
-    Draws of a Sobol sequence are more even than independent ones, for which it holds.
+    The bound holds for independent samples; those of a Sobol sequence are more even.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def probability_bound(met: int, draws: int) -> float:
 
 
 def explained(draws: Array, margins: Array) -> dict[str, float]:
-    """Return which share of the variance of the ranks of margins goes with each drawn number.
+    """Return the fraction of the variance of the margins' ranks that each sampled number explains.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Bounds on the safe side, without simulation: they leave out choices that no setting makes able to do the task.
+"""Safe bounds without simulation. They leave out choices that cannot do the task with any setting.
 
-Every bound takes the favourable end of each spread, so that a removed choice fails in all draws.
+Every bound uses the favourable end of each spread, so a removed choice fails in all samples.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class SafeBounds:
         self.against = {True: out + task.external_force_n, False: back - task.external_force_n}
 
     def lacks(self, choice: DriveChoice) -> Shortage | None:
-        """Return why a choice cannot do the task, or None."""
+        """Return the reason why a choice cannot do the task, or None."""
         for part in (choice.valve, choice.tube, choice.flow_control):
             if (found := self.part(part)) is not None:
                 return found
@@ -71,7 +71,7 @@ class SafeBounds:
         return None
 
     def cylinder(self, part: PartChoice) -> Shortage | None:
-        """Return why a cylinder cannot do the task with any valve, tube and flow control."""
+        """Return the reason why a cylinder cannot do the task with any valve, tube and flow control."""
         choice = DriveChoice(part, NO_FLOW_CONTROL, NO_FLOW_CONTROL, NO_FLOW_CONTROL)
         for find in (self._stroke, self._force, self._sheet, self._thrust):
             if (found := find(choice)) is not None:
@@ -85,7 +85,7 @@ class SafeBounds:
         return Shortage("stroke", 0.0, f"the part has a stroke of {1e3 * stroke:g} mm")
 
     def _sheet(self, choice: DriveChoice) -> Shortage | None:
-        """Hold the task against the sheet of the cylinder."""
+        """Compare the task with the sheet of the cylinder."""
         if (found := self.part(choice.cylinder) or mechanical_shortage(choice.cylinder, self.task)) is not None:
             return found
         holding = choice.cylinder.printed_si("coupling_holding_force", "N")
@@ -117,7 +117,10 @@ class SafeBounds:
         valve: PartChoice = NO_FLOW_CONTROL,
         control: PartChoice = NO_FLOW_CONTROL,
     ) -> Shortage | None:
-        """Return whether the gas cannot leave a cylinder in time through a tube and one more part, the others wide."""
+        """Return whether the gas cannot leave a cylinder in time through a tube and one more part.
+
+        All others are ideal.
+        """
         return self._time(DriveChoice(cylinder, valve, tube, control))
 
     def _thrust(self, choice: DriveChoice) -> Shortage | None:
@@ -139,7 +142,7 @@ class SafeBounds:
         return None
 
     def _thrust_s(self, choice: DriveChoice, outward: bool, area: float) -> float:
-        """Return the time of a stroke under the full force all the way, without friction."""
+        """Return the time of a stroke under constant full force, without friction."""
         spread = self.task.spread
         own = choice.cylinder.numbers["moving_mass"]
         own *= 1.0 - spread.assumed * ("moving_mass" in choice.cylinder.assumed)
@@ -148,7 +151,7 @@ class SafeBounds:
         return math.sqrt(2.0 * self.task.stroke_m * mass / force) if force > 0.0 else math.inf
 
     def _flow_s(self, choice: DriveChoice, area: float, outward: bool) -> float:
-        """Return the least time in which the gas ahead of the piston leaves: choked, and compressed all the while."""
+        """Return the least time in which the gas ahead of the piston leaves: choked, and compressed throughout."""
         wide = 1.0 + 2.0 * self.task.spread.conductance
         valve = choice.valve.numbers
         sizes = [self.tubes[choice.tube.name]]
@@ -167,9 +170,9 @@ HALVINGS, FARTHEST = 12, 100.0
 
 
 def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]], bounds: SafeBounds) -> list[str]:
-    """Say to which value each quantity would have to change, alone, for the safe bounds to leave a choice.
+    """Return, in words, the value of each single quantity at which a choice would pass the safe bounds.
 
-    A value is on the safe side: less than this is impossible, and the spreads may ask for more.
+    A smaller change cannot suffice. The spreads may require a larger one.
     """
     gauge = task.supply_pa - task.ambient.pressure_pa
     back = {} if task.return_time_s is None else {"return_time_s": task.return_time_s}
@@ -203,7 +206,7 @@ def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]]
 
 
 def _nearest_factor(is_possible: Callable[[float], bool], farthest: float) -> float | None:
-    """Return the factor nearest to one that is possible, on the possible side."""
+    """Return the feasible factor that is nearest to 1."""
     if not is_possible(farthest):
         return None
     near, far = 0.0, math.log(farthest)
@@ -242,7 +245,7 @@ def _supply(task: SizingTask, gauge: float) -> TaskSupply:
 
 
 def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) -> float:
-    """Return the air of a cycle in which both sides fill wholly, kg."""
+    """Return the air of a cycle in which both sides fill completely, kg."""
     choice = DriveChoice(cylinder, NO_FLOW_CONTROL, tube, NO_FLOW_CONTROL)
     volume = sum(choice.areas_m2) * task.stroke_m + _dead(choice, "a") + _dead(choice, "b")
     gauge = task.supply_pa - task.ambient.pressure_pa
@@ -265,7 +268,7 @@ def tube_conductance(tube: PartChoice, task: SizingTask) -> float:
 
 
 def _dead(choice: DriveChoice, end: str) -> float:
-    """Return the volume in addition to the stroke on one side: dead volume, port of the cushion, tube, m3."""
+    """Return the volume on one side beyond the swept volume, m3: dead volume, port of the cushion, tube."""
     numbers, tube = choice.cylinder.numbers, choice.tube.numbers
     own = numbers[f"dead_volume_{end}"] + numbers.get(f"cushion_{end}_port_volume", 0.0)
     return own + math.pi / 4.0 * tube["diameter"] ** 2 * tube["length"]

@@ -1,4 +1,4 @@
-"""Choices of parts that the safe bounds leave, as cylinders with tubes; the others each with its reason."""
+"""Choices of parts that pass the safe bounds, as cylinders with tubes, and the reason for each removed choice."""
 
 from __future__ import annotations
 

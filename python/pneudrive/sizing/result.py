@@ -113,17 +113,17 @@ class SizingResult(Shown):
 
     @property
     def feasible(self) -> bool:
-        """Whether anything meets the task."""
+        """Whether any choice meets the task."""
         return bool(self.ranked)
 
     @property
     def best(self) -> SizedDrive | None:
-        """The first of the ranking."""
+        """First drive of the ranking."""
         return self.ranked[0] if self.ranked else None
 
     @property
     def by_cylinder(self) -> list[SizedDrive]:
-        """The best of each cylinder, in the order of the ranking."""
+        """Best drive of each cylinder, in the order of the ranking."""
         first: dict[str, SizedDrive] = {}
         for one in self.ranked:
             first.setdefault(one.parts["cylinder"], one)
@@ -161,7 +161,7 @@ PARTS = 4
 
 
 def set_to(one: SizedDrive) -> str:
-    """Say how the needles of a drive are set."""
+    """Return the settings of a drive's needles, in words."""
     said = [f"{name.replace('_', ' ')} {100.0 * share:.3g} %" for name, share in one.setting.items() if share < 1.0]
     return f"needles: {', '.join(said)} of fully open" if said else "needles fully open"
 
@@ -211,7 +211,7 @@ def nearest_miss(
     short: list[tuple[Any, Any]],
     pruned: list[tuple[dict[str, str], Shortage]],
 ) -> NearestMiss:
-    """Return the choice that comes nearest: of those simulated, else of those tuned, else of those pruned.
+    """Return the nearest choice: from the simulated, else the tuned, else the pruned choices.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def nearest_miss(
     parts, bound = max(pruned, key=lambda one: one[1].share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
     if bound.limit == "force" and bound.share > 0.0:
-        spread = task.supply.spread_pa  # its upper end counts in the bound
+        spread = task.supply.spread_pa  # the bound uses its upper end
         gauge = 1e-5 * ((task.supply_pa + spread - task.ambient.pressure_pa) / bound.share - spread)
         gives += f" The force needed would have to fall to {100.0 * bound.share:.0f} %, or the supply to rise to "
         gives += f"{math.ceil(10.0 * gauge) / 10.0:g} bar gauge at least."
@@ -247,7 +247,7 @@ def _gives(name: str, limit: float, value: float, unit: str, what: str) -> str:
     factor, read = READ.get(unit, (1.0, unit))
     if not math.isfinite(value):
         return f"The limit of {name} is {factor * limit:.3g} {read}; the stroke does not end within the run."
-    # As many digits as tell them apart.
+    # As many digits as distinguish the two values.
     digits = next((n for n in range(3, 17) if f"{limit:.{n}g}" != f"{value:.{n}g}"), 3)
     return (
         f"The limit of {name} is {factor * limit:.{digits}g} {read}; {what} {factor * value:.{digits}g} {read}: "

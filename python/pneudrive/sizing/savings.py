@@ -1,4 +1,4 @@
-"""Changes of the best drive that save air: a lower pressure for the way back, shorter tubes."""
+"""Changes of the best drive that save air: a lower pressure for the return stroke, shorter tubes."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The search: a provisional ranking by nominal runs, then spreads for the choices that may still be the best.
 
-Every choice has a bound: the best place in the ranking that it may still have. The search advances the choices whose
-bound is better than the best result, and ends when none is left. Everything is a pure function of the task and the
-parts, so that a folder of finished choices is resumed by its missing ones.
+Every choice has a bound: its best possible place in the ranking. The search advances the choices whose
+bound is better than the best result, and ends when none is left. All results are pure functions of the task and the
+parts, so an interrupted search resumes with the missing choices.
 """
 
 from __future__ import annotations
@@ -66,7 +66,10 @@ LISTED, TRIED = 4, 2
 
 
 def is_of_command(asked: Mapping[str, int]) -> bool:
-    """Whether the command can ask for these numbers of a search: it leaves `most` and the draws of the best alone."""
+    """Whether the command line can set these parameters.
+
+    It has no options for `most` and the samples of the best choice.
+    """
     return asked["draws_best"] == DRAWS_BEST_OF * asked["draws"] and asked["most"] == MOST
 
 
@@ -200,7 +203,7 @@ class Search:
 
     @cached_property
     def points(self) -> NDArray[np.float64]:
-        """Draws of all choices."""
+        """Samples of all choices."""
         return points(max(self.draws))
 
     def result(self, tell: Callable[[SizingResult], None] | None) -> SizingResult:
@@ -270,7 +273,7 @@ class Search:
         return next(one for one in self.pruning.found["cylinder"] if one.name == drive.parts["cylinder"])
 
     def _probe(self, pairs: Sequence[TubedCylinder]) -> None:
-        """Probe pairs; those that can do the task bring their choices."""
+        """Probe pairs, and add the choices of pairs that can do the task."""
         asked = [pair.probe(self.task, self.threads) for pair in pairs]
         found = iter(run_all([one for runs in asked for one in runs]))
         for pair, runs in zip(pairs, asked, strict=True):
@@ -304,7 +307,7 @@ class Search:
         self.provisional = tuple(one.provisional() for one in sorted(best.values(), key=self._promise))
 
     def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
-        """Return the most promising choices of a cylinder with a tube that it was not run with yet."""
+        """Return the most promising choices of a cylinder with a tube that has not been simulated with it."""
         run = {one.choice.tube.name for one in every if one.rough}
         left = [one for one in every if not one.lost and one.choice.tube.name not in run]
         if not left:
@@ -316,7 +319,7 @@ class Search:
         return one.promise(self.is_soft, self.of_cylinder)
 
     def _learn(self, every: Iterable[SizingCandidate]) -> None:
-        """Keep the best margin of each cylinder."""
+        """Store the best margin of each cylinder."""
         for one in every:
             if (known := one.known) is not None:
                 name = one.choice.cylinder.name
@@ -331,7 +334,7 @@ class Search:
         return min(final, key=lambda one: one.rank, default=None)
 
     def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
-        """Return the pairs and candidates that may still rank before the best."""
+        """Return the pairs and candidates that may still rank above the best drive."""
         best = self._best()
         pairs = [one for one in self.unseen if best is None or rank_of(one.least_air, 1.0) <= best.rank[:2]]
         for one in self.candidates:
@@ -344,7 +347,7 @@ class Search:
         return one.drive is None or one.drive.draws < self.final
 
     def _converge(self) -> bool:
-        """Advance the possible best candidates until none is left, then the best ones of other cylinders."""
+        """Advance the candidates that may become the best until none is left, then those of other cylinders."""
         while True:
             pairs, left = self._open()
             best = self._best()
@@ -361,7 +364,7 @@ class Search:
                 return self.tuned < self.most or not self._open()[1]
 
     def _save_air(self) -> None:
-        """Try a lower pressure for the way back and shorter tubes on the best."""
+        """Try a lower return pressure and shorter tubes on the best drive."""
         if (best := self._best()) is not None:
             one = next(one for one in self.candidates if one.choice.name == best.name)
             for saving in savings(one.strokes, best, self.points[: self.draws[-2]]):
@@ -373,7 +376,10 @@ class Search:
         return f"choices tuned ({found}, {left} may be better)"
 
     def _others(self) -> bool:
-        """Advance a choice of another cylinder, or any where fewer than `least` are simulated; False at the end."""
+        """Advance a choice of another cylinder, or any choice while fewer than `least` are simulated.
+
+        False at the end.
+        """
         tried: dict[str, int] = {}
         met = set()
         for one in self.candidates:
@@ -410,7 +416,7 @@ class Search:
     def _look_at_hardest(self, one: SizingCandidate) -> None:
         assert one.tuned is not None
         assert one.drive is not None
-        if one.spread is None:  # the folder keeps the drive alone
+        if one.spread is None:  # the folder stores only the drive
             one.spread = simulated(one.strokes, one.tuned.setting, self.points[: one.drive.draws])
         one.take_hardest(hardest(one.strokes, one.tuned.setting, one.spread, self.points[: self.final]), self.final)
 
@@ -453,7 +459,7 @@ class Search:
         self._learn(every)
 
     def _resume(self, one: SizingCandidate) -> bool:
-        """Take the tuned settings that the folder has of a choice."""
+        """Use the tuned settings of a choice that the folder has."""
         kept = None if self.folder is None else self.folder.tuned(one.choice.name)
         if kept is None:
             return False

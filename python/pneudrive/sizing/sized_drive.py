@@ -1,4 +1,4 @@
-"""A choice of parts as simulation knows it: over the spreads, or by nominal runs, and the key of the ranking."""
+"""Simulation results of a choice of parts, over the spreads or from nominal runs, and the ranking key."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SAME_AIR = 1.02
 
 
 def rank_of(air: float, margin: float, *rest: Any) -> tuple[Any, ...]:  # noqa: ANN401 - what decides between equals
-    """Return the key of the ranking: air in steps of 2 %, then margin in steps of 1 %, then the rest."""
+    """Return the ranking key: air in steps of 2 %, then margin in steps of 1 %, then sizes."""
     step = round(math.log(air) / math.log(SAME_AIR)) if 0.0 < air < math.inf else 10**9
     return step, -round(margin, 2), *rest
 
@@ -76,7 +76,7 @@ class SizedDrive:
 
     @property
     def load_ratio(self) -> float | None:
-        """The load's share of the supply's force that 1 % of the draws pass, the worse of both strokes."""
+        """Ratio of load to supply force that 1 % of the samples exceed; the worse of both strokes."""
         ends = [self.intervals[name][1] for name in ("load_ratio_out", "load_ratio_back") if name in self.intervals]
         return max(ends, default=None)
 
@@ -92,12 +92,12 @@ class SizedDrive:
 
     @property
     def binding(self) -> str:
-        """The limit with the least margin."""
+        """Limit with the least margin."""
         return min(self.margins, key=lambda name: self.margins[name])
 
     @property
     def margin(self) -> float:
-        """Least margin that 99 % of the draws have."""
+        """Least margin that 99 % of the samples reach."""
         return self.margins[self.binding]
 
     @property

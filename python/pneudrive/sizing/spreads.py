@@ -24,7 +24,7 @@ HARD, NEAR = 16, 0.15
 
 
 class DrawResults(NamedTuple):
-    """Results of draws: of all together, and the margins of each limit and the air of each draw, kg."""
+    """Results of samples: summary, margins of each limit, and air of each sample, kg."""
 
     drive: SizedDrive
     limits: list[LimitMargin]
@@ -32,7 +32,7 @@ class DrawResults(NamedTuple):
 
 
 class Hardest(NamedTuple):
-    """Bounds of a choice over all draws: largest margin, least number of failing draws, and estimated air, kg."""
+    """Bounds of a choice over all samples: largest margin, least number of failing samples, and estimated air, kg."""
 
     margin: float
     failed: int
@@ -85,10 +85,11 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
 
 
 def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: Array) -> Hardest:
-    """Return what a choice can do at most over draws, from a few of them.
+    """Return upper bounds of a choice's results over all samples, from a few of them.
 
-    The first draws give a linear estimate of all margins. The draws with the lowest estimates are simulated. The result
-    is a bound however good the estimate: draws that were left out can only lower the margin. The mean air is estimated.
+    The first samples give a linear estimate of all margins. The samples with the lowest estimates are simulated. The
+    result is a bound for any quality of the estimate: omitted samples can only lower the margin. The mean air is
+    estimated.
 
     Parameters
     ----------

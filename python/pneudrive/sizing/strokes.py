@@ -1,9 +1,9 @@
-"""Both strokes of one choice of parts as the core runs them: draws and settings in, times, speeds and air out.
+"""Both strokes of one choice of parts in the core, from samples and settings to times, speeds and air.
 
 Definitions are those of a datasheet (`pneudrive.datasheet.strokes`). The time runs from the command to the first
 contact with the end. The speed at the end is that of the first contact. This module computes them in the core, without
-samples, for hundreds of thousands of runs. The datasheet reads them from a trajectory or a recording. A test holds
-both to each other within 1e-6.
+samples, for hundreds of thousands of runs. The datasheet reads them from a trajectory or a recording. A test checks
+that both agree within 1e-6.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ BORE_POWER = 2.3
 
 
 class Setting(NamedTuple):
-    """Settings of the needles, as shares of fully open.
+    """Settings of the needles, as fractions of fully open.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class DriveStrokes:
         return run_all([StrokeRuns(self, outward, draws, settings)], rtol)[0]
 
     def load_ratio(self, outward: bool, draws: Array) -> Array:
-        """Return which share of the force of the supply the load takes at rest, shape (n,); above 1 it does not move.
+        """Return the ratio of load to supply force at rest, shape (n,); above 1 the load does not move.
 
         The load is weight of load and piston, external force, and friction of cylinder and guide, outwards at least
         the holding force. The supply's force is its gauge pressure on the piston, with the other chamber at ambient.
@@ -162,12 +162,15 @@ class DriveStrokes:
         return _circuit(self.choice, self.task, setting)
 
     def template_key(self, outward: bool) -> tuple[Any, ...]:
-        """Return the form of the circuit of a stroke, without numbers: choices with equal keys run in one ensemble."""
+        """Return the structure of the circuit of a stroke, without numbers.
+
+        Choices with equal keys run in one ensemble.
+        """
         parts = (self.choice.cylinder, self.choice.tube, self.choice.flow_control)
         return (self.task.template_key, outward, *(part.form for part in parts))
 
     def template(self, outward: bool) -> _Template:
-        """Return the circuit of a stroke in the core's form, of which this one differs in numbers alone."""
+        """Return the circuit of a stroke in the core's form; this choice differs from it only in numbers."""
         key = self.template_key(outward)
         if key not in _TEMPLATES:
             circuit = _opened_circuit(self.choice, self.task, outward)
@@ -183,7 +186,8 @@ class DriveStrokes:
     def opens_after(self, outward: bool, draws: Array) -> Array:
         """Return the time from the command until the valve is open, s, shape (n,).
 
-        The edges of a switching valve open over the second half of its travel: half of that counts as closed.
+        The edges of a switching valve open over the second half of its travel. The time to three quarters of the travel
+        counts.
         """
         valve, factors = self.choice.valve, self._factors(draws)
         if valve.kind == PROPORTIONAL:
@@ -231,7 +235,7 @@ class DriveStrokes:
         return CoreMembers(list(values), np.column_stack(columns), starts)
 
     def _factors(self, draws: Array) -> dict[str, Array]:
-        """Return by how much each number of the core's form is multiplied."""
+        """Return the factor of each number in the core's form."""
         spread = self.task.spread
         share = {name: _both_ways(column) for name, column in zip(DRAWN, draws.T, strict=True)}
         low, high = spread.friction
@@ -264,7 +268,7 @@ class DriveStrokes:
         return factors
 
     def drawn_assumed(self) -> dict[str, str]:
-        """Return the values that are drawn because they are assumed, each with its component."""
+        """Return the values that are sampled because they are assumed, each with its component."""
         assumed = {slot: getattr(self.choice, slot).assumed for slot in ("cylinder", "valve", "tube", "flow_control")}
         found = {}
         if any(key.startswith("friction") for key in assumed["cylinder"]):
@@ -302,7 +306,7 @@ class StrokeRuns(NamedTuple):
 
 
 def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeResults]:
-    """Run strokes of any choices of one task; those that differ in numbers alone run side by side in one ensemble.
+    """Run strokes of any choices of one task. Strokes that differ only in numbers run together in one ensemble.
 
     Parameters
     ----------
@@ -320,9 +324,10 @@ def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeRes
 
 
 def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
-    """Run strokes whose circuits differ in numbers alone.
+    """Run strokes whose circuits differ only in numbers.
 
-    The command is constant, so that a valve is two fixed paths that open at one time: nothing moves before. Without a
+    The command is constant, so a valve is described by two fixed paths that open at one time. Nothing moves before.
+    Without a
     schedule of commands, members run in the lanes of a register.
     """
     first, outward = asked[0].strokes, asked[0].outward
@@ -374,7 +379,10 @@ def circuit_of(task: SizingTask, parts: Mapping[str, str], setting: Setting) -> 
 
 
 def points(n: int) -> Array:
-    """Return points of a scrambled Sobol sequence, shape (n, len(DRAWN)): the first of them are those of fewer."""
+    """Return points of a scrambled Sobol sequence, shape (n, len(DRAWN)).
+
+    A smaller n gives the first of the same points.
+    """
     from scipy.stats import qmc
 
     return qmc.Sobol(len(DRAWN), rng=SEED).random_base2(max(n - 1, 1).bit_length())[:n]
@@ -407,7 +415,7 @@ def _circuit(choice: DriveChoice, task: SizingTask, setting: Setting) -> Circuit
 
 
 def _opened_circuit(choice: DriveChoice, task: SizingTask, outward: bool) -> Circuit:
-    """Return the circuit of one stroke, its valve as the two paths that it opens."""
+    """Return the circuit of one stroke, with the valve as the two paths that it opens."""
     paths = {
         name: {
             "kind": "fitting",

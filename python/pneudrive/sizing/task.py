@@ -73,7 +73,7 @@ class TaskSupply(Described):
     table_name: ClassVar[str] = "supply"
     pressure: Annotated[units.Pressure, Stated()] = Field(examples=["6 bar gauge"])
     spread_pa: Annotated[float, Quantity("Pa", "bar", _NOT_NEGATIVE)] = Field(
-        default=0.5e5, description="the pressure lies within +- this"
+        default=0.5e5, description="largest deviation of the pressure, +-"
     )
 
 
@@ -85,17 +85,15 @@ class TaskSpreads(Described):
     friction: Annotated[tuple[float, float], _Factors("")] = Field(
         default=(0.7, 1.5), description="factors of the friction of cylinder and guide"
     )
-    conductance: Share = Field(default=0.1, description="of valves, tubes and needles, +-; twice that where assumed")
+    conductance: Share = Field(default=0.1, description="of valves, tubes and needles, +-; doubled for assumed values")
     temperature_k: Annotated[tuple[float, float], Between("K", "degC")] = Field(
         default=(283.15, 308.15), description="of air and cylinder"
     )
-    assumed: Share = Field(
-        default=0.3, description="of dead volumes, masses of pistons and times of valves that are assumed, +-"
-    )
+    assumed: Share = Field(default=0.3, description="of assumed dead volumes, piston masses and valve times, +-")
 
 
 class SizingTask(Described):
-    """Task that a drive has to do: `pneudrive size` reads it from a TOML file.
+    """Task of a drive: `pneudrive size` reads it from a TOML file.
 
     Examples
     --------
@@ -109,24 +107,24 @@ class SizingTask(Described):
     mass_kg: Mass = Field(description="of the load; that of the piston is added")
     stroke_m: Length
     time_s: Seconds = Field(default=None, description="from the command to the end, outwards")
-    return_time_s: Seconds = Field(default=None, description="the way back; absent: as outwards")
+    return_time_s: Seconds = Field(default=None, description="return stroke; absent: as outwards")
     speed_m_s: Speed = Field(default=None, description="in place of time: stroke over time")
     incline_rad: Angle = Field(default=0.0, description="of the outward stroke; 90 deg: it lifts")
     external_force_n: Force = Field(default=0.0, description="constant force against the outward stroke")
     holding_force_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)] = Field(
-        default=0.0, description="with which the piston presses at the end of the outward stroke"
+        default=0.0, description="force of the piston at the end of the outward stroke"
     )
     end_speed_m_s: Speed = Field(default=None, description="largest speed at the contact with an end")
     impact_energy_j: Annotated[float | None, Quantity("J", "J", _POSITIVE)] = Field(
         default=None, alias="impact_energy", description="largest kinetic energy at the contact with an end"
     )
     peak_pressure: Annotated[units.Pressure | None, Stated()] = Field(
-        default=None, description="largest pressure in a chamber; absent: what the catalogue says of the cylinder"
+        default=None, description="largest pressure in a chamber; absent: that of the cylinder in the catalogue"
     )
     guide: Literal["none", "ball", "plain"] = Field(default="none", description="what carries the load")
     tube_length_m: Length = Field(default=1.0, description="of each tube between valve and cylinder")
     cycles: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
-        default=None, description="life; held against what the catalogue says of B10"
+        default=None, description="life; compared with B10 of the catalogue"
     )
     cycles_per_hour: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
         default=None, description="for air and energy of a year"
@@ -138,7 +136,7 @@ class SizingTask(Described):
         default=None, description="of electricity, in the currency"
     )
     currency: str = Field(default="EUR", description="of the price")
-    servo_valves: bool = Field(default=False, description="look at proportional valves as well")
+    servo_valves: bool = Field(default=False, description="include proportional valves")
     margin: Share = Field(default=0.0, description="reserve that each limit keeps")
     exclude: tuple[str, ...] = Field(default=(), description="names, kinds or patterns of the catalogue: smc-cy1b*")
     supply: TaskSupply
@@ -185,7 +183,7 @@ class SizingTask(Described):
             tables = toml.parse(text, origin)
         else:
             origin = str(source)
-            tables, text = toml.read(source, start="The guide page on sizing has tasks to start from.")
+            tables, text = toml.read(source, start="The guide page on sizing has example tasks.")
         with toml.locating(origin, text):
             return cls.model_validate({"name": Path(origin).stem} | tables)
 
@@ -212,7 +210,7 @@ class SizingTask(Described):
 
     @property
     def back_s(self) -> float:
-        """Longest time of the way back, s."""
+        """Longest time of the return stroke, s."""
         return self.outward_s if self.return_time_s is None else self.return_time_s
 
     @property
@@ -228,7 +226,7 @@ class SizingTask(Described):
 
 
 class TaskValue(NamedTuple):
-    """One value of a task: its key, its text, whether the task gives it (else it is a default), its meaning."""
+    """One value of a task: its key, its text, whether the task or a default gives it, and its meaning."""
 
     key: str
     text: str
@@ -248,7 +246,10 @@ def values_of(task: SizingTask) -> list[TaskValue]:
 
 
 def _brief(text: str) -> str:
-    """Return a text with its numbers in ten digits: those behind them are noise of a conversion, as of 6 lb to kg."""
+    """Return a text with its numbers rounded to ten digits.
+
+    Further digits are noise of a conversion, for example of 6 lb to kg.
+    """
     return _LONG.sub(lambda found: f"{float(found[0]):.10g}", text)
 
 

@@ -1,7 +1,8 @@
-"""Settings of needles and cushions of one choice of parts: those with which the worst of a few cases keeps most margin.
+"""Settings of needles and cushions of one choice of parts, such that the worst of a few cases keeps the largest margin.
 
-A search without derivatives over a grid that is refined twice: arrivals, impacts and check valves make kinks, and the
-grid runs side by side. Cases are nominal, slow and fast; the last two lie where about 1 % of the draws lie beyond.
+The search uses a grid that is refined twice, without derivatives: arrivals, impacts and check valves cause kinks. All
+grid points run in parallel. The cases are nominal, slow and fast. About 1 % of the samples are beyond each of the last
+two.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class Tuned(NamedTuple):
 
 
 def cases(task: SizingTask, outward: bool) -> Array:
-    """Return the draws of the cases nominal, slow and fast, shape (3, len(DRAWN))."""
+    """Return the sampled numbers of the cases nominal, slow and fast, shape (3, len(DRAWN))."""
     rows = np.full((3, len(DRAWN)), 0.5)
     low, high = task.spread.friction
     rows[0, DRAWN.index("friction")] = (1.0 - low) / (high - low) if low < 1.0 < high else 0.5
@@ -102,7 +103,7 @@ def tune(strokes: DriveStrokes) -> Tuned:
 
 
 def is_worth_more(rough: Tuned) -> bool:
-    """Return whether rough settings are worth another refinement."""
+    """Return whether refining rough settings can help."""
     return rough.nominal >= 0.0 and rough.least >= FAR
 
 
@@ -140,7 +141,7 @@ def _sent(search: Search, result: StrokeResults) -> StrokeRuns | Tuned:
 
 
 def _rough(strokes: DriveStrokes) -> Search:
-    """Search rough settings of a choice: yield runs, take their results, return the settings.
+    """Search rough settings of a choice: yield runs, receive their results, return the settings.
 
     If a stroke is too slow fully open even in the fast case, nothing is searched: no setting makes it faster.
     """
@@ -172,7 +173,7 @@ def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
             asked = StrokeRuns(strokes, outward, draws, np.tile(np.array(setting), (MORE, 1)))
             named = _margins(strokes.task, strokes.choice, outward, (yield asked))
             worst = np.unique([margins.argsort()[:WORST] for *_, margins in named])
-            rows = np.unique(np.vstack([rows[3:], draws[worst]]), axis=0)  # with those of the round before
+            rows = np.unique(np.vstack([rows[3:], draws[worst]]), axis=0)  # with the openings of the previous round
             rows = np.vstack([cases(strokes.task, outward), rows])
             near = _near(strokes, outward, setting, FINER[1])
             best = yield from _best(strokes, outward, setting, near, rows)
@@ -191,7 +192,7 @@ def _joined(every: Sequence[Tuned]) -> Tuned:
 
 
 def _grid(strokes: DriveStrokes, outward: bool) -> tuple[Sequence[float], Sequence[float]]:
-    """Return the openings of needle and cushion that are tried first."""
+    """Return the first openings of needle and cushion."""
     task, choice = strokes.task, strokes.choice
     is_limited = task.end_speed_m_s is not None or task.impact_energy_j is not None
     needles = _needles(strokes, outward) if choice.is_throttled else [1.0]
@@ -201,7 +202,7 @@ def _grid(strokes: DriveStrokes, outward: bool) -> tuple[Sequence[float], Sequen
 def _near(
     strokes: DriveStrokes, outward: bool, setting: Setting, finer: tuple[tuple[float, ...], ...]
 ) -> Iterable[tuple[float, ...]]:
-    """Return openings about those of a setting."""
+    """Return openings near those of a setting."""
     grid = _grid(strokes, outward)
     factors = [each if len(one) > 1 else (1.0,) for each, one in zip(finer, grid, strict=True)]
     own = setting[:2] if outward else setting[2:]
@@ -209,7 +210,7 @@ def _near(
 
 
 def _needles(strokes: DriveStrokes, outward: bool) -> list[float]:
-    """Return the openings of the needle that are tried first: about C = A L / (t rho0 R (T0 T)^0.5), and fully open."""
+    """Return the first openings of the needle: about C = A L / (t rho0 R (T0 T)^0.5), and fully open."""
     task, choice = strokes.task, strokes.choice
     limit = task.outward_s if outward else task.back_s
     speed = ANR_DENSITY_KG_M3 * AIR_GAS_CONSTANT_J_KG_K * math.sqrt(ANR_TEMPERATURE_K * task.ambient.temperature_k)
@@ -244,7 +245,7 @@ def _best(
 def _margins(
     task: SizingTask, choice: DriveChoice, outward: bool, found: StrokeResults
 ) -> list[tuple[str, float, Array, Array]]:
-    """Return name, limit, values and margins of the limits that the needles decide."""
+    """Return name, limit, values and margins of the limits that the needles affect."""
     way, limit = ("out", task.outward_s) if outward else ("back", task.back_s)
     named = [(f"time {way}", limit, found.time)]
     if task.end_speed_m_s is not None:

@@ -6,7 +6,7 @@ differentiated. With a smooth kernel k of compact support, integration by parts 
     e_F = k * (m a) - k * (sum of forces - friction)   with k * a = k'' * x            N
     e_p = k * dp/dt - k * (dp/dt of the energy balance) with k * dp/dt = k' * p        Pa/s
 
-Each residual is the part of the measurement that the model lacks.
+Each residual is the part of the measurement that the model does not explain.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
     """Return (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second derivative by time.
 
     Sums are corrected to equal the integrals: the first derivative of a constant is 0 and of a ramp 1, the second
-    derivative of t^2/2 is 1. Without it, a position of 0.3 m at 500 Hz would act like a force.
+    derivative of t^2/2 is 1. Without this correction, a position of 0.3 m at 500 Hz would act like a force.
     """
     s = np.arange(-half, half + 1) / (half + 1)
     width = (half + 1) * step_s

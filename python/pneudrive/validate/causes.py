@@ -248,7 +248,7 @@ def _along_stroke(scene: Scene) -> list[Values]:
     return out
 
 
-_PATH_REMEDY = "measure C of this path (ISO 6358), check for a fitting, silencer or flow control that the model lacks"
+_PATH_REMEDY = "measure C of this path (ISO 6358), check for an unmodelled fitting, silencer or flow control"
 
 
 def causes(drive: Drive) -> list[Cause]:
@@ -280,10 +280,10 @@ def _of_load(drive: Drive) -> list[Cause]:
     return [
         Cause("moving mass", "load", "{size} moving mass", "share", 0.05, 0.03,
                   "weigh piston, slide and load", _drive(_mass), bounds=SHARE, free=(heavier,)),
-        Cause("constant force", "load", "a constant force of {size} in +x that the model lacks", "N", 1.0, 1.0,
+        Cause("constant force", "load", "an unmodelled constant force of {size} in +x", "N", 1.0, 1.0,
                   "check the incline (weight), the drag of cables, and the zeros of the pressure sensors",
                   _value("load.force", "N", lambda d, f: d.carried.force_n + f), free=("load.force",)),
-        Cause("spring", "load", "a spring of {size} around mid stroke that the model lacks", "N/m", 20.0, 10.0,
+        Cause("spring", "load", "an unmodelled spring of {size} around mid stroke", "N/m", 20.0, 10.0,
                   "check for cables, hoses and covers that pull", _drive(_spring), bounds=(-own_stiffness, np.inf)),
     ]  # fmt: skip
 
@@ -311,7 +311,7 @@ def _of_valve(drive: Drive) -> list[Cause]:
                       np.clip(d.valve.critical_pressure_ratio + b, *RATIO))}),
                   bounds=(RATIO[0] - ratio, RATIO[1] - ratio),
                   free=("valve.critical_pressure_ratio",)),
-        Cause("valve delay", "valve", "a valve that acts {size} late", "s", 2e-3, 1e-3,
+        Cause("valve delay", "valve", "a valve delay of {size}", "s", 2e-3, 1e-3,
                   "measure the valve's step response (negative: the command was logged late); identify with a free "
                   "delay of the command", _command(_delayed)),
         Cause("valve zero", "valve", "a valve with its zero at a command of {size}", "1", 0.01, 0.005,

@@ -1,4 +1,4 @@
-"""Force balance of a dragged piston: how far measured force, pressures and parallel forces close, and what is wrong."""
+"""Force balance of a dragged piston: closure of measured force, pressures and parallel forces, and likely errors."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Closure:
 
 
 def close_balance(recording: Recording) -> Closure:
-    """Return how the forces of a recording balance.
+    """Return the force balance of a recording.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ The cause that explains most is added to the model, and the search continues wit
     share explained = 1 - |e(changed model)|^2 / |e(model)|^2
 
 A search for values, such as `identify`, compensates an unmodelled effect by wrong values. A cause that explains little
-is therefore also fitted together with these values. It counts if both leave much less than each of them.
+is therefore also fitted together with these values. It counts if the joint fit leaves much less than each separate fit.
 
 Standard errors come from the scores of blocks of 0.25 s, as neighbouring samples are correlated.
 """
@@ -180,7 +180,7 @@ class _Search:
         return self.stacked([scene.residuals for scene in model.scenes]) - model.taken
 
     def effect(self, model: _Model, cause: Cause, amount: float) -> Array | None:
-        """Return the reduction of the stacked residual by a cause; None if no drive can be, or be moved, like that."""
+        """Return the reduction of the stacked residual by a cause; None if the changed drive or motion is invalid."""
         try:
             effect = self.stacked([cause.effect(scene, amount) for scene in model.scenes])
         except (DescriptionError, SimulationError):
@@ -315,7 +315,7 @@ def _with_companions(
 
     Return these fits if one leaves much less than any single cause.
 
-    The companions without the cause also count as a fit, so that a wrong value is not mistaken for another cause.
+    The companions without the cause also count as a fit. A wrong value is then not mistaken for another cause.
     """
     drive = model.scenes[0].drive
     values = frozenset(drive.provenance) or COMPENSATING
@@ -351,7 +351,7 @@ def _most_joint(
 
 
 def _together(search: _Search, model: _Model, left: Array, cause: Cause, companions: list[Cause]) -> _Refined | None:
-    """Fit the amounts of a cause and of its companions by Gauss-Newton; None if no drive can be like that."""
+    """Fit the amounts of a cause and of its companions by Gauss-Newton; None if the changed drive is invalid."""
     every = [*companions, cause]
     amounts, best = np.zeros(len(every)), None
     for _ in range(NEWTON_STEPS + 1):
@@ -381,7 +381,7 @@ def _together(search: _Search, model: _Model, left: Array, cause: Cause, compani
 
 
 def _alone(search: _Search, model: _Model, r: _Refined, k: int) -> _Refined:
-    """Return the k-th companion of a cause as a cause: its share of the residual of the other changes."""
+    """Return the k-th companion of a cause as a cause: its part of the residual of the other changes."""
     cause, amount, column = r.others[k]
     every = [(other, size) for other, size, _ in (*r.others[:k], *r.others[k + 1 :])] + [(r.cause, r.amount)]
     without = _residual_with(search, model, *map(list, zip(*every, strict=True)))
@@ -390,7 +390,7 @@ def _alone(search: _Search, model: _Model, r: _Refined, k: int) -> _Refined:
 
 
 def _residual_with(search: _Search, model: _Model, every: list[Cause], amounts: Array | list[float]) -> Array | None:
-    """Return the stacked residual with amounts of several causes; None if no drive can be, or be moved, like that."""
+    """Return the stacked residual with amounts of several causes; None if the changed drive or motion is invalid."""
     try:
         for cause, amount in zip(every, np.asarray(amounts).tolist(), strict=True):
             model = search.changed(model, cause, amount) if amount else model
@@ -411,7 +411,7 @@ def _linear(search: _Search, model: _Model, left: Array, cause: Cause) -> _Refin
 
 
 def _is_rival(search: _Search, r: _Refined, best: _Refined) -> bool:
-    """Return whether a cause leaves only noise, or a residual close to that of the best one."""
+    """Return whether a cause leaves only noise, or a residual close to that of the best cause."""
     return 1.0 - r.share <= RIVAL * (1.0 - best.share) or not _is_dirty(search, r.after)
 
 

@@ -1,7 +1,7 @@
 """Metrics of the residual between measurement and model, and tests whether it is noise.
 
-The residual is measurement minus model. Bounds of correlations hold for white residuals; a free run of a wrong model is
-never white, which the test shows. Sources of the tests: [ljung1978], [mathworks-residuals].
+The residual is measurement minus model. Bounds of correlations hold for white residuals. The residual of a wrong
+model's free run is never white, and the test shows this. Sources of the tests: [ljung1978], [mathworks-residuals].
 """
 
 from __future__ import annotations

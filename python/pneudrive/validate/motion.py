@@ -71,7 +71,7 @@ class MotionValidation(Shown):
         return tuple(found)
 
     def __str__(self) -> str:
-        """Return verdicts, start and delay, and doubts as text."""
+        """Return verdicts, start, delay and warnings as text."""
         card = self._card()
         return "\n".join(
             [card.title, *(f"  {mark} {text}" for mark, text in card.rows), *(f"  {n}" for n in card.notes)]
@@ -162,7 +162,7 @@ def validate_motion(
 
 
 def _late(records: tuple[FollowRecord, ...]) -> list[str]:
-    """Return which loggers have another clock than the position."""
+    """Return the loggers whose clock differs from that of the position."""
     return [
         f"{r.name}: the pressures come {abs(r.delay_s[0]):.3f} ± {r.delay_s[1]:.3f} s "
         f"{'after' if r.delay_s[0] > 0 else 'before'} the position: the clocks of the loggers differ"

@@ -55,7 +55,7 @@ class FrictionCurve:
 
     @property
     def inside(self) -> float:
-        """Share of the points with the law within their 95 % band."""
+        """Fraction of the points with the law within their 95 % band."""
         return float(np.mean((self.model_n >= self.low_n) & (self.model_n <= self.high_n)))
 
     @property
@@ -81,7 +81,7 @@ class FrictionValidation(Shown):
 
     @property
     def inside(self) -> float:
-        """Share of all points with the law within their 95 % band."""
+        """Fraction of all points with the law within their 95 % band."""
         sizes = np.array([c.speed_m_s.size for c in self.curves])
         return float(np.average([c.inside for c in self.curves], weights=sizes))
 

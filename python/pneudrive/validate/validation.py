@@ -338,7 +338,10 @@ def validate(
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
-    """Return notes on a model that moves the wrong way, and on samples without a result, which metrics leave out."""
+    """Return notes on a model that moves in the wrong direction, and on samples without a result.
+
+    Metrics leave them out.
+    """
     for r in records:
         position, signals = r.channels["position_m"], r.signals
         if not moves(signals.position_m):

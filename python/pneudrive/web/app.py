@@ -198,7 +198,7 @@ def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Aske
             return JSONResponse({"problems": problems_of(error)}, status_code=400)
         except (KeyboardInterrupt, SystemExit, asyncio.CancelledError):
             raise
-        except BaseException as fault:  # of a damaged file, or nobody foresaw it; panics of the core are no `Exception`
+        except BaseException as fault:  # unexpected, or a damaged file; the core's panics are no `Exception`
             error = fault_of(fault, given.get("path", ""))
             return JSONResponse({"problems": problems_of(error)}, status_code=400)
 
@@ -262,14 +262,14 @@ class _Views:
         known = given["if-match"].strip('"') or None
         asked = _table(body, "text")
         path = given.get("path", "")
-        if basename(path) == "layout.toml":  # one that cannot be read would hide the recordings beside it
+        if basename(path) == "layout.toml":  # an unreadable recording must not hide the others
             from pneudrive.signals.layout import Layout
 
             Layout.loads(asked["text"], "layout.toml")
         return {"sha256": self.workspace.write(path, asked["text"], known)}
 
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
-        """Open a recording, or report the progress of its reading, or its present errors: it may be half written."""
+        """Open a recording, or report the progress of its reading or its errors: the file may be half written."""
         from pneudrive.web.measured.recordings import layout_above, layout_in
 
         name = given.get("path", "")
@@ -302,7 +302,7 @@ class _Views:
             return pack(head, {})
         columns, span, pixels = _view(found, given)
         view = found.window(span, pixels, columns)
-        if self.recordings.version(name, key) is None:  # it was replaced while it was read
+        if self.recordings.version(name, key) is None:  # the file was replaced during the reading
             return pack(head, {})
         head |= {"key": found.key, "from": span[0], "to": span[1]}
         head |= {"missing": view.missing, "samples": view.samples, "raw": view.raw}
@@ -346,7 +346,7 @@ class _Views:
         said = int(length) if length is not None else None
         try:
             size = await take(self.workspace, asked.query_params.get("path", ""), said, asked.stream())
-        except ClientDisconnect:  # the tab was closed: nothing is kept, nobody reads the answer
+        except ClientDisconnect:  # the tab was closed: nothing is stored, and the answer is not read
             return Response(status_code=400)
         except PneudriveError as error:
             return JSONResponse({"problems": problems_of(error)}, status_code=400)
@@ -438,7 +438,7 @@ def _table(body: bytes, *texts: str) -> dict[str, Any]:
     """Read a JSON body that is a table with these texts."""
     try:
         table = json.loads(body)
-        json.dumps(table, ensure_ascii=False).encode()  # half of a pair of UTF-16 is no text
+        json.dumps(table, ensure_ascii=False).encode()  # half of a surrogate pair is not text
     except (ValueError, RecursionError):
         table = None
     if not isinstance(table, dict) or not all(isinstance(table.get(key), str) for key in texts):

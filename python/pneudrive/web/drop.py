@@ -71,7 +71,7 @@ async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncI
 
 
 def rename(workspace: Workspace, name: str, to: str) -> None:
-    """Give a file another name in a folder that is there.
+    """Give a file another name in an existing folder.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def add_example(workspace: Workspace, _given: object = None) -> dict[str, str]:
             part = folder / f".pneudrive-{secrets.token_hex(8)}.part"
             try:
                 shutil.copyfile(file, part)
-                with contextlib.suppress(CommandError):  # it is there already
+                with contextlib.suppress(CommandError):  # the folder exists already
                     _place(part, folder / file.name)
             finally:
                 part.unlink(missing_ok=True)
@@ -123,7 +123,7 @@ def _place(part: Path, target: Path) -> None:
         target.hardlink_to(part)
     except FileExistsError:
         raise CommandError(f"{target.name} is there already", remedy="Rename one of the two.") from None
-    except OSError:  # a file system without links
+    except OSError:  # the file system has no links
         try:
             target.touch(exist_ok=False)
         except FileExistsError:

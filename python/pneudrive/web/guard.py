@@ -20,9 +20,9 @@ TOKEN_BYTES = 24  # 192 bits
 MOST_BODY = 1 << 20  # bytes
 TOO_LONG = f"more than {MOST_BODY} bytes are too many for the page: open a file of that size in an editor"
 MOST_SOCKETS = 8
-PROTOCOL = "pneudrive"  # subprotocol of the socket; a second one carries the token
+PROTOCOL = "pneudrive"  # subprotocol of the socket; a second subprotocol carries the token
 TOKEN_PROTOCOL = "token."
-REPORTS = "/report/"  # what follows is the secret of one report
+REPORTS = "/report/"  # the secret of one report follows
 #: Files that are dropped here may have any length; what takes them writes each piece as it comes.
 DROP = "/api/drop"
 NAMES = ("127.0.0.1", "localhost", "[::1]")

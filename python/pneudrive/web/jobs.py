@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 RESULTS, CAMPAIGNS = "results", "campaigns"
 READY = ("quick-look", "stops-pressure", "paper-speed", "paper-pressure", "paper-stops", "asymmetric-pressures")
-RIG = "default"  # simulated: a real rig is started from a terminal alone
+RIG = "default"  # simulated: a real rig can only be started from a terminal
 FASTEST = 1e6
 LAST_LINES, LAST_BYTES = 40, 1 << 16
-REPORT = '{"done": '  # how a line of progress begins
+REPORT = '{"done": '  # beginning of a line of progress
 NOTHING_BEGUN = "Interrupted before any result was finished: nothing was written."
 MOST_RECORDINGS = 500
-MOST_BYTES = 243  # of a name: the system takes 255, with the ending
+MOST_BYTES = 243  # longest name: the system allows 255 with the suffix
 _NAME = re.compile(r"[\w][\w .-]{0,80}")
 
 
@@ -146,12 +146,12 @@ def _said(log: Path) -> dict[str, Any]:
         with log.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
             file.seek(max(size - LAST_BYTES, 0))
-            lines = file.read().decode("utf-8", "replace").splitlines()[size > LAST_BYTES :]  # the first one is cut
+            lines = file.read().decode("utf-8", "replace").splitlines()[size > LAST_BYTES :]  # the first is cut
     except OSError:
         lines = []
     reports = [line for line in lines if line.startswith(REPORT)]
     progress = None
-    for line in reports[-2:]:  # the last one may be half written
+    for line in reports[-2:]:  # the last line may be incomplete
         with suppress(ValueError):
             progress = json.loads(line)
     return {"tail": "\n".join([line for line in lines if line not in reports][-LAST_LINES:]), "progress": progress}

@@ -1,4 +1,4 @@
-"""Lineage of each result of the workspace, from the hashes that it carries, and its present validity.
+"""Lineage of each result of the workspace from the hashes in the result, and whether its inputs have changed.
 
 A result names its inputs with their hashes. A run, a fit of a drive and a validation name the description. A fit of a
 friction map names the values of the map, and an applied drive its fit. Fits and validations name the samples of their
@@ -52,9 +52,9 @@ if TYPE_CHECKING:
     from pneudrive.identify.static.model import Observations
     from pneudrive.web.workspace import Listed, Workspace
 
-MOST_CHECKED, MOST_TRACED = 300, 3000  # files of a kind that are looked at, the newest: for all results, for one
+MOST_CHECKED, MOST_TRACED = 300, 3000  # newest files of a kind that are searched: for all results, for one result
 MOST_INPUTS = 100  # of one result
-MOST_BYTES = 200_000_000  # of a recording whose samples are hashed for a page
+MOST_BYTES = 200_000_000  # largest recording whose samples are hashed for a page
 #: Results that can have inputs.
 KINDS = ("drive", "fit", "validation", "friction map", "recording", "comparison", "campaign")
 SAME, CHANGED, DIFFERS, MISSING, NAMED, UNREAD = "same", "changed", "differs", "missing", "named", "unread"
@@ -179,7 +179,7 @@ class Lineage:
 
     def _map(self, each: Input, of: str) -> tuple[str, str]:
         folder = of.rpartition("/")[0]
-        maps = self._of_kind("friction map")  # that beside the fit first
+        maps = self._of_kind("friction map")  # the file next to the fit comes first
         maps.sort(key=lambda one: (one.path.rpartition("/")[0] != folder, not one.path.endswith(".parquet")))
         known, beside = json.loads(each.part), ""
         for one in maps:
@@ -360,7 +360,7 @@ def _inputs(workspace: Workspace, path: str, kind: str, _changed: float) -> tupl
         }[kind](workspace, path)
         return tuple(dict.fromkeys(found))[:MOST_INPUTS]
     except (PneudriveError, KeyError, TypeError, ValueError, AttributeError):
-        return ()  # a file that is no result names no inputs
+        return ()  # a file that is not a result has no inputs
 
 
 def _of_fit(workspace: Workspace, path: str) -> Iterator[Input]:
@@ -382,7 +382,7 @@ def _of_fit(workspace: Workspace, path: str) -> Iterator[Input]:
 
 
 def _of_drive(workspace: Workspace, path: str) -> Iterator[Input]:
-    drive = drive_at(workspace, path, workspace.path(path).stat().st_mtime)  # as the list has it
+    drive = drive_at(workspace, path, workspace.path(path).stat().st_mtime)  # in the order of the list
     for key, one in drive.provenance.items() if drive is not None else ():
         if one.fit:
             yield Input("fit", one.source, one.fit, key)
@@ -412,7 +412,7 @@ def _of_run(workspace: Workspace, path: str) -> Iterator[Input]:
             yield Input("recording", said["recording"], said["sha256"])
         elif "description_hash" in said:
             part = "identified" if "identified" in said else ""
-            told = said.get("belief_hash") or said["description_hash"]  # the true drive of a law may deviate
+            told = said.get("belief_hash") or said["description_hash"]  # the true drive of a controller may deviate
             yield Input("drive", said.get("title", ""), told, part)
 
 

@@ -1,4 +1,4 @@
-"""The socket of the sliders: the newest request waits, older ones are dropped, and a thread runs it."""
+"""The socket of the sliders: a thread runs one request, the newest request waits, and older ones are dropped."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ PANELS = (
     ("pressure", "Pa", "Pressure, absolute"),
     ("friction_force", "N", "Friction force"),
 )
-ANSWERED = threading.Event()  # a run, to a page
-MOST_CURVES = 8  # in a panel: as many as there are looks
+ANSWERED = threading.Event()  # longest run for a page
+MOST_CURVES = 8  # curves in a panel: as many as there are line styles
 MOST_IMPACTS = 3
-MOST_EVENTS = 40  # marked above the curves
-AT_REST_M_S = 1e-3  # slower than this a piston rests
+MOST_EVENTS = 40  # moments marked above the curves
+AT_REST_M_S = 1e-3  # a piston slower than this is at rest
 LONG_REST = 20  # samples without motion that are marked as a rest
 
 
@@ -86,7 +86,7 @@ async def live(
     try:
         while True:
             mailbox.put(await socket.receive_text())
-    except (WebSocketDisconnect, KeyError):  # KeyError: a message of bytes
+    except (WebSocketDisconnect, KeyError):  # KeyError: the message has bytes instead of text
         pass
     finally:
         limit.cancelled = True
@@ -131,7 +131,7 @@ def answer(
         error = wrong
     except (KeyboardInterrupt, SystemExit):
         raise
-    except BaseException as fault:  # nobody foresaw it; without an answer the page would wait for ever
+    except BaseException as fault:  # unexpected error; without an answer the page would wait forever
         error = fault_of(fault)
     return pack({"number": number, "path": path, "problems": problems_of(error)}, {})
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 ALIGNED = 8
-LONGEST_NAME = 200  # characters of a name in a message
+LONGEST_NAME = 200  # longest name in a message
 TYPES = {"float32": "<f4", "float64": "<f8"}
 
 

@@ -64,7 +64,7 @@ class Opening:
 
     def __init__(self, guard: Guard, page: BuiltPage, whole: Future[App]) -> None:
         self.guard, self.page, self.whole = guard, page, whole
-        whole.set_running_or_notify_cancel()  # a browser that goes while it waits does not cancel it
+        whole.set_running_or_notify_cancel()  # a browser that leaves while waiting does not cancel the start
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer the page at once, and the rest when the full application is ready."""

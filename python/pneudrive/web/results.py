@@ -1,4 +1,4 @@
-"""Results in the one form of `pneudrive.views`, as a page gets them: values and curves in usual units, and sentences.
+"""Results in the common form of `pneudrive.views` for the page: values and curves in usual units, and sentences.
 
 `SHOWN` has one line for each kind of result. The page needs no separate code for a kind in this table.
 """
@@ -59,7 +59,7 @@ class SentCurve:
 
 @dataclass(frozen=True)
 class SentView:
-    """A result: its table as terminal, notebook and report have it, with the values of its cells, and its curves."""
+    """A result: its table, as in terminal, notebook and report, the values of its cells, and its curves."""
 
     title: str
     head: list[str]

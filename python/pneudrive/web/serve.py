@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from pneudrive.web.guard import App
 
-MOST_MESSAGE = 1 << 16  # bytes of a message of the socket
-SWITCH_S = 5e-4  # an answer does not wait 5 ms, the usual time, for each thread that imports or reads beside it
-MOST_WAIT_S = 2.0  # for the first answer of a run, till the rest is imported
+MOST_MESSAGE = 1 << 16  # largest message of the socket, bytes
+SWITCH_S = 5e-4  # thread switch interval, s: with the default of 5 ms, answers would wait for importing threads
+MOST_WAIT_S = 2.0  # the same until the first answer of a run
 _LIBRARIES = ("starlette", "uvicorn", "websockets", "tomlkit")
 _NEEDED = 'pip install "pneudrive[web]"'
 
@@ -100,7 +100,7 @@ def serve(
                 from pneudrive.web.app import make_app
 
                 whole.set_result(make_app(workspace, port, token, control=control))
-            except BaseException as error:  # the server ends with it, below
+            except BaseException as error:  # Ctrl-C ends the server below
                 whole.set_exception(error)
                 server.should_exit = True
             else:

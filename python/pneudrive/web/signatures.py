@@ -1,4 +1,4 @@
-"""The work that a page starts, one signature for each command: its fields, its words and its Python.
+"""Commands that the page starts, each with a signature: its fields, its command line and its Python lines.
 
 A form of the page, the copied command, the copied Python and the started process all follow from one entry of
 `SIGNATURES`.

@@ -1,4 +1,4 @@
-"""The folder of the page: which files it may use, and how they are written without losing data.
+"""The folder of the page: its accessible files, and safe writing of files.
 
 The import is fast, because the address is printed after it. Modules for campaigns and descriptions are imported in
 functions.
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 DESCRIPTIONS = (".toml",)
 TABLES = (".csv", ".parquet", ".nc", ".h5", ".hdf5", ".tdms", ".mf4", ".mat", ".txt", ".xz", ".gz", ".bz2")
 FMUS = (".fmu",)
-COMMANDS = (".csv",)  # of a valve over time
+COMMANDS = (".csv",)  # command of a valve over time
 SUFFIXES = (*DESCRIPTIONS, *TABLES, *FMUS)
 BUILT = Path(__file__).parent / "built"  # the page
-LONGEST = 1024  # characters of a name
+LONGEST = 1024  # longest name, characters
 MOST_FILES = 20_000
-HEAD = 1 << 16  # bytes of a TOML file that tell its kind
+HEAD = 1 << 16  # bytes of a TOML file that are read to find its kind
 #: Kinds of TOML files by the beginning of a line; a task by its stroke, before any table. No pattern runs over lines:
 #: many empty lines would take quadratic time.
 _TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke[ \t]*=")
@@ -122,7 +122,7 @@ class Workspace:
             raise _refused(name)
         try:
             place = self.root.joinpath(*parts).resolve()
-        except (OSError, RuntimeError, ValueError):  # a circle of links, or a name that the system does not take
+        except (OSError, RuntimeError, ValueError):  # a cycle of links, or a name that the system rejects
             raise _refused(name) from None
         if not place.is_relative_to(self.root):
             raise _refused(name)
@@ -201,7 +201,7 @@ class Workspace:
         CommandError
             The file cannot be written.
         """
-        with alone_in(self.root):  # two savers that know the same text: the second one hears of the first
+        with alone_in(self.root):  # two writers with the same version: the second one gets an error
             return self._write(name, text, known)
 
     def _write(self, name: str, text: str, known: str | None) -> str:
@@ -211,7 +211,7 @@ class Workspace:
             is_same = known is not None and known.startswith(fingerprint(there))
             if not is_same or (path in self._saves and known != self._version(path, there)):
                 raise ChangedError(there, self._version(path, there))
-            if "\r\n" in there:  # as the file has them: an editor in a browser has no others than "\n"
+            if "\r\n" in there:  # line ends of the file: an editor in a browser only has "\n"
                 text = text.replace("\r\n", "\n").replace("\n", "\r\n")
         elif known is not None:
             raise ChangedError("", fingerprint(""))

@@ -38,14 +38,14 @@ def test_one_speed_gives_the_friction_there_and_nothing_else(make_map, friction_
     fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.05))
     assert fit.determined == ("coulomb",)
     assert fit.parameters["coulomb"] == pytest.approx(friction_of([0.01])[0], abs=0.1)
-    assert "all the friction at that speed" in lost(fit)["viscous"].reason
+    assert "the whole friction at that speed" in lost(fit)["viscous"].reason
 
 
 def test_one_value_is_enough_for_one_number(make_map):
     fit = fit_friction(make_map([0.01], [12.0], 0.2))
     low, high = fit.intervals["coulomb"]
     assert (low, high) == pytest.approx((12.0 - 1.96 * 0.2, 12.0 + 1.96 * 0.2), rel=1e-3)
-    assert any("stated standard errors alone" in note for note in fit.notes)
+    assert any("only on the stated standard errors" in note for note in fit.notes)
 
 
 def test_breakaway_and_stribeck_velocity_are_not_separable_from_the_tail(make_map, friction_of):
@@ -131,7 +131,7 @@ def test_speed_and_pressure_that_change_together_are_named(make_map, friction_of
 
 def test_friction_that_falls_between_two_speeds_is_no_viscous_part(make_map, friction_of):
     fit = fit_friction(make_map([0.005, 0.015], friction_of([0.005, 0.015]), 0.01))
-    assert "which no viscous part does" in lost(fit)["viscous"].reason
+    assert "unlike a viscous part" in lost(fit)["viscous"].reason
     assert fit.determined == ("coulomb",)
     low, high = fit.intervals["coulomb"]
     assert low < min(friction_of([0.005, 0.015]))

@@ -43,7 +43,7 @@ def test_a_discharge_gives_conductance_ratio_and_heat_within_their_intervals():
         assert fit.statistics["rms_share.pressure"] < 0.005
     assert inside >= 14, "18 intervals of 95 %: 0.9 outside are expected, more than 4 in one of 300"
     assert [u.parameter for u in fit.undetermined] == ["volume.leakage"]
-    assert "leads to the ambient air, as the leak does" in fit.statements()[0]
+    assert "leads to the ambient air, like the leak" in fit.statements()[0]
     assert fit.apply().line.conductance_m3_s_pa == pytest.approx(C, rel=0.01)
 
 

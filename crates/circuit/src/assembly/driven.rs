@@ -93,7 +93,8 @@ impl<'a> Driven<'a> {
     }
 
     /// A sampled servo loop: every 1/rate seconds the command is computed from position and velocity
-    /// and held. Returns the states at the samples, rows as of [`Driven::states`], the commands, the work.
+    /// and held. Returns the states at the samples, with rows as in [`Driven::states`], the commands, and the work
+    /// counts.
     pub fn servo(
         servo: &Servo,
         mut session: Session,
@@ -124,25 +125,26 @@ fn refuse<T>() -> Result<T, Error> {
     Err(Error::Specification("this needs one piston between two chambers on a 5/3 valve".into()))
 }
 
-/// What takes the steps of a servo loop: where a sample is hardly longer than a step, one of low order. It does less
-/// work a step, and a step of high order could not be longer.
+/// Integration method of a servo loop: a low-order method if a sample is hardly longer than a step. It does less work
+/// per step, and a high-order step could not be longer.
 #[derive(Default)]
 struct Samples {
-    /// Samples that longer steps are still left to.
+    /// Remaining samples for the high-order method.
     left: u32,
 }
 
 impl Samples {
-    /// Attempts at a sample up to which low order is worth it: one of high order costs as much as two.
+    /// Largest number of attempts per sample for which low order is efficient: one high-order attempt costs as much as
+    /// two.
     const FEW: u64 = 2;
-    /// Samples after which it is tried again.
+    /// Samples after which low order is tried again.
     const PAUSE: u32 = 16;
 
     fn method(&self) -> Method {
         if self.left == 0 { Method::Rodas3 } else { Method::Rodas5P }
     }
 
-    /// A sample took so many attempts.
+    /// Registers the number of attempts for a sample.
     fn took(&mut self, attempts: u64) {
         self.left =
             if self.left == 0 && attempts > Self::FEW { Self::PAUSE } else { self.left.saturating_sub(1) };

@@ -1,4 +1,4 @@
-//! Names that a written form, such as a drive file, has for the variables of its circuit.
+//! Names of the variables of a circuit in a written form, such as a drive file.
 
 /// Short names of the variables of a circuit.
 #[derive(Clone, Debug, Default)]
@@ -28,7 +28,7 @@ impl Names {
         full.strip_prefix(&self.of).and_then(|rest| rest.strip_prefix('.'))
     }
 
-    /// The name that users see.
+    /// Returns the name that users see.
     pub(super) fn short(&self, full: &str) -> String {
         match self.place(full) {
             Some(place) => self.table[place].0.clone(),
@@ -36,18 +36,18 @@ impl Names {
         }
     }
 
-    /// The rank of a variable: as in the table, then those of the component, then all others.
+    /// Returns the rank of a variable: first those of the table, then those of the component, then all others.
     pub(super) fn rank(&self, full: &str) -> usize {
         self.place(full).unwrap_or(self.table.len() + usize::from(self.within(full).is_none()))
     }
 
-    /// The name that users see of a number of a component; without a table, its key.
+    /// Returns the name that users see for a number of a component; without a table, its key.
     pub(super) fn key(&self, of: &str, key: &str) -> String {
         let place = self.place(&format!("{of}.{key}"));
         place.map_or(key.into(), |place| self.table[place].0.clone())
     }
 
-    /// A message about a component, with its name in front unless that is left out.
+    /// Returns a message about a component, with its name in front unless the name is left out.
     pub(super) fn said(&self, of: &str, message: &str) -> String {
         if of == self.of { message.into() } else { format!("{of}: {message}") }
     }

@@ -21,7 +21,7 @@ use physics::mechanics::EndStop;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Source of the interpolation of points, cited where a component has some.
+/// Source of the interpolation of points, cited if a component has points.
 const OF_POINTS: &str = "fritsch1984";
 /// A circuit of components.
 #[derive(Clone, Debug)]
@@ -192,7 +192,7 @@ impl Network {
         Network::called(spec, ledger, Arc::default())
     }
 
-    /// The same under short names.
+    /// Returns the same circuit under short names.
     pub fn called(spec: &specification::Circuit, ledger: bool, names: Arc<Names>) -> Result<Self, Error> {
         let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
         for (i, own) in each.iter().enumerate() {
@@ -367,12 +367,12 @@ impl Network {
         Ok(session)
     }
 
-    /// The piston of a circuit that has one, between two chambers on a 5/3 valve, under short names.
+    /// Returns the single piston between two chambers on a 5/3 valve under short names, if the circuit has one.
     pub fn driven(&self) -> Result<Driven<'_>, Error> {
         Driven::of(&self.assembly, self.pistons.first().map_or(f64::NAN, |piston| piston.stroke))
     }
 
-    /// A session under plans: an input, times and the values from each of them on.
+    /// Returns a session under plans: an input, times, and the value from each time on.
     pub fn planned(
         &self,
         plans: &[(String, Vec<f64>, Vec<f64>)],

@@ -66,7 +66,7 @@ fn mark_of(bytes: impl IntoIterator<Item = u8>) -> u64 {
         .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// Returns whether a time is reached at another one, within the resolution of the clock.
+/// Returns whether a time is reached at another time, within the resolution of the clock.
 fn has_come(time: f64, at: f64) -> bool {
     time <= at || same_time(time, at)
 }
@@ -509,7 +509,7 @@ impl Session {
             }
             if u.is_nan() {
                 return refuse(format!(
-                    "the edges of the valve are set by themselves: there is no {name} to differentiate by. Linearise by their openings"
+                    "the edges of the valve are set directly: there is no {name} to differentiate by. Linearise by their openings"
                 ));
             }
         }

@@ -15,19 +15,19 @@ use std::collections::BTreeMap;
 const AGE: &str = "contact_age_s";
 
 impl Assembly {
-    /// Names of the numbers of a start: all but the inner states of friction, which begin at rest.
+    /// Returns the names of the start values: all except the inner states of friction, which begin at rest.
     pub fn given_names(&self) -> Vec<&str> {
         let starts = self.variables.starts.iter();
         let given = starts.filter(|(starting, _)| !matches!(starting, Starting::Inner(_)));
         given.flat_map(|(_, names)| names.iter().map(String::as_str)).collect()
     }
 
-    /// A session at a start, given by name.
+    /// Returns a session at a start, given by name.
     pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
         self.session_under(&[], start, options)
     }
 
-    /// The same, where spools and locks stand at these commands: an input and its value.
+    /// Returns the same, with spools and locks at the positions for these commands: an input and its value.
     pub(super) fn session_under(
         &self,
         first: &[(usize, f64)],
@@ -40,7 +40,7 @@ impl Assembly {
         Ok(Session::new(self, 0.0, self.stand(first, &numbers, age), options))
     }
 
-    /// Refuses positions of legs that no pose of their platform has.
+    /// Refuses positions of legs that are impossible for their platform.
     fn check_poses(&self, start: &[f64]) -> Result<(), Error> {
         let (mut rest, mut axes) = (start, Vec::new());
         for (starting, names) in &self.variables.starts {
@@ -75,7 +75,7 @@ impl Assembly {
         Ok(())
     }
 
-    /// The numbers of a start given by name, in the order of [`Assembly::given_names`].
+    /// Returns start values, given by name, in the order of [`Assembly::given_names`].
     pub(super) fn numbers(&self, start: &BTreeMap<String, f64>) -> Result<Vec<f64>, Error> {
         let names = self.given_names();
         if let Some(name) = start.keys().find(|name| *name != AGE && !names.contains(&name.as_str())) {
@@ -115,13 +115,14 @@ impl Assembly {
         Ok(numbers)
     }
 
-    /// The equations and their state at a start, its numbers in the order of [`Assembly::given_names`], of contacts of
-    /// this age, s, where spools and locks stand at the commands `first`: an input and its value.
+    /// Returns the equations and their state at a start. Its numbers have the order of [`Assembly::given_names`].
+    /// Contacts have this age, s. Spools and locks are at the positions for the commands `first`: an input and its
+    /// value.
     pub fn stand(&self, first: &[(usize, f64)], start: &[f64], age: f64) -> (Circuit<f64>, Vec<f64>) {
         self.stand_in(Circuit::clone(&self.circuit), first, start, age)
     }
 
-    /// The same of another circuit of this make.
+    /// Returns the same for another circuit with the same structure.
     pub fn stand_in(
         &self,
         mut circuit: Circuit<f64>,
@@ -153,7 +154,7 @@ impl Assembly {
         (circuit, y)
     }
 
-    /// A session that goes on from the state of another one of this make, at time 0.
+    /// Returns a session at time 0 that continues from the state of another session with the same structure.
     pub fn session_from(&self, state: &[f64], options: Options) -> Result<Session, Error> {
         let (mut circuit, mut y) = (Circuit::clone(&self.circuit), state.to_vec());
         let n = circuit.n_states();

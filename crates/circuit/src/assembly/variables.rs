@@ -23,7 +23,7 @@ pub enum Target {
 /// A named input.
 #[derive(Clone, Debug)]
 pub struct Settable {
-    /// Its name for users.
+    /// Name for users.
     pub name: String,
     /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
@@ -93,7 +93,7 @@ pub enum Quantity {
 pub enum Starting {
     /// Pressure, Pa absolute, and temperature, K.
     Gas(GasId),
-    /// None: equal to the previous gas.
+    /// `None`: equal to the previous gas.
     Alike(GasId),
     /// Position, m, and velocity, m/s.
     Axis(AxisId),
@@ -194,7 +194,7 @@ impl<P: Lane> Assembly<P> {
         })
     }
 
-    /// Names of the numbers of a start.
+    /// Returns the names of the start values.
     pub fn start_names(&self) -> Vec<String> {
         self.variables.starts.iter().flat_map(|(_, names)| names.clone()).collect()
     }
@@ -208,7 +208,7 @@ impl<P: Lane> Assembly<P> {
         }
     }
 
-    /// The value of an input.
+    /// Returns the value of an input.
     pub fn get<R: Lane>(&self, circuit: &Circuit<R>, input: usize) -> R {
         match self.variables.inputs[input].target {
             Target::Input(id) => circuit.input(id),
@@ -288,7 +288,7 @@ impl<P: Lane> Assembly<P> {
 }
 
 impl<P: Lane> Assembly<P> {
-    /// The same circuit under short names.
+    /// Returns the same circuit under short names.
     pub(super) fn called(mut self, names: &Arc<Names>) -> Self {
         if let Some(circuit) = Arc::get_mut(&mut self.circuit) {
             circuit.call_states(|name| names.short(name));

@@ -13,8 +13,8 @@ use ode::Dense;
 use physics::flow::{End, Iso6358};
 use physics::{Gas, IdealGas};
 
-/// A restriction between a chamber and a reservoir: its index, its reservoir, and whether it is drawn towards the
-/// chamber.
+/// A restriction between a chamber and a reservoir: its index, its reservoir, and whether it is defined from reservoir
+/// to chamber.
 #[derive(Clone, Copy, Debug)]
 struct Edge {
     restriction: usize,
@@ -22,7 +22,7 @@ struct Edge {
     inward: bool,
 }
 
-/// One open restriction of each chamber, seen from its reservoir.
+/// One open restriction of each chamber, with flow counted from its reservoir.
 #[derive(Clone, Debug)]
 struct Ports<P> {
     law: Iso6358<Both<P>>,
@@ -30,7 +30,7 @@ struct Ports<P> {
     reservoir: End<Both<P>>,
     temperature: Both<P>,
     /// Gas flows out of a chamber above this pressure, Pa: the pressure of the reservoir. At equal pressure, the flow
-    /// has the direction in which the restriction is drawn.
+    /// counts as positive in the defined direction of the restriction.
     limit: Both<P>,
     restriction: [Option<usize>; 2],
 }
@@ -237,7 +237,7 @@ impl<P: Real> Cylinder<P> {
 
 impl<R: Real> Cylinder<R> {
     /// Returns the rates of the velocity and of an inner state, if any, and their rows of the Jacobian. The axis is
-    /// given at (x, v), directions 0 and 1. Both pressures have given slopes by x and by U.
+    /// given at (x, v), which are directions 0 and 1. The slopes of both pressures by x and U are given.
     #[inline(always)]
     fn differentiate<const D: usize>(
         &self,

@@ -118,7 +118,7 @@ fn examined(columns: &[Parameter], points: &[Vec<f64>]) -> Result<(), String> {
     if let Some(pair) = points.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
         let (Parameter { key, unit, .. }, [before, after]) = (columns[0], [pair[0][0], pair[1][0]]);
         return Err(format!(
-            ": {key} = {after} {unit} comes after {before} {unit}: they must rise from point to point"
+            ": {key} = {after} {unit} comes after {before} {unit}: values must rise from point to point"
         ));
     }
     Ok(())

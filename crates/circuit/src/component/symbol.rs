@@ -31,12 +31,12 @@ pub struct Symbol {
 }
 
 impl Stroke {
-    /// The same strokes, further to the right.
+    /// Returns the strokes moved to the right.
     pub const fn at(strokes: &'static [Stroke], right: f64) -> Stroke {
         Stroke::Moved(strokes, [right, 0.0], false)
     }
 
-    /// Their mirror image, further to the right.
+    /// Returns their mirror image, moved to the right.
     pub const fn mirrored(strokes: &'static [Stroke], right: f64) -> Stroke {
         Stroke::Moved(strokes, [right, 0.0], true)
     }

@@ -124,6 +124,6 @@ pub const LINEAR_ABOVE: Row = table! {
 pub(super) const WALL: &[Row] = table! {
     wall_capacity: "J/K", physics::above(0.0), within "wall", "Heat capacity of the wall, which stores heat at one temperature; absent: a wall at constant temperature";
     wall_outer_area: "m2", physics::at_least(0.0), within "wall", "Area of the wall on the side of the ambient air";
-    wall_outer_heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 10.0, assumed "of still air, with radiation",
+    wall_outer_heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 10.0, assumed "usual for still air, with radiation",
         within "wall", "Heat-transfer coefficient from the ambient air to the wall";
 };

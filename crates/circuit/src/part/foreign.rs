@@ -64,7 +64,7 @@ impl<P: Lane> Foreign<P> {
     pub(crate) fn gather(each: &[&Foreign<f64>]) -> Self {
         let parts: Vec<&dyn Any> = each.iter().map(|foreign| foreign.part.any()).collect();
         let made = each[0].family.gather(TypeId::of::<Self>(), &parts);
-        *made.downcast().expect("a part of another crate is gathered to itself")
+        *made.downcast().expect("a part of another crate is gathered only to its own type")
     }
 }
 

@@ -1,5 +1,5 @@
-//! Exported code as the core runs it, sample by sample, and a file of inputs and results by which a compiled copy is
-//! checked bit for bit.
+//! Exported code, run by the core sample by sample. A file of its inputs and results checks a compiled copy bit for
+//! bit.
 
 use super::guard::GUARD;
 use super::{CHECKED, Program, RESULTS};
@@ -14,22 +14,23 @@ pub struct Remembered {
     kept: Vec<f64>,
 }
 
-/// Samples of the file.
+/// Number of samples in the file.
 const SAMPLES: u32 = 600;
-/// Sample at which a move begins, and how many it takes.
+/// Sample at which a move begins, and its number of samples.
 const MOVES: [u32; 2] = [20, 180];
-/// Samples at which: two readings are lost, the reference jumps, the drive is disabled and enabled, the sensor is lost.
+/// Samples of these events: two readings are lost, the reference jumps, the drive is disabled, it is enabled, the
+/// sensor is lost.
 const EVENTS: [u32; 5] = [120, 300, 400, 420, 520];
-/// Pressure of both chambers, Pa absolute: any usual one.
+/// Pressure of both chambers, Pa absolute: an arbitrary usual value.
 const PRESSURE: f64 = 4e5;
 
 impl Program {
-    /// Before the first sample.
+    /// Returns the state before the first sample.
     pub fn remembered(&self) -> Remembered {
         Remembered { guard: vec![0.0; GUARD + 1], kept: vec![0.0; self.memory[0]] }
     }
 
-    /// Runs a sample: [`RESULTS`], then the status.
+    /// Runs a sample. Returns the [`RESULTS`], then the status.
     pub fn step(&self, own: &mut Remembered, inputs: &[f64]) -> Vec<f64> {
         let parameters: Vec<f64> = self.parameters.iter().map(|own| own.1).collect();
         let checked = self.check.run(&[inputs, &parameters, &own.guard].concat());
@@ -51,8 +52,8 @@ impl Program {
         results
     }
 
-    /// A file of samples: the bits of each input and of each result in hexadecimal digits. The drive is at rest, moves, loses
-    /// two readings, gets a reference that jumps, is disabled and enabled, and loses its position sensor.
+    /// Returns a file of samples: the bits of each input and result in hexadecimal digits. The drive rests, moves and
+    /// loses two readings. Then its reference jumps, it is disabled and enabled, and it loses its position sensor.
     pub fn conformance(&self) -> String {
         let names = self.inputs.iter().map(|own| own.name.as_str());
         let results = RESULTS.iter().map(|own| own.0).chain(["status"]);
@@ -89,7 +90,7 @@ impl Program {
         let [lost, jumps, off, on, gone] = EVENTS;
         let t = f64::from(k) * self.period;
         let [mut now, then, late] = [t, t + self.ahead, t - 2.0 * self.period].map(at);
-        // Noise of a few counts, and pressures that lean.
+        // Noise of a few counts, and pressures that differ slightly.
         let mut position = late.position + 2e-6 * f64::from((k * 7919) % 5);
         if (lost..lost + 2).contains(&k) || k >= gone {
             position = f64::NAN;

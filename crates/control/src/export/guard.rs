@@ -25,12 +25,12 @@ const NO_POSITION: f64 = 2.0;
 const NO_PRESSURE: f64 = 3.0;
 const REJECTED: f64 = 4.0;
 
-/// Numbers of a guard that do not change.
+/// Constants of a guard.
 #[derive(Clone, Copy, Debug)]
 pub struct Fixed {
     /// s.
     pub period: f64,
-    /// Time after which a command of now acts, s.
+    /// Time after which the present command acts, s.
     pub ahead: f64,
     /// Position resolution, m.
     pub grain: f64,
@@ -61,8 +61,8 @@ pub struct Asked<S> {
     pub enabled: S,
 }
 
-/// The inputs after the checks; whether the valve may open, and whether the drive begins to be controlled, 1 or 0; and one
-/// of [`STATUS`].
+/// The inputs after the checks, two flags and a [`STATUS`]. The flags, 1 or 0, say whether the valve may open and
+/// whether control begins.
 #[derive(Clone, Copy, Debug)]
 pub struct Checked<S> {
     pub asked: Asked<S>,
@@ -77,7 +77,7 @@ pub struct Guard<S> {
     /// 1 if the last sample was enabled, else 0.
     enabled: S,
     status: S,
-    /// Position, m, and pressures, Pa, that were passed on, and how many readings in a row were not.
+    /// Position, m, and pressures, Pa, that were passed on, and the number of successive rejected readings.
     position: S,
     pressures: [S; 2],
     missed: [S; 3],
@@ -90,19 +90,19 @@ pub struct Guard<S> {
     end: S,
 }
 
-/// Size of [`Guard`], in numbers.
+/// Count of numbers in a [`Guard`].
 pub const GUARD: usize = 17;
 
 fn flag<S: Number>(a: S, b: S) -> S {
     S::select(a.lt(b), S::one(), S::zero())
 }
 
-/// 1 where a number lies between two others, else 0; 0 for one that is not a number.
+/// Returns 1 if a number is between two others, else 0; also 0 for NaN.
 fn between<S: Number>(low: S, x: S, high: S) -> S {
     flag(low, x) * flag(x, high)
 }
 
-/// The first of two where a flag is 1, else the second.
+/// Returns the first of two numbers if a flag is 1, else the second.
 fn either<S: Number>(is: S, yes: S, no: S) -> S {
     S::select(S::c(0.5).lt(is), yes, no)
 }
@@ -112,7 +112,7 @@ fn is<S: Number>(status: S, value: f64) -> S {
 }
 
 impl<S: Number> Guard<S> {
-    /// From its numbers, in the order of [`Guard::numbers`].
+    /// Returns the guard of numbers in the order of [`Guard::numbers`].
     pub fn of(numbers: &[S]) -> Self {
         let at = |place: usize| numbers[place];
         let followed = Wanted { position: at(8), velocity: at(9), acceleration: at(10), jerk: S::zero() };
@@ -180,7 +180,8 @@ impl<S: Number> Guard<S> {
         Checked { asked, opens: follows + stops, begins, status }
     }
 
-    /// The position, or the prediction where a reading is not credible. |x - x_predicted| > 5 counts + 0.1 T v_max is not.
+    /// Returns the position, or the prediction if the reading is not credible: if |x - x_predicted| > 5 counts + 0.1 T
+    /// v_max.
     fn position(&mut self, fixed: &Fixed, reading: S, velocity: S, begins: S) -> S {
         let predicted = self.position + velocity.times(fixed.period);
         let speed = S::c(POSITION_SPEED * fixed.period * fixed.fastest);
@@ -195,7 +196,7 @@ impl<S: Number> Guard<S> {
         self.position
     }
 
-    /// The pressures; the last good one where a reading is not credible.
+    /// Returns the pressures, or the last credible one for a reading that is not.
     fn gas(&mut self, fixed: &Fixed, read: [S; 2], begins: S) -> [S; 2] {
         let [low, high] = GUARD_PRESSURE;
         for (side, reading) in read.into_iter().enumerate() {
@@ -208,7 +209,8 @@ impl<S: Number> Guard<S> {
         self.pressures
     }
 
-    /// 1 if the reference is within the limits, finite and continuous; at the first sample, near the drive.
+    /// Returns 1 if the reference is within the limits, finite and continuous. At the first sample it must be near the
+    /// drive.
     fn accepts(&self, fixed: &Fixed, limits: &Limits<S>, asked: &Asked<S>, position: S, begins: S) -> S {
         let rounding = S::c(LIMIT_ROUNDING);
         let [low, high] = limits.position;
@@ -227,7 +229,7 @@ impl<S: Number> Guard<S> {
         within(&asked.now) * within(&asked.then) * between(-least, apart, least)
     }
 
-    /// Begins a stop ramp from where the drive was to be; at the first sample, the drive stands where it is.
+    /// Begins a stop ramp at the last wanted position. At the first sample, the drive stays where it is.
     fn stop(&mut self, fixed: &Fixed, limits: &Limits<S>, stops: S, begins: S, position: S) {
         let (period, zero) = (S::c(fixed.period), S::zero());
         let Wanted { position: x, velocity: v, acceleration: a, .. } = self.followed;

@@ -3,7 +3,7 @@
 use super::guard::{GUARD, STATUS};
 use super::{Function, Given, Graph, MOVE, Node, Operator, Program, RESULTS, along_a_move};
 
-/// A language that programs are printed in.
+/// Output language of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Language {
     /// C99.
@@ -16,7 +16,7 @@ pub enum Language {
 const LONGEST: usize = 60;
 
 impl Language {
-    /// A number, to the last digit.
+    /// Returns a number with all digits.
     fn constant(self, x: f64) -> String {
         let mut text = format!("{x:?}");
         if let (Language::St, Some((mantissa, exponent))) = (self, text.clone().split_once('e')) {
@@ -91,7 +91,7 @@ impl Language {
     }
 }
 
-/// Whether each closing parenthesis has one that opens it before.
+/// Returns whether each closing parenthesis follows an opening one.
 fn is_closed(text: &str) -> bool {
     let mut depth = 0;
     text.chars().all(|own| {
@@ -100,7 +100,7 @@ fn is_closed(text: &str) -> bool {
     })
 }
 
-/// Statements that make the results of a graph; how many locals they have.
+/// Returns the statements that compute the results of a graph, and their number of locals.
 fn statements(graph: &Graph, language: Language, inputs: &[String], results: &[String]) -> (String, usize) {
     let mut uses = vec![0; graph.nodes.len()];
     graph.nodes.iter().for_each(|node| node.each(|place| uses[place as usize] += 1));
@@ -136,7 +136,7 @@ fn statements(graph: &Graph, language: Language, inputs: &[String], results: &[S
     (text, locals)
 }
 
-/// Statements of a piece, and how many locals they have.
+/// Statements of a piece, and their number of locals.
 type Piece = (String, usize);
 
 /// Pieces of a step.
@@ -148,7 +148,7 @@ struct Pieces {
 }
 
 impl Program {
-    /// Names of inputs and parameters of a piece, in their order, then what it remembers.
+    /// Names of inputs, parameters and stored numbers of a piece, in their order.
     fn names(&self, language: Language, is_checked: bool, remembers: (&str, usize)) -> Vec<String> {
         let [input, parameter] = match (language, is_checked) {
             (Language::C, _) => ["in->", "parameters->"],
@@ -181,16 +181,16 @@ impl Program {
         }
     }
 
-    /// Its name in code.
+    /// Name in the code.
     pub fn name(&self) -> String {
         format!("pneudrive_{}", self.law.replace('-', "_"))
     }
 
-    /// Lines that describe the code; `about` is the caller's.
+    /// Returns the lines that describe the code. The caller supplies `about`.
     fn about(&self, about: &str) -> Vec<String> {
         let mut lines = vec![
-            format!("Controller {} with its observer, made by pneudrive from the equations that it runs itself.", self.law),
-            format!("To be called every {} s. The reference is asked for now and {} s later.", self.period, self.ahead),
+            format!("Controller {} with its observer, made by pneudrive from its own equations.", self.law),
+            format!("To be called every {} s. It needs the reference now and {} s later.", self.period, self.ahead),
             "SI units, pressures absolute. Nothing is learned: friction and valve are those of the description.".into(),
             "Sensors and reference are checked. It is not a safety function, and it does not brake before an end stop.".into(),
         ];
@@ -327,7 +327,7 @@ impl Program {
         ) + &self.st_move()
     }
 
-    /// A function block that gives a move of a reference.
+    /// A function block that computes a move of a reference.
     fn st_move(&self) -> String {
         let (text, locals) = a_move(Language::St, WANTED.map(String::from).to_vec());
         let list =

@@ -1,7 +1,8 @@
 //! Numbers that record each operation, from which code in another language is made.
 //!
-//! A comparison gives a truth value, which cannot record anything. So the work runs several times, and each
-//! comparison is true or false by one binary digit of its number. This shows which comparison a choice depends on.
+//! A comparison gives a truth value, which cannot record anything. The work therefore runs several times. In each run,
+//! one binary digit of a comparison's number decides whether it is true. This shows which comparison a choice depends
+//! on.
 
 use crate::number::{Memory, Number};
 use math::{Over, Real};
@@ -61,12 +62,12 @@ struct Recording {
     nodes: Vec<Node>,
     known: HashMap<Node, u32>,
     comparisons: Vec<[u32; 2]>,
-    /// The binary digit of a comparison's number that it answers with; none: false.
+    /// Binary digit of a comparison's number that decides its result; `None`: always false.
     digit: Option<u32>,
-    /// Answer given to each choice so far.
+    /// Results of the choices so far.
     answers: Vec<bool>,
-    /// Comparison that each choice depends on, as its number plus one; 0: no comparison. `None` while these are
-    /// being found.
+    /// Comparison that each choice depends on, as its number plus one; 0: no comparison. `None` while the dependences
+    /// are being determined.
     takes: Option<Vec<usize>>,
 }
 
@@ -178,7 +179,7 @@ pub fn record(inputs: usize, work: impl Fn(&[Traced]) -> Vec<Traced>) -> Graph {
         (RECORDING.take(), results)
     };
     let (first, _) = run(None, None);
-    assert!(first.comparisons.len() < 1 << (DIGITS - 1), "more comparisons than can be told apart");
+    assert!(first.comparisons.len() < 1 << (DIGITS - 1), "more comparisons than can be distinguished");
     let mut takes = vec![0; first.answers.len()];
     for digit in 0..DIGITS {
         let (seen, _) = run(Some(digit), None);
@@ -211,7 +212,7 @@ impl Graph {
         self.results.iter().map(|&place| values[place as usize]).collect()
     }
 
-    /// Without nodes of which nothing comes.
+    /// Removes nodes that no result depends on.
     fn needed(self) -> Graph {
         let mut used = vec![false; self.nodes.len()];
         self.results.iter().for_each(|&place| used[place as usize] = true);

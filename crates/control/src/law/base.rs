@@ -17,7 +17,7 @@ pub struct Tick<'a, S = f64> {
     pub plant: &'a Plant,
     /// The period, s.
     pub period: f64,
-    /// The state when a command of now will act.
+    /// Predicted state when the present command acts.
     pub state: State<S>,
     /// Its acceleration, m/s2.
     pub acceleration: S,
@@ -27,7 +27,7 @@ pub struct Tick<'a, S = f64> {
     pub friction: [S; 2],
     /// Measured position now, m, and wanted state now.
     pub now: (S, Wanted<S>),
-    /// When a command of now will act, s: then the state is that of `state`.
+    /// Time at which the present command acts, s: the time of `state`.
     pub acts: f64,
     /// The spool then.
     pub spool: &'a Spool<S>,
@@ -36,7 +36,7 @@ pub struct Tick<'a, S = f64> {
 }
 
 impl<S: Number> Tick<'_, S> {
-    /// Error of position, m, velocity and acceleration: wanted minus what will be.
+    /// Returns the errors of position, m, velocity and acceleration: wanted minus predicted.
     pub fn errors(&self) -> [S; 3] {
         let Wanted { position, velocity, acceleration, .. } = self.wanted;
         [position - self.state.position, velocity - self.state.velocity, acceleration - self.acceleration]
@@ -60,7 +60,7 @@ pub(super) fn fed_forward<S: Number>(tick: &Tick<S>, wanted: &Wanted<S>, share: 
         / S::c(tick.plant.speed)
 }
 
-/// Returns whether a fraction of opening can be given without saturation.
+/// Returns whether a fraction of opening is possible without saturation.
 pub(super) fn is_free<S: Number>(asked: S) -> S::Mask {
     asked.abs().lt(S::c(1.0 + f64::EPSILON))
 }
@@ -70,24 +70,24 @@ pub trait Tuned: Gains + Sized {
     /// Its word in a controller file.
     const KEY: &'static str;
 
-    /// With gains that follow from the drive.
+    /// Returns the law with gains that follow from the drive.
     fn tuned(model: &Model, plant: &Plant) -> Self;
 }
 
-/// A law. Its memory is numbers; it has no clock.
+/// A law. Its memory consists of numbers. It has no clock.
 pub trait Law<S: Number = f64>: Memory<S> {
-    /// It predicts the spool. Its state is then that after the dead time, not after the whole lag.
+    /// Whether the law predicts the spool. Its state is then that after the dead time, not after the whole lag.
     fn predicts(&self) -> bool {
         false
     }
 
-    /// Random walk of the force that the observer expects not to explain, relative to the usual one.
+    /// Expected random walk of the unexplained force in the observer, relative to the usual one.
     fn wander(&self) -> f64 {
         1.0
     }
 
-    /// Rate at which a force grows that breaks a resting drive away, relative to the bandwidth. Zero: the law breaks
-    /// away in another way, or not at all.
+    /// Growth rate of the force that breaks a resting drive away, relative to the bandwidth. Zero: the law does not add
+    /// such a force.
     fn push(&self) -> f64 {
         0.0
     }
@@ -95,6 +95,6 @@ pub trait Law<S: Number = f64>: Memory<S> {
     /// Returns the fraction of opening, before the overlap is added. It may exceed -1 .. 1.
     fn step(&mut self, tick: &Tick<S>) -> S;
 
-    /// Called with the requested fraction of opening after it was given within limits, for anti-windup.
+    /// Called with the requested fraction of opening after saturation, for anti-windup.
     fn given(&mut self, _asked: S, _tick: &Tick<S>) {}
 }

@@ -12,18 +12,18 @@ const SETS: f64 = 3.0;
 
 law! {
     /// A fuzzy controller. Rules "if the error is big and its slope is small, then ..." replace the proportional and
-    /// derivative part of [`Pid`](super::Pid). Feed-forward and integral are the same.
+    /// derivative part of [`Pid`](super::Pid). Feed-forward and integral are those of `Pid`.
     ///
     ///   u_fb = k_p e_max phi(e/e_max, T_d e'/e_max)
     ///
-    /// Each of both has seven triangular sets at -1, -2/3 .. 1, which overlap by half. The rule for sets i and j asks
+    /// Both inputs have seven triangular sets at -1, -2/3 .. 1, which overlap by half. The rule for sets i and j asks
     /// for the set i + j within -3 .. 3. [`sugeno`] gives phi.
     pub struct Fuzzy {
         gain: "1/m", at_least(0.0), "k_p", rule "zeta omega/K_v";
         derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega";
         integral_time: "s", above(0.0), "T_i", rule "4/omega";
         filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega";
-        friction_share: "1", at_least(0.0), "share of the friction that is fed forward", rule "0.5, assumed";
+        friction_share: "1", at_least(0.0), "fraction of the friction that is fed forward", rule "0.5, assumed";
         error_range: "m", above(0.0), "e_max", rule "30 mm, assumed";
     } memory<S> { errors: Errors<S> = Errors::none() }
 }
@@ -34,7 +34,7 @@ fn belongs<S: Number>(e: S, de: S) -> [(S, S); 2] {
     let one = S::one();
     [e, de].map(|share| {
         let place = share.limited().times(SETS);
-        // Index of the lower set, counted up.
+        // Index of the lower set.
         let lower = [-2.0, -1.0, 0.0, 1.0, 2.0]
             .iter()
             .fold(S::c(-SETS), |lower, &set| lower + S::select(place.lt(S::c(set)), S::zero(), one));

@@ -11,13 +11,13 @@ use math::{Dual, Over, Real};
 use physics::above;
 use std::fmt;
 
-/// Moves of the plan.
+/// Number of moves in the plan.
 pub const MOVES: usize = 8;
-/// Duration of each block, ms; the last ones are followed in steps of 2 ms.
+/// Duration of each move, ms. The last moves are simulated in steps of 2 ms.
 const BLOCKS: [usize; MOVES] = [1, 1, 2, 2, 4, 6, 8, 16];
 const STEPS: [usize; MOVES] = [1, 1, 1, 1, 1, 1, 2, 2];
 
-/// Steps of all moves.
+/// Number of steps in the horizon.
 const HORIZON: usize = {
     let (mut sum, mut block) = (0, 0);
     while block < MOVES {
@@ -27,25 +27,25 @@ const HORIZON: usize = {
     sum
 };
 
-/// A number with its derivatives by all moves.
+/// A number with its derivatives with respect to all moves.
 pub type ByMoves = Dual<f64, MOVES>;
 
-/// The steps of the horizon: the move that is held, and how long the step is, s.
+/// Returns the steps of the horizon: the index of the move, and the duration of the step, s.
 pub fn steps() -> impl Iterator<Item = (usize, f64)> {
     (0..MOVES).flat_map(|block| {
         std::iter::repeat_n((block, 1e-3 * STEPS[block] as f64), BLOCKS[block] / STEPS[block])
     })
 }
 
-/// Predicts the horizon in place of the model. Moves are fractions of opening. Both methods show position, m,
-/// velocity, m/s, and acceleration, m/s2, behind each of the [`steps`]. They return false if the prediction fails.
-/// The model predicts then.
+/// Predicts the horizon in place of the model. Moves are fractions of opening. Both methods pass on position, m,
+/// velocity, m/s, and acceleration, m/s2, after each of the [`steps`]. They return false if the prediction fails. The
+/// controller then uses its model.
 pub trait Predictor: fmt::Debug + Send + Sync {
-    /// Sets the state from which the horizon begins, and the fraction of opening that was given a period before.
+    /// Sets the state at the beginning of the horizon, and the opening of the previous period.
     fn begin(&mut self, tick: &Tick, given: f64);
-    /// The horizon under moves.
+    /// Simulates the horizon under these moves.
     fn values(&mut self, plan: &[f64; MOVES], see: &mut dyn FnMut([f64; 3])) -> bool;
-    /// The same with derivatives by them.
+    /// Simulates the horizon with derivatives with respect to the moves.
     fn derivatives(&mut self, plan: &[ByMoves; MOVES], see: &mut dyn FnMut([ByMoves; 3])) -> bool;
     /// A copy.
     fn boxed(&self) -> Box<dyn Predictor>;
@@ -74,7 +74,7 @@ impl<S> Memory<S> for Predicting {
     fn each(&mut self, _see: &mut dyn FnMut(&mut S)) {}
 }
 
-/// Numbers that a predictor has.
+/// Stored numbers of a predictor.
 trait Planned: Over<f64> {
     fn ask(own: &mut dyn Predictor, plan: &[Self; MOVES], see: &mut dyn FnMut([Self; 3])) -> bool;
 }
@@ -118,13 +118,14 @@ impl Horizon {
 }
 
 law! {
-    /// Nonlinear predictive control: the moves w of the coming 40 ms that make
+    /// Nonlinear predictive control: the moves w of the next 40 ms that minimise
     ///
     ///   sum h (e^2 + (e'/lambda)^2 + 0.1 (e''/lambda^2)^2) + r^2 sum (w_i - w_(i-1))^2
     ///
-    /// least within -1 .. 1, e in mm, h in ms, w in %. The whole horizon is run once a sample, from the state when a
-    /// command of now will act. Its numbers carry derivatives by all moves. One Gauss-Newton step follows, or a
-    /// quarter of it where the whole would cost more. The predictor can be chosen: the model in fixed steps, or a
+    /// within -1 .. 1, e in mm, h in ms, w in %. Each sample simulates the horizon once, from the state when the
+    /// present command acts. All numbers carry derivatives with respect to all moves. One Gauss-Newton step follows, or
+    /// a quarter of it if the full step would increase the cost. The predictor can be chosen: the model in fixed steps,
+    /// or a
     /// [`Predictor`].
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
@@ -136,7 +137,7 @@ law! {
     }
 }
 
-/// Minimises x' H x/2 + g' x within bounds. Values at a bound are fixed there, and the others are solved for. This
+/// Minimises x' H x/2 + g' x within bounds. Values at a bound are fixed there, and the remaining system is solved. This
 /// repeats until no fixed value would leave its bound.
 fn within<const N: usize>(
     h: &[[f64; N]; N],
@@ -162,7 +163,7 @@ fn within<const N: usize>(
             fixed[i] = Some(bound);
             continue;
         }
-        // Slope of the cost at a bound: a value that is pulled into the interior is released.
+        // A value at a bound is released if the slope of the cost points into the interior.
         let slope = |i: usize| g[i] + (0..N).map(|j| h[i][j] * x[j]).sum::<f64>();
         let free = (0..N).find(|&i| {
             fixed[i].is_some_and(|bound| {
@@ -178,7 +179,7 @@ fn within<const N: usize>(
     Some(std::array::from_fn(|i| x[i].clamp(low[i], high[i])))
 }
 
-/// The minimum with some numbers fixed, by Cholesky.
+/// Returns the minimum with some numbers fixed, by a Cholesky factorisation.
 fn solve<const N: usize>(h: &[[f64; N]; N], g: &[f64; N], fixed: &[Option<f64>; N]) -> Option<[f64; N]> {
     let (mut a, mut b) = (*h, g.map(|g| -g));
     for i in 0..N {
@@ -232,12 +233,12 @@ impl Nmpc {
         }
     }
 
-    /// Takes over who predicts.
+    /// Sets the predictor.
     pub fn predict_by(&mut self, predicting: Predicting) {
         self.predicting = predicting;
     }
 
-    /// Runs the horizon under a plan and shows each residual.
+    /// Simulates the horizon under a plan and passes on each residual.
     fn follow<S: Planned>(
         &mut self,
         tick: &Tick,
@@ -261,7 +262,8 @@ impl Nmpc {
         }
     }
 
-    /// Position, velocity and acceleration behind each step, by who predicts, or by the model where that cannot.
+    /// Passes on position, velocity and acceleration after each step, from the predictor, or from the model if the
+    /// predictor fails.
     fn foreseen<S: Planned>(
         &mut self,
         tick: &Tick,
@@ -282,7 +284,7 @@ impl Nmpc {
     }
 }
 
-/// Returns the prediction of the model under a plan: position, m, velocity, m/s, and acceleration, m/s2, behind each
+/// Passes on the prediction of the model under a plan: position, m, velocity, m/s, and acceleration, m/s2, after each
 /// of the [`steps`], with derivatives.
 pub fn by_the_model(tick: &Tick, plan: &[ByMoves; MOVES]) -> Vec<[ByMoves; 3]> {
     let mut foreseen = [[ByMoves::zero(); 3]; HORIZON];

@@ -5,10 +5,10 @@ use crate::number::{Memory, Number};
 use crate::types::Plant;
 use physics::{above, at_least};
 
-/// An error with its slope behind a filter, and its integral, from the position as it is measured.
+/// Error of the measured position, its filtered slope and its integral.
 #[derive(Clone, Debug)]
 pub(super) struct Errors<S> {
-    /// The last error, and whether there is one: 0 or 1.
+    /// The last error, and whether it exists: 0 or 1.
     last: [S; 2],
     slope: S,
     /// Integral of the error, as a fraction of opening.
@@ -28,7 +28,7 @@ impl<S: Number> Errors<S> {
         Errors { last: [S::zero(); 2], slope: S::zero(), integral: S::zero() }
     }
 
-    /// The error and its slope.
+    /// Returns the error and its slope.
     pub fn seen(&mut self, tick: &Tick<S>, filter_time: S) -> [S; 2] {
         let (position, wanted) = tick.now;
         let e = wanted.position - position;
@@ -40,7 +40,7 @@ impl<S: Number> Errors<S> {
         [e, self.slope]
     }
 
-    /// Integrates at a rate for each metre, 1/(m s), where the command was not at its limit.
+    /// Integrates the error at a rate, 1/(m s), unless the command was at its limit.
     pub fn add_up(&mut self, is_free: S::Mask, rate: S, tick: &Tick<S>) {
         let grown = self.integral + rate * (tick.now.1.position - tick.now.0) * S::c(tick.period);
         self.integral = S::select(is_free, grown, self.integral);

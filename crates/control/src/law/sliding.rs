@@ -6,14 +6,14 @@ use crate::thresholds::{SLIDING_BANDWIDTH, SLIDING_GAIN};
 use crate::types::Plant;
 use physics::{above, at_least};
 
-/// The surface s = e'' + 2 lambda e' + lambda^2 e, and the jerk that holds the drive on it.
+/// Returns the surface s = e'' + 2 lambda e' + lambda^2 e, and the jerk that keeps the drive on it.
 fn surface<S: Number>(tick: &Tick<S>, l: S) -> [S; 2] {
     let [e, e1, e2] = tick.errors();
     let twice = l.times(2.0);
     [e2 + twice * e1 + l * l * e, tick.wanted.jerk + twice * e2 + l * l * e1]
 }
 
-/// The opening that gives a jerk, m/s3.
+/// Returns the opening that produces a jerk, m/s3.
 fn opening<S: Number>(tick: &Tick<S>, jerk: S) -> S {
     tick.opening_for(jerk.times(tick.model.mass) + tick.friction[1])
 }
@@ -44,8 +44,8 @@ impl<S: Number> Law<S> for Sliding<S> {
 }
 
 law! {
-    /// Super-twisting: k_1 |s|^0.5 sgn s + w with w' = k_2 sgn s in place of K_s sat(s/phi), linear in a band about s = 0
-    /// where a sampled law would chatter.
+    /// Super-twisting: k_1 |s|^0.5 sgn s + w with w' = k_2 sgn s in place of K_s sat(s/phi), linear in a band about s =
+    /// 0, because a sampled law would chatter there.
     pub struct SuperTwisting {
         bandwidth: "rad/s", above(0.0), "lambda of the surface", rule "48 rad/s, assumed";
         root_gain: "m^0.5/s2", at_least(0.0), "k_1", rule "K_s/phi^0.5 of the sliding mode";

@@ -1,4 +1,4 @@
-//! Braking before end stops, by the predicted place where the drive would come to rest.
+//! Braking before end stops, by the predicted position at which the drive would come to rest.
 
 use super::gas::Gas;
 use crate::controller::Controller;
@@ -12,8 +12,8 @@ use crate::thresholds::{
 };
 use crate::types::State;
 
-/// Number of times that a standing drive had to be braked, and the last time, s. It counts if the law makes the drive
-/// oscillate about the target.
+/// Number of times that a drive at its target had to be braked, and the last time, s. A high count shows that the law
+/// makes the drive oscillate about the target.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Swings {
     times: u32,
@@ -40,9 +40,9 @@ pub struct Braking {
     pub acts: bool,
     /// Count of brakings.
     pub swings: Swings,
-    /// The model as it was at first, on a supply that has fallen.
+    /// The described model with a fallen supply.
     fallen: Option<Box<Model>>,
-    /// For how long no force has been missing, s.
+    /// Time since a force was last missing, s.
     explained_for: f64,
 }
 
@@ -52,8 +52,8 @@ impl Default for Braking {
     }
 }
 
-/// Returns an observer without pressure sensors with less trapped gas. It assigns the unmodelled force beyond
-/// friction to the chamber that presses against it. That is the least gas that may be trapped.
+/// Returns an observer without pressure sensors that assumes less trapped gas. It assigns the unmodelled force beyond
+/// friction to the chamber that would act against it. The result is the least possible trapped gas.
 fn less_trapped(observer: &Observer, model: &Model, friction: f64) -> Observer {
     let mut seen = observer.clone();
     let State { disturbance, pressures, .. } = &mut seen.state;
@@ -69,9 +69,9 @@ fn less_trapped(observer: &Observer, model: &Model, friction: f64) -> Observer {
 }
 
 impl Braking {
-    /// The command that has to brake before an end stop now, if any. If the supply may have fallen, or while it
-    /// brakes, the trapped air alone must be able to stop the drive. `gas` has the findings from the pressures, if
-    /// they are `measured`; until `doubted_until`, s, a command may act in reverse.
+    /// Returns the command if the drive must brake before an end stop now. If the supply may have fallen, or while it
+    /// brakes, the trapped air alone must be able to stop the drive. `gas` has the findings from the pressures, if they
+    /// are `measured`. A command may act in reverse until `doubted_until`, s.
     pub fn needed(
         &mut self,
         own: &Controller,
@@ -102,13 +102,13 @@ impl Braking {
             };
             let found = on(BRAKE_COUNTED_ON)?;
             if has_none {
-                // If every other command hits the end stop, the rest of the supply's pressure is used.
+                // If every other command hits the end stop, the remaining supply pressure is used.
                 let is_lost = found.shut_needs > 1.0 && found.shut_speed > BRAKE_HITS;
                 let hoped = if is_lost { on(BRAKE_HOPED_FOR) } else { None };
                 return Some(hoped.unwrap_or(found).command);
             }
-            // With the valve shut, the drive stops whatever the supply does. If that is not enough, or just enough
-            // with little air ahead, a supply that presses brakes best. Most doubts about the supply prove wrong.
+            // A shut valve stops the drive independently of the supply. If it does not suffice, or hardly does with
+            // little air ahead, an intact supply brakes best. Most doubts about the supply prove wrong.
             let ahead = trapped.state.pressures[usize::from(found.against < 0.0)];
             let has_little = ahead - ambient < BRAKE_COUNTED_ON * (own.model.supply.pressure - ambient);
             let needs = found.shut_needs * if has_little { 1.0 + BRAKE_SURE } else { 1.0 };
@@ -129,20 +129,20 @@ impl Braking {
 /// Decision to brake now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Brake {
-    /// The command with the shortest braking distance, or with which the end stop is reached the slowest.
+    /// Command with the shortest braking distance, or with the lowest speed at the end stop.
     command: f64,
-    /// The command whose force points away from that end.
+    /// Command whose force points away from this end.
     against: f64,
-    /// Fraction of the room that the drive needs with the valve shut, whatever the supply does. It is zero if the
+    /// Fraction of the room that the drive needs with the valve shut, for any supply pressure. It is zero if the
     /// drive is slow and touches the end stop softly.
     shut_needs: f64,
-    /// Speed at its stand or at the end stop with the valve shut, m/s.
+    /// Speed at the end of the simulation or at the end stop with the valve shut, m/s.
     shut_speed: f64,
 }
 
-/// Returns the decision to brake if a command of now would leave too little room at the next sample. The room has a
-/// relative margin, `margin`, for errors of the model. It checks the end to which the drive moves, or to which a
-/// command turns it. It checks both ends if commands may lead the drive `either_way`.
+/// Returns the decision to brake if the present command would leave too little room at the next sample. The room has a
+/// relative margin, `margin`, for errors of the model. It checks the end to which the drive moves or is turned by a
+/// command. It checks both ends if commands may act `either_way`.
 fn brakes(
     model: &Model,
     observer: &Observer,
@@ -156,10 +156,10 @@ fn brakes(
     before(along).or_else(|| if command * along < 0.0 || either_way { before(-along) } else { None })
 }
 
-/// The same before one end, that in +x (1) or in -x (-1).
+/// Returns the decision for one end: in +x (1) or in -x (-1).
 ///
-/// The distance is that of the model under `command` for a period, then under full braking or with the valve shut,
-/// whichever is shorter. An open chamber that is pressed above the supply loses its air to the supply.
+/// The model gives the distance under `command` for a period, then under full braking or with the valve shut: the
+/// shorter of both. An open chamber that is pressed above the supply loses its air to the supply.
 fn brakes_before(
     way: f64,
     model: &Model,
@@ -176,7 +176,7 @@ fn brakes_before(
         let least = pressure * area / model.mass;
         v * (model.valve.lag() + 2.0 * period + BRAKE_TURN) + 0.5 * v * v / least
     };
-    // Highest speed that the drive can gain until a command of now acts.
+    // Highest speed that the drive can gain until the present command acts.
     let room = |x: f64| if way > 0.0 { model.stroke - x } else { x };
     let [along, turned] = BRAKE_GAIN;
     let (gain, away) = if velocity >= 0.0 { (along, 0.0) } else { (turned, BRAKE_AWAY) };
@@ -206,7 +206,7 @@ fn brakes_before(
     };
     let left = room(state.position) - BRAKE_APART;
     let [full, shut] = [-way, 0.0].map(|brake| way_to(state, spool.clone(), brake));
-    // If both reach the end stop, take the slower one.
+    // If both commands reach the end stop, the slower one is used.
     let reach = [full, shut].iter().all(|(needed, end)| *needed > left && *end > BRAKE_TOUCH);
     let is_shut_better = if reach { shut.1 < full.1 } else { shut.0 < full.0 };
     let needed = if is_shut_better { shut.0 } else { full.0 };

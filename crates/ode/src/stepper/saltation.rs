@@ -17,7 +17,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     pub(super) fn switch(&mut self, lane: usize, event: usize, moved: bool) {
         if R::DIRECTIONS > 0 {
             if moved {
-                // A switch at the same time as the previous one moves with it.
+                // A second switch at the same time has the same dt*.
                 self.event_shift = self.shift_of(event);
             }
             self.shift_state(self.event_shift);

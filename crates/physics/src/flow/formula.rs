@@ -16,7 +16,7 @@ pub const MASS_FLOW: Role = Role {
             name: "opening",
             unit: "1",
             bounds: within(0.0, 1.0),
-            meaning: "open share, 0 to 1; a formula that uses it makes a component with a command",
+            meaning: "opening fraction, 0 to 1; a formula that uses it makes a component with a command",
         },
     ],
     constants: &[

@@ -56,7 +56,7 @@ crate::parameters! {
         subsonic_index: "-", crate::above(0.0), default 0.5;
         /// Pressure ratio above which the flow is linear in 1 - r
         linear_above: "-", crate::between(0.0, 1.0), default LINEAR_ABOVE;
-        /// Derived: C rho0 sqrt(T0), of the gas that flows
+        /// Derived: C rho0 sqrt(T0) of the flowing gas
         gain: "kg K^0.5/(s Pa)", crate::above(0.0);
         /// Derived: 1/(1 - b)
         inverse_span: "-", crate::above(0.0);
@@ -65,7 +65,7 @@ crate::parameters! {
         /// Derived: slope of the linear part
         linear_slope: "-", crate::above(0.0);
     } with {
-        /// The index is 0.5: a square root instead of a power
+        /// Whether the index is 0.5: a square root instead of a power
         elliptic: bool,
     }
 }

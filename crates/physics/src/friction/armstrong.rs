@@ -38,7 +38,7 @@ crate::parameters! {
         bristle_stiffness: "N/m", above(0.0);
         /// Frictional memory tau: time by which friction lags behind the velocity
         memory_time: "s", above(0.0);
-        /// Time gamma of a stop after which half of the static friction that was lost has come back
+        /// Time gamma of a stop after which half of the lost static friction has returned
         recovery_time: "s", above(0.0);
     }
 }

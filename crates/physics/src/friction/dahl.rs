@@ -3,7 +3,7 @@ use super::{At, Choices, Claims, Described, InnerState, Law, Levels, sliding};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
-/// |1 - q sgn v| below this is taken as this in the power, which changes the rate by less than this share of v.
+/// Lower limit of |1 - q sgn v| in the power. It changes the rate by less than this fraction of v.
 const SMALLEST_BASE: f64 = 1e-12;
 
 crate::parameters! {

@@ -18,7 +18,7 @@ bristle_parameters! {
     /// largest deflection, so that it keeps its meaning if the level grows with pressure or age. Passive under the conditions
     /// of LuGre. Source: [dupont2002].
     pub struct ElastoPlastic {
-        /// Share c of the greatest deflection at which slip begins
+        /// Fraction c of the largest deflection at which slip begins
         breakaway_share: "-", between(0.0, 1.0), default 0.9;
     }
 }

@@ -60,7 +60,7 @@ pub struct Formula<P> {
 }
 
 impl OwnLaw {
-    /// Whether modifiers have a level to act on.
+    /// Whether the law has a level that modifiers can change.
     pub fn has_levels(&self) -> bool {
         self.levels[0].is_some()
     }

@@ -10,8 +10,7 @@ const USUAL_ELEMENTS: usize = 4;
 /// Largest and smallest number of elements of a description.
 pub const ELEMENTS: std::ops::RangeInclusive<usize> = 2..=10;
 
-/// |v|/vc below this is taken as this in steady sliding, where the slope at rest would be infinite: it changes
-/// the level by 1e-15.
+/// Lower limit of |v|/vc in steady sliding, where the slope at rest would be infinite. It changes the level by 1e-15.
 const SMALLEST_RATIO: f64 = 1e-30;
 
 const LOSS: InnerState = InnerState { name: "level_loss", unit: "-", scale: 1.0 };
@@ -66,7 +65,7 @@ impl Element<f64> {
 stribeck_parameters! {
     /// Parameters of [`MaxwellSlip`] shared by all its elements.
     pub struct Common {
-        /// Stiffness sigma0 of all elements together; where elements are listed, it is theirs
+        /// Stiffness sigma0 of all elements together; listed elements give it themselves
         bristle_stiffness: "N/m", at_least(f64::MIN_POSITIVE), default f64::INFINITY;
         /// Attraction C: how fast the level follows the Stribeck curve
         attraction: "N/s", above(0.0);

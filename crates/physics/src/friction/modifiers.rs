@@ -1,4 +1,4 @@
-//! What changes the forces of a friction law.
+//! Modifiers of the forces of a friction law.
 
 pub(crate) mod direction;
 pub(crate) mod dwell;

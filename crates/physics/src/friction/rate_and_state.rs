@@ -19,10 +19,10 @@ const STATE: InnerState = InnerState { name: "contact_log_age", unit: "-", scale
 /// Upper limit of exponents: slip of 1e43 reference velocities, or equally young contacts, which no motion reaches.
 const LARGEST_EXPONENT: f64 = 100.0;
 
-/// |w|/v0 below this is taken as this in its logarithm, where it is multiplied by |w|.
+/// Lower limit of |w|/v0 in its logarithm, which is multiplied by |w|.
 const SMALLEST_RATIO: f64 = 1e-300;
 
-/// Slower sliding, m/s, is treated as steady at this velocity.
+/// Least velocity of steady sliding, m/s. Slower sliding uses the state for this velocity.
 const SLOWEST: f64 = 1e-18;
 
 /// Steady sliding is known up to this fraction of vc.
@@ -62,9 +62,9 @@ crate::parameters! {
     pub struct RateAndState {
         /// Level F0: steady friction at the reference velocity
         coulomb: "N", above(0.0);
-        /// Direct effect a, share of the level for each e-fold of the velocity
+        /// Direct effect a, fraction of the level for each e-fold of the velocity
         direct_effect: "-", between(0.004, 1.0);
-        /// Evolution effect b, share of the level for each e-fold of the age
+        /// Evolution effect b, fraction of the level for each e-fold of the age
         evolution_effect: "-", at_least(0.0);
         /// Sliding distance L that renews the contact
         distance: "m", above(0.0);

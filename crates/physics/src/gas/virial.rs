@@ -2,7 +2,8 @@ use super::IdealGas;
 use crate::chamber::{EnergyBalance, GasState};
 use math::{Over, Real};
 
-/// Below this temperature, K, the coefficient no longer grows. It is far below the temperatures of a circuit, and keeps
+/// Temperature, K, below which the coefficient no longer grows. It is far below the temperatures of a circuit, and
+/// keeps
 /// pressures of trial states finite.
 const LEAST_T: f64 = 60.0;
 /// Least value under the root of the density. Pressures at which two densities meet are far above the range of the law.
@@ -104,7 +105,7 @@ impl<P: Real> Virial<P> {
     }
 
     /// Returns the temperature after a throttle, at the same enthalpy: Newton steps with the heat capacity of the ideal
-    /// gas. It is used by balances, which split a production with it and close for any value.
+    /// gas. Balances use it to split an entropy production. They close for any value.
     pub fn throttled<S: Over<P>>(&self, gas: &IdealGas<P>, h: S, t: S, p: S) -> S {
         (0..3).fold(t, |at, _| at + (h - self.enthalpy(gas, p, at)) / S::from(gas.cp))
     }

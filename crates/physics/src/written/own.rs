@@ -56,13 +56,13 @@ pub struct OwnFormula {
     pub title: &'static str,
     /// Key in references.bib; empty: none.
     pub source: &'static str,
-    /// In the order in which it takes their values.
+    /// Parameters, in the order of their values.
     pub parameters: &'static [Parameter],
     /// Warnings to the author.
     pub warnings: Vec<String>,
     /// Output and variables.
     pub role: &'static Role,
-    /// Used variables of its role.
+    /// Whether the formula uses each variable of its role.
     pub uses: Vec<bool>,
     graph: Graph,
     program: Program,

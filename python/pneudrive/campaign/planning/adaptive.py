@@ -193,7 +193,7 @@ def needless(plan: Plan, finished: Sequence[Finished]) -> set[str]:
 
 
 def fault_of(one: Finished, rules: Adaptive) -> str:
-    """Return why a cycle is not a good point, in words; empty if it is good."""
+    """Return the reason why a cycle is not a good point, in words; empty if it is good."""
     flags = serious(one.flags)
     if flags:
         return f"flagged {', '.join(flags)}"
@@ -285,7 +285,7 @@ def choose_speed(members: Sequence[Finished], taken: Sequence[float] = ()) -> tu
     """Choose the next speed of a characteristic.
 
     If a Stribeck curve can be fitted, this is the speed with the largest variance of the prediction. It raises the
-    determinant of the information most (sequential D-optimal design [fedorov1972]). Otherwise the middle, on a
+    determinant of the information most (sequential D-optimal design [fedorov1972]). Otherwise it is the middle, on a
     logarithmic scale, of the interval in which the measured curve bends most.
 
     Parameters

@@ -20,7 +20,7 @@ BASE_RATE_HZ = 100.0
 
 
 def cautions(plan: Plan) -> tuple[str, ...]:
-    """Return effects that a plan cannot show, or shows poorly."""
+    """Return the effects that a plan cannot show, or can show only poorly."""
     protocol, way = plan.protocol, Way.on(plan.protocol, plan.envelope)
     return (
         *_sampling(protocol, way),
@@ -86,7 +86,7 @@ def _design(protocol: Protocol) -> Iterator[str]:
 
 def _rig(protocol: Protocol, identity: Identity, envelope: Envelope) -> Iterator[str]:
     if envelope.expected_friction_n <= 0.0:
-        yield "the rig states no expected friction: the check of the force leaves it out"
+        yield "the rig does not state an expected friction: the check of the force leaves friction out"
     if identity.chambers == "open" and protocol.before_block.leak_check_s is not None:
         yield "before_block.leak_check: the rig's chambers are open, so the check shows nothing"
     asked = protocol.conditions.supply_pressure

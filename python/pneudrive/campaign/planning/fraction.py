@@ -1,7 +1,8 @@
 """The fraction of a campaign that fits into its time and keeps the model estimable.
 
-A main effect has a column for each level but one, so that an estimable model has every level of every factor. The named
-interaction has the slope of its first factor (against the logarithm of its level) for each level of the second. Design
+A main effect has a column for each level except one, so an estimable model contains every level of every factor. The
+named interaction is a slope over the first factor (over the logarithm of its level) for each level of the second.
+Design
 points are chosen for a large determinant of X'X in little time, at least two at every level. They are exchanged until
 no exchange helps. Method: [fedorov1972].
 """
@@ -107,7 +108,7 @@ def write_fraction(protocol: Protocol, proposal: CellProposal) -> str:
 def propose(plan: Plan, limit_s: float) -> CellProposal:
     """Choose cells whose cycles fit into a time, with warm-up, checks and other cycles around them.
 
-    If even the fewest cells that keep the model estimable take longer, these are proposed.
+    If even the smallest estimable set of cells takes longer, that set is proposed.
 
     Parameters
     ----------
@@ -228,7 +229,10 @@ def _model(candidates: list[_Candidate], factors: dict[str, list[Any]], interact
 
 
 def _effects(candidates: list[_Candidate], name: str, levels: Sequence[Any]) -> Array:
-    """Effect coding: a column for each level but the last, -1 at the last, so that columns sum to zero over levels."""
+    """Effect coding: a column for each level except the last, which has -1 in all columns.
+
+    The columns therefore sum to zero over levels.
+    """
     index = np.array([levels.index(c.levels[name]) for c in candidates])
     out = (index[:, None] == np.arange(len(levels) - 1)).astype(float)
     out[index == len(levels) - 1] = -1.0
@@ -253,7 +257,10 @@ def _gain(inverse: Array, model: Array) -> Array:
 
 
 def _complete(model: Array, cost: Array) -> list[int]:
-    """Choose as many cells as the model has parameters, each raising the rank, most information per second first."""
+    """Choose as many cells as the model has parameters.
+
+    Each cell raises the rank, and cells with most information per second come first.
+    """
     k = model.shape[1]
     inverse = np.eye(k) / RIDGE
     chosen: list[int] = []
@@ -263,7 +270,7 @@ def _complete(model: Array, cost: Array) -> list[int]:
         open_ = norm > 1e-9 * k
         if not open_.any():
             raise ProtocolError(
-                "even the full factorial cannot separate the effects",
+                "even the full factorial design cannot separate the effects",
                 rule="each level of one factor occurs with several levels of the others",
             )
         worth = np.where(open_, _gain(inverse, model) / cost, -np.inf)
@@ -276,7 +283,7 @@ def _complete(model: Array, cost: Array) -> list[int]:
 
 
 def _fill(model: Array, cost: Array, levels: Array, chosen: list[int], budget_s: float) -> list[int]:
-    """Add cells, most information per second first: `LEAST` at every level, then as many as the time allows."""
+    """Add cells with most information per second first: `LEAST` at every level, then as many as the time allows."""
     chosen = list(chosen)
     used = float(cost[chosen].sum())
     inverse: Array = np.linalg.inv(model[chosen].T @ model[chosen])
@@ -333,7 +340,7 @@ def _updated(inverse: Array, row: Array) -> Array:
 def _lost(
     candidates: list[_Candidate], factors: dict[str, list[Any]], model: Array, chosen: list[int]
 ) -> dict[str, tuple[int, int]]:
-    """Return for each pair of factors how much of its interaction can still be estimated in addition to the model."""
+    """Return for each pair of factors the estimable part of its interaction in addition to the model."""
     rows = model[chosen]
     base, out = _rank(rows), {}
     for one, other in combinations(factors, 2):

@@ -56,7 +56,10 @@ def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
 
 
 def shuffle(items: Sequence[T], name: Callable[[T], str], seed: str) -> list[T]:
-    """Shuffle by the hash of seed and name: equal on every machine and version, independent of other items."""
+    """Shuffle by the hash of seed and name.
+
+    The order is equal on every machine and version, and independent of other items.
+    """
     return sorted(items, key=lambda item: hashlib.sha256(f"{seed}\0{name(item)}".encode()).digest())
 
 

@@ -38,7 +38,7 @@ class Pair:
         return f"a{_bar(self.a)}/b{_bar(self.b)}"
 
     def absolute_pa(self, ambient_pa: float) -> tuple[float, float]:
-        """Return both as absolute pressures, Pa."""
+        """Return both pressures as absolute pressures, Pa."""
         return self.a.absolute_pa(ambient_pa), self.b.absolute_pa(ambient_pa)
 
 

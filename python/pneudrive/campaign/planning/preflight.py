@@ -150,7 +150,7 @@ class Allowed:
 
 
 def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
-    """Return (largest value of the plan, limit, unit) of each limit that the plan uses."""
+    """Return (largest value of the plan, limit, unit) for each limit that concerns the plan."""
     allowed, cycles = Allowed.of(plan), [alike[0] for alike in _alike(plan)]
     speed = max(step.speed_m_s for cycle in cycles for _, step in _moves(cycle))
     acceleration = max(allowed.peak_acceleration_m_s2(cycle) for cycle in cycles)

@@ -190,7 +190,7 @@ class HardFactor(Described):
     """A factor that is changed by hand, between blocks."""
 
     levels: Annotated[list[str], Field(min_length=1)] = Field(description="names of the levels")
-    ask: str = Field(default="", description="what the operator is asked to do; {level} stands for the level")
+    ask: str = Field(default="", description="request to the operator; {level} is replaced by the level")
     time_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(default=1200.0, description="time of a change")
 
     @model_validator(mode="after")
@@ -255,16 +255,16 @@ class SamplingTable(Described):
 
     table_name: ClassVar[str] = "sampling"
     samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = Field(
-        default=5000, description="even in time over each move; the paper has about 5000 a cycle [bracha]"
+        default=5000, description="evenly spaced in time over each stroke; the paper has about 5000 a cycle [bracha]"
     )
     burst_rate_hz: Rate = Field(
         default=5000.0, description="least rate around each reversal and restart; 0 Hz: no bursts"
     )
     burst_before_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=0.05, description="time before the end of a move"
+        default=0.05, description="duration of a burst before the end of a move"
     )
     burst_after_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=0.2, description="time after the start of a move"
+        default=0.2, description="duration of a burst after the start of a move"
     )
     hold_rate_hz: Annotated[float, Quantity(*RATE, POSITIVE)] = Field(
         default=20.0, description="rate while the axis stands"
@@ -297,7 +297,7 @@ class BeforeBlock(Described):
 
 
 class Sentinel(Described):
-    """A reference speed, repeated to see drift: at both ends of a block and between."""
+    """A reference speed that is repeated to show drift: at both ends of a block and in between."""
 
     table_name: ClassVar[str] = "sentinel"
     speed_m_s: Speed = Field(description="out and back at this speed")

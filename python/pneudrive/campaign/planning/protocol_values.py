@@ -1,4 +1,4 @@
-"""Values of a protocol only: lists of levels, ranges, fractions, places along the stroke."""
+"""Types of values that only protocols have: lists of levels, ranges, fractions, positions along the stroke."""
 
 from __future__ import annotations
 
@@ -85,13 +85,13 @@ class PressurePair(StatedPressure):
     """Annotation of a field that takes ``{ a = ..., b = ... }``, a pressure in each chamber."""
 
     def read(self, given: object) -> tuple[units.Pressure, units.Pressure]:  # type: ignore[override]
-        """Convert and check both."""
+        """Convert and check both pressures."""
         if not isinstance(given, dict) or set(given) != {"a", "b"}:
             raise WrongValueError(f"{given!r} is not a pair of pressures", remedy="Write { a = ..., b = ... }.")
         return super().read(given["a"]), super().read(given["b"])
 
     def show(self, value: tuple[units.Pressure, units.Pressure]) -> dict[str, str]:  # type: ignore[override]
-        """Return both as users write them."""
+        """Return both pressures as users write them."""
         return {"a": str(value[0]), "b": str(value[1])}
 
     def schema(self) -> dict[str, Any]:
@@ -142,11 +142,11 @@ class ListOf(Mark):
         return tuple(units.Pressure(value, ends[0].gauge) for value in values)
 
     def show(self, value: tuple[Any, ...]) -> list[Any]:
-        """Return all as users write them."""
+        """Return all levels as users write them."""
         return [self.one.show(one) for one in value]
 
     def named(self, value: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Return each as a quantity that shows its unit."""
+        """Return each level as a quantity with its unit."""
         return tuple(map(self.one.named, value))
 
     def schema(self) -> dict[str, Any]:

@@ -54,7 +54,7 @@ class GivenUpError(Exception):
 
 
 class Attempts:
-    """Attempts at cycles, and the state of the rig that one cycle leaves to the next.
+    """Attempts at cycles, and the state of the rig between two cycles.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class Attempts:
         self._pressures_after = (cycle.pressure_a_pa, cycle.pressure_b_pa)
 
     def rest(self) -> str:
-        """Bring the rig to rest; return why it may not be at rest, in words."""
+        """Bring the rig to rest. Return the reason why it may not be at rest, in words."""
         trouble = self._thread.rest()
         self._pressures = None
         self._homed = self._homed and self._whole
@@ -159,7 +159,7 @@ class Attempts:
 
 
 def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
-    """Return the snapshot as read back from a file, so that continuing at once and resuming later agree.
+    """Return the snapshot as read back from a file, so that a resumed campaign equals an uninterrupted one.
 
     Raises
     ------

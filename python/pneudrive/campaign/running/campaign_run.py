@@ -46,14 +46,14 @@ LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.
 
 
 class EndedError(Exception):
-    """Error: a person ended the campaign, and the message has the name."""
+    """Error: a person ended the campaign. The message has the person's name."""
 
 
 class CampaignRun:
     """A running campaign.
 
-    The thread that calls `run` decides and writes; the rig's verbs run on another thread. While it waits for
-    them, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
+    The thread that calls `run` decides and writes. The rig's verbs run on another thread. While the first thread waits
+    for them, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class CampaignRun:
     # -- requests ---------------------------------------------------------------------------------------------
 
     def _on_rig(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
-        """Run a job on the rig's thread to its end; serve requests meanwhile."""
+        """Run a job on the rig's thread to its end, and serve requests meanwhile."""
         future = self._thread.start(job, moves=moves)
         future.add_done_callback(lambda _: self._requests.wake())
         while not future.done():
@@ -323,7 +323,7 @@ class CampaignRun:
             ) from of_rig
 
     def _trouble(self) -> str:
-        """Return why measuring cannot continue. Empty if it can."""
+        """Return the reason why measuring cannot continue. Empty if it can."""
         return self._on_rig(lambda rig: look(rig, self._bounds), moves=False).result()
 
     def _rest(self) -> None:
@@ -378,7 +378,7 @@ class CampaignRun:
     # -- finished cycles ----------------------------------------------------------------------------------------
 
     def _write(self, cycle: Cycle, reason: str, measured: Measured, confirmed: dict[str, str]) -> dict[str, Any]:
-        """Store a cycle. It is then finished, and nothing interrupts the storing."""
+        """Store a cycle. The cycle is then finished. The storing cannot be interrupted."""
         identity, samples = self.campaign.identity, measured.samples
         assert all(one.cycle.key != cycle.key for one in self.finished), f"{cycle.key} is finished already"
         self._index += 1
@@ -430,7 +430,7 @@ def _counted(flags: dict[str, int]) -> str:
 
 
 def _without_numbers(text: str) -> str:
-    """Return a message without its numbers, so that it is logged once and not at each change."""
+    """Return a message without its numbers, so that it is logged only once."""
     return re.sub(r"\d[\d.e+-]*", "", text)
 
 

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 #: Flags and what they count.
 FLAGS = {
     "non_finite": "samples with a value that is not a number",
-    "duplicated": "samples that came twice, equal in every channel",
-    "repeated_time": "samples at the time of the one before, but with other values",
-    "time_runs_back": "samples earlier than the one before: the clock jumped back",
+    "duplicated": "samples that arrived twice, equal in every channel",
+    "repeated_time": "samples with the time of the previous sample, but other values",
+    "time_runs_back": "samples earlier than the previous sample: the clock jumped back",
     "dropped": "samples that are missing between two others",
     "saturated": "samples at an end of the sensor's range",
-    "stuck": "samples at which a sensor stood still while the axis travelled",
-    "too_few_samples": "samples missing in moves that have less than a tenth of those requested",
+    "stuck": "samples at which a reading did not change while the axis moved",
+    "too_few_samples": "samples missing in moves with less than a tenth of the requested samples",
     "steps_missing": "moves and holds without a sample",
     "target_missed": "moves that missed their target",
 }
@@ -81,7 +81,7 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
 
 
 def _first_of_each(table: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.bool_], int]:
-    """Mark all samples except those that equal an earlier one in every channel."""
+    """Mark all samples except repetitions of an earlier sample in every channel."""
     order = np.argsort(table[0], kind="stable")
     ordered = table[:, order]
     with np.errstate(invalid="ignore"):
@@ -105,7 +105,10 @@ def _dropped(time: Array, step: NDArray[np.int64], cycle: Cycle) -> int:
 
 
 def _usual_interval(intervals: Array) -> Array:
-    """Return the median of the intervals before or after each one, whichever is longer: the rate may change there."""
+    """Return the median of the intervals before or after each interval, whichever is longer.
+
+    The rate may change there.
+    """
     padded = np.pad(intervals, NEIGHBOURS, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
     medians = np.median(windows, axis=1)

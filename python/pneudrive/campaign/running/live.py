@@ -100,7 +100,7 @@ class CampaignProgress:
 
 
 def guarded(journal: Journal, *displays: Display) -> Display:
-    """Return displays as one; their errors go into the journal, so that they do not end the campaign."""
+    """Return several displays as one. Their errors are logged in the journal and do not end the campaign."""
 
     def show(each: Any, *arguments: Any) -> None:  # noqa: ANN401
         try:
@@ -262,7 +262,7 @@ class ScreenDisplay(Display):
             self._live.start()
 
     def ended(self) -> None:
-        """End; the last display stays."""
+        """End the display; its last state stays visible."""
         self._stop(keep=True)
 
     def _picture(self) -> Any:  # noqa: ANN401 - of rich

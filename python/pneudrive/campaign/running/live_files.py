@@ -1,8 +1,9 @@
-"""Present action of a running campaign, as two files in ``control/`` that any process may read, also over the network.
+"""Present action of a running campaign, as two files in ``control/``. Any process may read them, also over the network.
 
-``live.json`` has the cycle, counts and the time left, ``live.f4`` points of the cycle so far as 32-bit floats, one row
-of `COLUMNS` each. Both are written by rename five times a second if anything is new. A separate thread writes them, so
-that a slow disk delays nothing. They are removed when the campaign ends. Long recordings are reduced to the samples
+``live.json`` has the cycle, counts and the remaining time. ``live.f4`` has the points of the cycle so far as 32-bit
+floats, one row of `COLUMNS` each. If there are new data, both are replaced by renaming, five times a second. A separate
+thread writes them, so a slow disk does not delay the campaign. They are removed when the campaign ends. Long recordings
+are reduced to the samples
 with the lowest and the highest force of each interval.
 """
 
@@ -72,7 +73,7 @@ class LiveFiles(Display):
         self._points, self._samples, self._is_new = self._points[:0], 0, True
 
     def part(self, samples: Samples) -> None:
-        """Take samples that arrived; those of another attempt at the cycle replace what there was."""
+        """Add samples that arrived. Samples of another attempt at the cycle replace the earlier ones."""
         rows = np.column_stack([getattr(samples, name) for name in COLUMNS]).astype(np.float32)
         with self._lock:
             if len(self._points) and len(rows) and rows[0, 0] < self._points[-1, 0]:

@@ -13,11 +13,11 @@ AT_TERMINAL = "terminal"
 
 
 class Prompt(Protocol):
-    """Somebody who can be asked; this base class answers nothing."""
+    """Source of answers to prompts. This base class never answers."""
 
     @property
     def there(self) -> bool:
-        """Whether anybody can answer."""
+        """Whether answers are possible."""
         ...
 
     def show(self, text: str) -> None:
@@ -30,7 +30,7 @@ class Prompt(Protocol):
 
 
 class Terminal:
-    """The user at the terminal of this process, or nobody without a terminal."""
+    """The user at the terminal of this process, if there is a terminal."""
 
     def __init__(self) -> None:
         self._open = True
@@ -62,7 +62,7 @@ class Terminal:
 
 
 class Answer(NamedTuple):
-    """Answer in a pause: whether the campaign continues, and who answered, and how."""
+    """Answer in a pause: whether the campaign continues, who answered, and how."""
 
     goes_on: bool
     name: str

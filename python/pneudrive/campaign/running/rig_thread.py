@@ -78,7 +78,7 @@ class RigThread:
 
 
 def _call_within(seconds: float, call: Callable[[], None]) -> str:
-    """Call a function with a time limit; return what went wrong."""
+    """Call a function with a time limit; return its error, if any."""
     thread = JobThread("pneudrive-stop")
     answer = thread.start(call)
     thread.close()

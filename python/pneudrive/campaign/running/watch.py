@@ -92,7 +92,7 @@ class MeasuringBounds:
 
 
 def look(rig: Rig, bounds: MeasuringBounds) -> str:
-    """Query the state of the rig and return why measuring cannot continue, in words."""
+    """Query the state of the rig, and return the reason why measuring cannot continue, in words."""
     try:
         return bounds.broken_by(rig.state())
     except Exception as error:  # a laboratory's code may raise anything if the connection is lost

@@ -1,8 +1,8 @@
 """Pause, resume and abort: from the keyboard, by a signal, and from another process by files in the folder.
 
 A request is a complete file in ``control/`` of the campaign folder. The process that runs the campaign looks for a
-request five times a second, takes it and removes it. This works on any file system of the campaign, also over the
-network, and costs one system call each time.
+request five times a second, takes it and removes it. This works on any file system, also over the network, and costs
+one system call each time.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class Requests:
         return None
 
     def wait(self, seconds: float = LOOK_S) -> None:
-        """Wait for a request or a call of `wake`, at most this long."""
+        """Wait for a request or a call of `wake`, up to a time."""
         with contextlib.suppress(queue.Empty):
             self._arrived.get(timeout=seconds)
 
@@ -115,7 +115,7 @@ class Requests:
         self._arrived.put(None)
 
     def began_again(self) -> None:
-        """Forget how often Ctrl-C was pressed."""
+        """Reset the count of Ctrl-C."""
         self._presses = 0
 
     def _waiting(self) -> list[Path]:

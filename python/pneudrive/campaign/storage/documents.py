@@ -66,7 +66,7 @@ class Documents:
         self._publish("event", {**content, "filled": {}})
 
     def stop(self, exit_status: str, reason: str = "") -> None:
-        """Publish how the run ended: ``success``, ``abort`` or ``fail``."""
+        """Publish the end of the run: ``success``, ``abort`` or ``fail``."""
         count = {STREAM: self._events} if self._events else {}
         self._publish(
             "stop", {"run_start": self._run, "exit_status": exit_status, "reason": reason, "num_events": count}

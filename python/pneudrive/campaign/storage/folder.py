@@ -1,4 +1,6 @@
-"""The campaign folder: one Parquet file per cycle, written whole or not at all; its listing is the catalogue.
+"""The campaign folder: one Parquet file per cycle, written completely or not at all.
+
+The list of files is the catalogue.
 
 - ``campaign.toml``: the protocol as run
 - ``campaign.json``: schema, name, seed, operator, labels, created, version
@@ -398,7 +400,7 @@ def _one_line(error: CampaignError) -> str:
 
 
 def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any]) -> Campaign:
-    """Create a campaign folder; ``campaign.json`` is written last, so that a folder with it is complete.
+    """Create a campaign folder; ``campaign.json`` is written last, so a folder that has it is complete.
 
     Raises
     ------

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Journal:
-    """A log of lines, each with date and time; its failures never end a campaign.
+    """A log of lines, each with date and time. A failure of the log never ends a campaign.
 
     Parameters
     ----------

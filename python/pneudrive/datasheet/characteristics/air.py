@@ -1,4 +1,4 @@
-"""Air and exergy that a cycle takes from the supply, and where the exergy is lost."""
+"""Air and exergy that a cycle takes from the supply, and the losses of exergy by component."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "e
 
 
 class Accounts(NamedTuple):
-    """Accounts of the last of several equal cycles, by name, and the mass that it drew."""
+    """Accounts of the last of several equal cycles, by name, and the mass that the cycle drew."""
 
     values: dict[str, float]
     drawn_kg: float
@@ -34,7 +34,7 @@ class Accounts(NamedTuple):
 
 
 def accounts_of(plant: HeldDrive, command: float, half_s: float) -> Accounts:
-    """Return the ledger of one cycle: of REPEATS + 1 cycles less that of REPEATS."""
+    """Return the ledger of one cycle: the ledger of REPEATS + 1 cycles minus that of REPEATS."""
     more, less = (
         cycle(plant, command, half_s, repeats=count, ledger=True, rtol=RTOL) for count in (REPEATS + 1, REPEATS)
     )
@@ -159,7 +159,7 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
         "drawn": number(drawn, "J", "exergy drawn from the supply in one cycle"),
         "exhausted": number(drawn - entered, "J", "exergy that leaves with the exhaust air"),
         "load_work": number(-work, "J", "work done on load and ambience"),
-        "open": number(rest / drawn, "1", "what is left of the balance, over the exergy drawn"),
+        "open": number(rest / drawn, "1", "residual of the balance, over the exergy drawn"),
         "half_period": number(half_period, "s", "half of the period of the cycle"),
     }
 

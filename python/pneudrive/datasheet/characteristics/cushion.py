@@ -38,7 +38,7 @@ def _cushion(
     best = int(np.argmin(needles[:, 0]))
     axes = {
         "mass": ResultValue(("mass",), masses, "kg", "moving mass"),
-        "speed": ResultValue(("speed",), speeds, "m/s", "speed where the cushion begins"),
+        "speed": ResultValue(("speed",), speeds, "m/s", "speed at the beginning of the cushion"),
         "needle": ResultValue(("needle",), list(NEEDLES), "1", "opening of the needle over the described one"),
     }
     over = ("mass", "speed")
@@ -51,7 +51,7 @@ def _cushion(
         "peak_pressure": ResultValue(over, grid[:, :, 1], "Pa", "largest absolute pressure in the cushion"),
         "admissible": ResultValue(over, allowed, "1", limits),
         "end_speed_by_needle": ResultValue(("needle",), needles[:, 0], "m/s", one),
-        "best_needle": number(NEEDLES[best], "1", "opening with the least of these"),
+        "best_needle": number(NEEDLES[best], "1", "opening with the lowest peak pressure"),
     }
 
 
@@ -70,7 +70,7 @@ def _with(plant: HeldDrive, mass: float | None = None, needle: tuple[str, float]
 
 
 def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
-    """Return end speed and peak pressure of a piston that comes to a cushion with a speed."""
+    """Return end speed and peak pressure of a piston that enters a cushion with a speed."""
     toward = 1.0 if side == "b" else -1.0
     length = float(getattr(plant.circuit.components[plant.piston], f"cushion_{side}_length_m"))
     x = plant.stroke_m - length - BEFORE_M if side == "b" else length + BEFORE_M
@@ -90,7 +90,7 @@ CHARACTERISTICS = (
     Characteristic(
         name="cushion",
         title="Capacity of the cushion",
-        definition="Speed at the end and peak pressure of a piston that comes to its cushion with a speed, full "
+        definition="Speed at the end and peak pressure of a piston that enters its cushion with a speed, full "
         "command, pressures of slow steady motion; over mass, speed, and the opening of the needle.",
         algorithm="one simulated approach for each point",
         find=_cushion,
@@ -98,7 +98,7 @@ CHARACTERISTICS = (
         y="end_speed",
         settings={
             "end_speed": (END_SPEED, "largest admissible, m/s (assumed)"),
-            "pressure": (None, "largest admissible, Pa; default: twice the supply (assumed)"),
+            "pressure": (None, "largest admissible pressure, Pa; default: twice the supply (assumed)"),
             "speed": (1.0, "at which the needle is varied, m/s"),
         },
         slow=True,

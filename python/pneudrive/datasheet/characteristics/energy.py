@@ -1,4 +1,4 @@
-"""The energy of one run: its accounts, how well they close, the exergy lost, and the air taken from each supply."""
+"""The energy of one run: its accounts and their closure, the lost exergy, and the air from each supply."""
 
 from __future__ import annotations
 

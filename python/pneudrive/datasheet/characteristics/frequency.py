@@ -1,4 +1,4 @@
-"""Frequency response: of the linear model, and of the drive itself at amplitudes that matter."""
+"""Frequency response of the linear model, and of the nonlinear drive at finite amplitudes."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _bode(
         ),
         "pressure_response": ResultValue(over, np.abs(a - b), "Pa", "pressure a less b over command, size"),
         "velocity_gain": number(gain, "m/s", "velocity over command at low frequency"),
-        "resonance": number(f[int(np.argmax(np.abs(velocity)))], "Hz", "where the velocity response is largest"),
+        "resonance": number(f[int(np.argmax(np.abs(velocity)))], "Hz", "frequency of the largest response"),
     }
 
 
@@ -172,7 +172,7 @@ CHARACTERISTICS = (
         x="frequency",
         y="velocity_response",
         settings={
-            "command": (0.0, "at which the valve stands"),
+            "command": (0.0, "command at the operating point"),
             "position": (None, "m; default: mid stroke"),
             "pressures": (None, "of both chambers; default: those of slow steady motion"),
             "friction": ("sliding", "presliding, sliding or none"),

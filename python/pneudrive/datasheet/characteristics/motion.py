@@ -58,7 +58,7 @@ def short_columns(plant: HeldDrive, run: xr.Dataset) -> dict[str, Array]:
 
 
 def expected_time(plant: HeldDrive, command: float) -> float:
-    """Return a time in which a stroke should be done, s."""
+    """Return a time in which a stroke should end, s."""
     try:
         speed = min(
             abs(under_load(plant.static, side * command, 0.5 * plant.stroke_m, 0.0).velocity_m_s) for side in (1, -1)
@@ -118,7 +118,7 @@ def cycle(
 def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, ...], command: float) -> StrokeRun:
     """Return the strokes between the edges.
 
-    The first one has the direction of the command, and the next one is back.
+    The first stroke has the direction of the command, and the next stroke is back.
     """
     columns = short_columns(plant, run)
     impacts = run.attrs["impacts"]

@@ -88,8 +88,8 @@ def _impact(plant: HeldDrive) -> Found:
     )
     said = (
         ("end_speed", "m/s", "speed at the first contact with the end"),
-        ("end_energy", "J", "kinetic energy of the moving mass there"),
-        ("absorbed_energy", "J", "taken by the end stop until the piston rests: kinetic energy and work of the gas"),
+        ("end_energy", "J", "kinetic energy of the moving mass at the first contact with the end"),
+        ("absorbed_energy", "J", "absorbed by the end stop until rest: kinetic energy and work of the gas"),
         ("peak_force", "N", "largest force of the end stop"),
         ("depth", "m", "into the end stop"),
         ("mean_speed", "m/s", "stroke over stroke time"),
@@ -137,8 +137,8 @@ CHARACTERISTICS = (
     Characteristic(
         name="square-response",
         title="Response to a square command",
-        definition="Strokes out and back under a square command, once the cycle repeats itself. Numbers as for a step.",
-        algorithm="three cycles simulated, the last one looked at; the half period is long enough for both strokes",
+        definition="Strokes out and back under a square command, once the cycle repeats itself. Results as for a step.",
+        algorithm="three simulated cycles, the last one is evaluated; the half period suffices for both strokes",
         find=_square,
         cites=("iso6358-2013", "steinebach2023"),
         x="time",
@@ -153,7 +153,7 @@ CHARACTERISTICS = (
         name="impact",
         title="Impact at the ends",
         definition="Speed and kinetic energy of the moving mass at the first contact with the end after a full stroke "
-        "from rest, emptying chamber at supply pressure; and all energy that the end stop takes.",
+        "from rest, emptying chamber at supply pressure; and the total energy that the end stop absorbs.",
         algorithm="one simulated stroke for each command and direction, with ledger",
         find=_impact,
         x="command",

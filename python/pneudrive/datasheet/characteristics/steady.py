@@ -27,8 +27,8 @@ LEAST_VELOCITY = 1e-5  # m/s: the contact just slides; its steady friction is th
 def full_force(plant: HeldDrive, direction: float) -> tuple[float, float]:
     """Return blocked and stall force at full command, N, positive in the direction.
 
-    Blocked: of gas, weight and described load on a pinned piston. Stall: less breakaway, the load that the piston at
-    rest just moves.
+    Blocked force: force of gas, weight and described load on a pinned piston. Stall force: blocked force minus
+    breakaway, the largest load that a piston at rest can move.
     """
     x = 0.5 * plant.stroke_m
     rest = at_velocity(plant, direction, x, 0.0)
@@ -63,7 +63,7 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
             "slope of the velocity over the command, small commands, without load",
         ),
         "dead_zone": ResultValue(
-            ("direction",), [zone for _, zone in gains], "1", "command at which that line meets zero velocity"
+            ("direction",), [zone for _, zone in gains], "1", "command at which that line crosses zero velocity"
         ),
     }
 
@@ -106,13 +106,13 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
         "speed": ResultValue(("direction", "share"), speeds, "m/s", "steady speed at full command"),
         "blocked_force": ResultValue(("direction",), blocked, "N", "force on the pinned piston at full command"),
         "stall_force": ResultValue(
-            ("direction",), stall, "N", "largest load that the resting piston moves: less breakaway"
+            ("direction",), stall, "N", "largest load that the resting piston can move: blocked force less breakaway"
         ),
     }
 
 
 def _blocked(plant: HeldDrive, command: float, position: float) -> float:
-    """Return the pressure difference with a blocked piston, Pa; NaN where none settles."""
+    """Return the pressure difference with a blocked piston, Pa; NaN if no steady state exists."""
     try:
         found = at_velocity(plant, command, position, 0.0)
     except SimulationError:
@@ -147,7 +147,7 @@ CHARACTERISTICS = (
         title="Steady velocity against command and load",
         definition="Velocity at which no pressure, no temperature and no velocity changes, piston held at mid stroke; "
         "load against the motion. Velocity gain and dead zone: line through commands 0.05 and 0.1 without load.",
-        algorithm="rates of the core brought to zero by implicit steps that grow to Newton's; its steady friction",
+        algorithm="zero of the core's rates by implicit steps that become Newton steps; steady friction",
         find=_velocity,
         cites=("iso6358-2013",),
         x="command",

@@ -29,7 +29,7 @@ SLOWEST = 1e-4  # rad/s: slower pairs are masses of gas that stay the same, by r
 
 
 def dynamic_stiffness(linear: Linear, piston: str, s: complex) -> complex:
-    """Return the force over displacement of the gas at a complex frequency s, 1/s; without the mass, N/m.
+    """Return the ratio of gas force to displacement at a complex frequency s, 1/s, without the mass, N/m.
 
     The rows and columns of the chambers are eliminated from A.
     """
@@ -48,7 +48,7 @@ def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: A
 def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times: float = 1.0) -> float:  # noqa: ANN401
     """Return the stiffness of gas without heat, N/m, at the natural frequency of a mass, times the moving one.
 
-    Gas in lines contributes as far as the lines pass its flow.
+    Gas in lines contributes to the extent that the lines pass its flow.
     """
     found = dynamic_stiffness(_at(plant, position, pressures), plant.piston, 1j * FAST).real
     if len(plant.nodes) == CHAMBERS:
@@ -60,7 +60,7 @@ def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times
 
 
 def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 - a sequence, or None
-    """Return the pressures at which a map is made, Pa."""
+    """Return the pressures of a map, Pa."""
     if pressures is not None:
         return [float(gas_at(plant, one)[0, 0]) for one in pressures]
     low, high = plant.ambient[0], plant.supply_pa
@@ -91,7 +91,7 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
             "N/m",
             f"real part at mid stroke, {1e-5 * levels[min(1, len(levels) - 1)]:g} bar",
         ),
-        "loss_factor": ResultValue(("frequency",), loss, "1", "imaginary over real part, there"),
+        "loss_factor": ResultValue(("frequency",), loss, "1", "imaginary over real part of the stiffness"),
         "largest_loss_factor": number(loss.max(), "1", "its largest value"),
         "loss_frequency": number(FREQUENCIES[int(loss.argmax())], "Hz", "where it is largest"),
     }

@@ -1,4 +1,4 @@
-"""Least supply pressure, and breakaway: the pressure that moves the piston."""
+"""Least supply pressure that moves the piston, and breakaway."""
 
 from __future__ import annotations
 

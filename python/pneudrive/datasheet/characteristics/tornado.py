@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SHARE = 1e-3  # of a number, to both sides
 _RESULTS = {
     "steady_speed": "steady speed at full command",
-    "stall_force": "load that the resting piston just moves",
+    "stall_force": "largest load that the resting piston can move",
     "natural_frequency": "natural frequency at mid stroke",
     "stroke_time": "time of a full stroke from rest",
     "end_speed": "speed at the end of that stroke",
@@ -100,7 +100,7 @@ CHARACTERISTICS = (
     Characteristic(
         name="sensitivity",
         title="Sensitivity to each number of the drive",
-        definition="Relative change of a result over that of one number of the drive file, all others held.",
+        definition="Relative change of a result over the relative change of one number of the drive file.",
         algorithm="central differences of 0.1 % of the number",
         find=_tornado,
         x="parameter",

@@ -1,1 +1,1 @@
-"""Files of users: reading, writing, catalogue, and where each value comes from."""
+"""Files of users: reading, writing, catalogue, and origins of values."""

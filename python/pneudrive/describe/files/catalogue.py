@@ -3,7 +3,7 @@
 A file holds a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and either
 ``source`` (a key of references.bib, or of ``[sources]`` in the same file) or ``assumed`` (the reason). The values of a
 part are keys of its kind of component; those of a drive are keys of the drive file. A drive names its parts and adds
-values that the parts lack. The kinds of components are loaded only when a part is used: drives do not need them.
+missing values. The kinds of components are loaded only when a part is used: drives do not need them.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Entry:
 
     @property
     def open(self) -> list[str]:
-        """Keys that a user of the part has to give."""
+        """Keys that a user of the part must give."""
         from pneudrive.describe.components import component_class, component_kinds, is_needed
 
         entry = component_kinds()[self.kind]

@@ -109,7 +109,7 @@ def values(drive: Described) -> dict[str, GivenNumber]:
 
 
 def marks(drive: Described) -> dict[str, Quantity | StatedPressure | None]:
-    """Return the annotation of every number that a drive has or could have, such as another size of its valve."""
+    """Return the annotation of every possible number of a drive, for example of another size of its valve."""
     out: dict[str, Quantity | StatedPressure | None] = {}
     for table, field in type(drive).model_fields.items():
         part = getattr(drive, table)

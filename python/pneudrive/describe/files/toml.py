@@ -33,7 +33,7 @@ _TEXTS = re.compile(r""""(?:\\.|[^"\\])*"|'[^']*'|(?P<end>[#\]{])""")  # the lea
 def read(
     path: str | Path,
     kind: type[PneudriveError] = DescriptionError,
-    start: str = "`pneudrive catalogue` shows drives to start from.",
+    start: str = "`pneudrive catalogue` lists example drives.",
 ) -> tuple[dict[str, Any], str]:
     """Read a TOML file.
 
@@ -160,7 +160,7 @@ def locating(path: str | Path, text: str, kind: type[PneudriveError] = Descripti
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:
     """Add file, line and, if the error shows no value, the line's text to an error with a key.
 
-    The errors that it carries get their lines too; all are sorted by line.
+    Its sub-errors also get their lines, and all are sorted by line.
     """
     found = [_located(one, path, text) for one in error.each() if isinstance(one, DescriptionError)]
     return together([one for _, one in sorted(found, key=lambda pair: pair[0])])

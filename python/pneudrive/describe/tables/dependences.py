@@ -120,7 +120,7 @@ class PositionDependence(Acting):
             raise wrong(key, f"{key} has {len(self.harmonics)} entries", rule=f"at most {MOST_HARMONICS}")
         total = sum(abs(wave.amplitude) for wave in self.harmonics)
         if total >= 1.0:
-            what = f"the amplitudes of {key} add up to {total:g}, so that friction would change its sign"
+            what = f"the amplitudes of {key} add up to {total:g}, so friction would change its sign"
             raise wrong(key, what, rule="the sum of the amplitudes is less than 1")
         return self
 
@@ -161,7 +161,7 @@ class DirectionDependence(Acting):
 
 
 class SideLoad(Acting):
-    """A force across the axis, taken by a guide: coefficient |force| more friction, with any law."""
+    """A force across the axis on a guide: it adds coefficient |force| to the friction, with any law."""
 
     table_name: ClassVar[str] = "friction.side_load"
     force_n: Annotated[float, Quantity("N", "N")]

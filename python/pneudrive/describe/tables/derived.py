@@ -1,6 +1,6 @@
 """Derived defaults: values of a drive that follow from other values if they are not given.
 
-A caller that changes a value (a search, applying a fit) has to update the values derived from it.
+A caller that changes a value (a search, the application of a fit) must update the values derived from it.
 """
 
 from __future__ import annotations

@@ -130,7 +130,7 @@ def _following(known: Mapping[str, float]) -> dict[str, float]:
 def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]:
     """Return the parameters with their assumed value, with sources and rule of each.
 
-    Values are compared, so that this also works for a file in which assumed values are written.
+    Values are compared, so this also works for a file that contains assumed values.
     """
     if friction.law != DEFAULT_LAW:
         return {}
@@ -300,7 +300,7 @@ class Friction(Described):
 
     @property
     def note(self) -> str:
-        """Warning on a table without a law, to follow the table's name; empty for a table with a law."""
+        """Warning on a table without a law, as a continuation of the table's name; empty for a table with a law."""
         listed = ", ".join(f"{key} = {value}" for key, value in self.assumed)
         return f"names no law; assumed: {listed}" if listed else ""
 

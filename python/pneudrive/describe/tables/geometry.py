@@ -102,7 +102,7 @@ def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None
 
 
 class PistonTable(Described):
-    """Table with the areas of a piston: by its bore, or directly for a piston that is not round."""
+    """Table with the areas of a piston, given by its bore, or directly for a piston that is not round."""
 
     kind: Literal["rodless", "through-rod", "single-rod"] = "rodless"
     bore_m: MaybeLength = None

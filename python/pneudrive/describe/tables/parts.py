@@ -69,7 +69,7 @@ VIRIAL: dict[str, tuple[float, float, float]] = {
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
     """Return the density of a gas at the standard reference atmosphere, kg/m3: air is humid there, others are dry.
 
-    The core's conductances are of the same densities.
+    The core's conductances refer to the same densities.
     """
     if (heat_capacity_ratio, gas_constant) == (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K):
         return ANR_DENSITY_KG_M3
@@ -207,7 +207,7 @@ class EndStop(Described):
     """Contact with the end cover.
 
     force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed, never pulling.
-    Missing values follow from the drive (docs/theory/end_stops.md): stiff enough that a sensible drive never reaches a
+    Missing values follow from the drive (docs/theory/end_stops.md): stiff enough that a usual drive never reaches a
     cover; `Drive.end_stop` has the values.
     """
 

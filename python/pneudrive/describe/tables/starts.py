@@ -1,4 +1,4 @@
-"""Start state: given values as users write them, and derived values for the rest."""
+"""Start state: given values, and derived values for all others."""
 
 from __future__ import annotations
 
@@ -162,7 +162,10 @@ class Starts:
                 found += [one.component for one in joint.ports if one.component not in found] if joint else []
 
     def _pressure(self, of: str, known: Mapping[str, float], notes: list[str]) -> float:
-        """Return the settled pressure of gas: the nearest given or constant one along paths that are always open."""
+        """Return the settled pressure of gas.
+
+        It is the nearest given or constant pressure along paths that are always open.
+        """
         if of not in self.places:
             notes = []  # of a cell within a component: the note of the joint covers it
         starts = {joint: name for name, joint in self.places.items() if f"{name}.{PRESSURE}" in known}

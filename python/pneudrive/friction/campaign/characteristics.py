@@ -209,7 +209,7 @@ def _loops(reading: CampaignData, points: Points) -> tuple[Loop, ...]:
 def _with_stops(
     found: CampaignCharacteristics, opened: Campaign, reading: CampaignData, processes: int | None
 ) -> CampaignCharacteristics:
-    """Add the results of the stops, if there are any."""
+    """Add the results of the stops, if any."""
     if not any(file.head.cycle.kind == "stop" for file in reading.files):
         return found
     stops, lost = find_stops(opened, processes, reading.files)

@@ -241,11 +241,11 @@ def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterat
 
 
 def _run_in(found: CampaignCharacteristics) -> Iterator[str]:
-    """Say why a change of friction with the distance slid is not applied.
+    """Return the reason why a change of friction with the sliding distance is not applied.
 
-    It is measured for each decade of distance, without an end. ``[friction.wear]`` falls exponentially to the friction
-    of a seal after run-in, to which the law's parameters belong. A logarithm determines neither this friction nor the
-    distance.
+    The change is measured per decade of distance and does not converge. ``[friction.wear]`` falls exponentially to the
+    friction of a seal after run-in, to which the law's parameters belong. A logarithmic change determines neither this
+    friction nor the distance.
     """
     per_decade = None if found.drift is None else found.drift.per_decade_of_travel
     if per_decade is not None and per_decade.differs:

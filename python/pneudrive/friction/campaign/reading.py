@@ -244,7 +244,7 @@ def _temperature(samples: Samples) -> float:
 
 
 def _light(file: CycleFile) -> CycleFile:
-    """Drop the rig's snapshot: it is not needed here, and would go to every process."""
+    """Drop the rig's snapshot: it is not needed here, and would be sent to every process."""
     return CycleFile(file.path, replace(file.head, memory={}))
 
 

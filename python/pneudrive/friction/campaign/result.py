@@ -98,8 +98,8 @@ class ExcludedPoint:
 class Curve(Shown):
     """Friction against speed at one condition, with a pointwise 95 % band.
 
-    Friction is that in the mean state of the campaign, and the band belongs to it. `Drift.spread_n` is the scatter
-    of the states of the campaign, `Repeatability.within` that of cycles in one state.
+    Friction and band refer to the mean state of the campaign. `Drift.spread_n` is the scatter of the states of the
+    campaign, and `Repeatability.within` the scatter of cycles in one state.
 
     Attributes
     ----------

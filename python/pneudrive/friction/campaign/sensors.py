@@ -59,7 +59,7 @@ class Gain:
 def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequence[CycleData]) -> Gain:
     """Compare the sensor's readings under known weights with those when released.
 
-    A weight that pulls the piston in +x makes the rig hold it back: the sensor shows less by that force.
+    If a weight pulls the piston in +x, the rig holds it back, and the sensor shows less by this force.
     """
     if not weights or not tares:
         return Gain()

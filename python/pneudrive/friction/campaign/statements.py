@@ -136,7 +136,7 @@ def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) 
 
 
 def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Said]:
-    """Return a statement on points that were not repeated, with a narrow band because neighbours contribute."""
+    """Return a statement on unrepeated points whose band is narrow because neighbours contribute."""
     if repeat.basis == "smooth curve":
         yield "repeatability.nothing_repeated", {}
     elif repeat.basis == "sentinels":

@@ -94,7 +94,7 @@ def fit_closures(points: list[ClosurePoint]) -> list[ClosureFit]:
 
     Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out. If both
     pressures change together, one factor on both areas is fitted; if their forces cancel within the sensors'
-    uncertainty, nothing can be determined.
+    uncertainty, no area can be determined.
     """
     groups: dict[tuple, list[ClosurePoint]] = {}
     for point in points:

@@ -1,4 +1,4 @@
-"""Notes on recordings: measured values, doubts and assumptions."""
+"""Notes on recordings: measured values, doubtful values and assumptions."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _stick_slip_note(level: Level) -> str:
 
 
 def _doubts(levels: list[Level]) -> list[str]:
-    """Return each kind of doubt once, with the sentence of its first recording."""
+    """Return each kind of doubtful value once, with the sentence of its first recording."""
     found: dict[str, list[tuple[str, str]]] = {}
     for level in levels:
         for flag, doubt in level.doubts.items():
@@ -77,7 +77,7 @@ NEAR = 0.1  # speeds within this ratio are compared
 
 
 def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
-    """Return which recordings of one assembly, each with several speeds, differ in friction."""
+    """Return the recordings of one assembly, each with several speeds, that differ in friction."""
     notes = []
     for first, second in combinations(results, 2):
         if group_of(first.recording.labels) != group_of(second.recording.labels):
@@ -100,7 +100,7 @@ def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list
 
 
 def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, float | str]]:
-    """Return the difference over its U, and its values. A source that both levels share errs alike in both."""
+    """Return the difference divided by its U, and its values. A common source has the same error in both levels."""
     shares = [
         {e.source: e.friction_n if len(level.sides) == 2 else e.offset_n for e in level.budget}
         for level in (one, other)

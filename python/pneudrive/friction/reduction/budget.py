@@ -104,7 +104,7 @@ def _parallel_entries(recording: Recording, up: DirectionMeans, down: DirectionM
     largest = max(force.uncertainty for force in recording.parallel)
     pairs = ((up.parallel_n, down.parallel_n), (up.late_n, down.late_n))
     area, late = ((abs(a - b) / 2.0, abs(a + b) / 2.0) for a, b in pairs)
-    names, words = ", ".join(force.name for force in recording.parallel), "pressures late against the force"
+    names, words = ", ".join(force.name for force in recording.parallel), "delay of the pressures relative to the force"
     return [
         BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names),
         BudgetEntry("clocks of several loggers", CLOCK_S, "s", "assumed", "B", *late, words),
@@ -307,7 +307,7 @@ def stated_shares(
 ) -> dict[str, float | bool | dict[str, float]]:
     """Divide the budget of a cycle into the parts that campaigns separate, by the fields of `CycleData`.
 
-    Cycles share their sensors: parts proportional to friction, constant ones, and those that zero runs remove differ.
+    Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.
     """
     entries = systematic_budget(recording, up, down)
     # Hysteresis needs a reading that changes with direction: a constant pressure has none.

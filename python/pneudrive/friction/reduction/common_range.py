@@ -81,13 +81,13 @@ class Reduced:
 
     @property
     def u_position(self) -> float:
-        """Relative standard uncertainty of the mean over the common range as a mean over the whole way."""
+        """Relative standard uncertainty of the common range's mean as an estimate of the whole stroke's mean."""
         known = self.pattern[self.common]
         return self.unseen * float(known.std()) if known.size else 0.0
 
     @property
     def unseen(self) -> float:
-        """Share of the drive's stroke outside the mean."""
+        """Fraction of the drive's stroke outside the mean."""
         return 1.0 - self.coverage * (1.0 - BEYOND_SHARE)
 
 

@@ -1,4 +1,4 @@
-"""Condition of a curve, skipped cycle, and what pressure pairs determine."""
+"""Condition of a curve, skipped cycles, and the slopes that pressure pairs determine."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _tidy(bar: float) -> str:
 
 @dataclass(frozen=True)
 class Skipped:
-    """A cycle that was left out, and why."""
+    """A cycle that was left out, and the reason."""
 
     key: str
     file: str

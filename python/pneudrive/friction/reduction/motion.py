@@ -1,4 +1,4 @@
-"""A recording as motion: strokes, force balance and settled samples, found once and handed on."""
+"""A recording as motion: strokes, force balance and settled samples, computed once for all later steps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class SampleChoice(Protocol):
-    """A rule that chooses, and perhaps smooths, the samples of a stroke for its mean."""
+    """A rule that selects the samples of a stroke for its mean, and may smooth them."""
 
     @property
     def name(self) -> str:

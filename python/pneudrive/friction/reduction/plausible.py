@@ -1,4 +1,4 @@
-"""Plausibility: values that no rig, or no cycle of this plan, can have; flags of the map, and sentences."""
+"""Plausibility: values that are impossible for a rig or for the plan of a cycle, as flags of the map and sentences."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def doubts_of(
     offset_n: float,
     u_offset_n: float,
 ) -> dict[str, str]:
-    """Return the doubts on a speed class: flag -> sentence with a check.
+    """Return the doubtful values of a speed class: flag -> sentence with a check.
 
     A recording with zero areas has no pressure force: its force is the friction itself.
     """
@@ -73,9 +73,9 @@ NAMES = (*STICK_SLIP, UNNAMED)
 def unsteady(
     data: Sequence[CycleData], tares: Sequence[CycleData], stiffness_n_m: float | None, mass_kg: float
 ) -> tuple[str, ...]:
-    """Return for each cycle why its sliding was not steady behind the rig's spring; "" if it was steady.
+    """Return for each cycle the reason why sliding on the rig's spring was not steady; "" if it was steady.
 
-    There are three signs of it. (1) The axis itself runs unevenly. (2) The piston's position, which is the axis
+    There are three signs. (1) The axis itself runs unevenly. (2) The piston's position, which is the axis
     position minus the deflection of the force sensor, is uneven. (3) If samples are too far apart for both, the force
     oscillates by much more than the sensor's noise. At the rig's natural frequency, this force would change the
     piston's speed by 40 %.
@@ -108,7 +108,7 @@ def _noise(data: Sequence[CycleData], tares: Sequence[CycleData]) -> float:
 
     Without zero runs, return the lower quartile of the slower half of the cycles.
 
-    Slow noise is visible within a bin of a slow cycle, but not of a fast one.
+    Slow noise is visible within a bin of a slow cycle, but not within a bin of a fast cycle.
     """
     if tares:
         return float(np.median([t.standing_sd_n for t in tares]))
@@ -132,7 +132,10 @@ def implausible_friction(
     friction_n: NDArray[np.float64],
     stderr_n: NDArray[np.float64],
 ) -> tuple[str, ...]:
-    """Return for each cycle of a campaign, shape (n,), why its friction is impossible; "" if possible."""
+    """Return for each cycle of a campaign, shape (n,), the reason why its friction is impossible.
+
+    "" if it is possible.
+    """
     pace = np.log(np.maximum(speed_m_s, 1e-12))
     found: list[str] = [""] * friction_n.size
     for here in (np.flatnonzero(condition == k) for k in np.unique(condition)):

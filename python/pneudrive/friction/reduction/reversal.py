@@ -100,8 +100,8 @@ class _Usual:
 def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     """Fit a line through the offset near a turn: slope, N/m, and intercept at x = 0, N.
 
-    At the turn itself one direction is still in its transient, and half the sum is not the offset; far from it the
-    offset may differ. With too few bins between, those of the window are used.
+    At the turn, one direction is still in its transient, so half the sum is not the offset. Far from the turn, the
+    offset may differ. If there are too few bins in between, the bins of the window are used.
     """
     known = np.isfinite(profile.offset_n)
     away = np.abs(profile.position_m - turn_m) / float(np.ptp(profile.position_m))

@@ -99,9 +99,9 @@ def pair_stderr(up: Spread, down: Spread) -> float:
 
 
 def profile_stderr(profile_n: NDArray[np.float64]) -> float:
-    """Estimate the standard error of a profile's mean only from the profile, for a single stroke.
+    """Estimate the standard error of a profile's mean for a single stroke, from the profile alone.
 
-    A straight line is removed, because the pattern over position, and mostly its coarse part, is not random. The
+    A straight line is removed, because the pattern over position is not random, in particular its coarse part. The
     correlation of neighbouring bins is summed until it first falls below zero.
     """
     values = profile_n[np.isfinite(profile_n)]

@@ -156,7 +156,7 @@ def _best_of_attempts(attempt: Callable[[Array | None], Attempt], options: Searc
     """Repeat the search with shorter segments, while that helps, if the first one does not reach the measured motion.
 
     The error of a short segment stays small for wrong values: its search passes local minima of long segments and gives
-    them better start values. An incomplete model misses with segments of any length: then the first result is kept.
+    them better start values. An incomplete model deviates with segments of any length. Then the first result is kept.
     """
     tried = [attempt(None)]
     whole = options.segment_s

@@ -1,6 +1,6 @@
 """Lower limit of the model error of identified values: effect of errors in held numbers.
 
-An interval covers the noise of the sensors, and shrinks with every sample; no model is that exact. Here each held
+An interval covers the noise of the sensors and shrinks with every sample, but no model is so exact. Here each held
 number of the description (bore, supply pressure, conductance, ...) has an error of `MODEL_SHARE`, the fraction of the
 balances' terms that the diagnosis ignores. The free values respond by least squares on the balances along the
 recordings (force in sliding, both pressure rates):
@@ -8,7 +8,8 @@ recordings (force in sliding, both pressure rates):
     d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
 
 Phi are the derivatives of the balances' residuals by the free values, and d e_h their change with the held number h. W
-weights each balance by one over the mean square of its terms. The motion of the recordings enters, but not the noise.
+weights each balance by one over the mean square of its terms. The formula uses the motion of the recordings, but not
+their noise.
 """
 
 from __future__ import annotations

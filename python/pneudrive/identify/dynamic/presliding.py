@@ -1,9 +1,8 @@
 """Bristle stiffness and damping from presliding: force over displacement right after slow reversals.
 
 After a reversal the contact is elastic before it slips: friction grows from -F to +F over a few bristle deflections.
-The slope there is the bristle stiffness times a factor of the law: 2 for LuGre, whose bristles slipped before, 1 for
-bristles that are elastic below breakaway. The factor is computed: the core simulates such a loop with the same law and
-a known stiffness, which is evaluated in the same way.
+The slope there is the bristle stiffness times a factor of the law: 2 for LuGre, whose bristles have slipped before, and
+1 for bristles that are elastic below breakaway. The factor is computed: from a simulated loop with known stiffness.
 """
 
 from __future__ import annotations
@@ -301,7 +300,10 @@ def _pooled(values: Array) -> tuple[float, tuple[float, float]]:
 
 
 def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
-    """Return the slope over stiffness of the drive's law in a loop of this force, evaluated as the measured ones."""
+    """Return the ratio of slope to stiffness for the drive's law.
+
+    A simulated loop of this force is evaluated like a measured one.
+    """
     stiffness = slope
     factor = 1.0
     for _ in range(ROUNDS):

@@ -1,7 +1,7 @@
 """Search: Gauss-Newton with Levenberg-Marquardt damping over segments with continuous starts.
 
 There are two phases. In the first phase, segments are short and start with smoothed measurements. Only unmeasured
-states, the gas temperatures and the bristles, are carried over from the previous segment. Such a prediction over some
+states, the gas temperatures and the bristles, are carried over from the previous segment. A prediction over some
 hundredths of a second stays near the measurements even for wrong parameters. In the second phase, the starts are free
 and tied to the ends of the previous segments (multiple shooting). The linearised continuity condenses them onto the
 first start of the recording, and gaps close during the search. A single segment is single shooting.
@@ -379,7 +379,7 @@ class _Found:
 def _shortened(
     problem: FitProblem, point: Iterate, at: Joined, longest: float, believed: list[Array], *, reset: bool = False
 ) -> _Found | None:
-    """Shorten the step until it lowers the merit, by runs without derivatives; None if none does."""
+    """Shorten the step until it lowers the merit, by runs without derivatives; None if no step does."""
     information, gradient = equations(problem, point, at)
     before = at.standing.merit
     while longest >= SHORTEST:

@@ -218,7 +218,7 @@ class Shooter:
 
 
 def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array]:
-    """Shift the steps of a command; the first time stays, with the value that then holds."""
+    """Shift the steps of a command. The first time stays, with the command at that time."""
     if delay_s == 0.0:
         return times, commands
     shifted = times + delay_s

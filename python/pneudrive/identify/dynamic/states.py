@@ -180,7 +180,7 @@ def _smoothed(
     """Return value and slope of a parabola through the samples around each of some samples.
 
     The window is the widest of a few over which the signal is a parabola within its noise. The third value times the
-    noise is the standard error of a slope over the narrowest one that was used.
+    noise is the standard error of a slope over the narrowest used window.
     """
     good = np.isfinite(values)
     step = float(np.median(np.diff(time_s)))
@@ -204,9 +204,9 @@ def _smoothed(
 def _parabolas(
     time_s: Array, values: Array, good: NDArray[np.bool_], at: NDArray[np.int64], half: int, most: float
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return value and slope of the parabola around each sample, and where its residual is at most so large.
+    """Return value and slope of the parabola around each sample, and a mask of samples with a small residual.
 
-    In a gap of the signal, with fewer than four samples in a window, it is the nearest value.
+    In a gap of the signal, with fewer than four samples in a window, the nearest value is used.
     """
     index = at[:, None] + np.arange(-half, half + 1)
     used = (index >= 0) & (index < time_s.size)

@@ -69,7 +69,7 @@ _ANY = "record motion that depends on it, or fix it"
 
 
 def remedy_for(name: str) -> str:
-    """Return what to record to determine a value."""
+    """Return the recording that would determine a value, in words."""
     plain = name.partition(" [")[0]
     return next((text for pattern, text in _REMEDIES.items() if fnmatchcase(plain, pattern)), _ANY)
 
@@ -126,7 +126,10 @@ def statements(
 
 
 def _is_sensor(name: str) -> bool:
-    """Return whether a value is an offset or similar, without a relative width: only a vanishing direction counts."""
+    """Return whether a value is an offset or similar, which has no relative width.
+
+    Only a vanishing direction makes it undetermined.
+    """
     return name.partition(" [")[0].endswith((".offset", ".lag", ".gain", ".delay"))
 
 

@@ -1,7 +1,7 @@
 """Export of friction parameters to the laws of other tools, with the error of the conversion.
 
 A conversion is a least-squares fit of the other tool's curve to that of pneudrive over the measured speeds. The result
-states the greatest deviation and the effects that the other law lacks.
+states the largest deviation and the effects that the other law does not have.
 """
 
 from __future__ import annotations

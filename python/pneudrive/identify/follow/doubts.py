@@ -1,4 +1,4 @@
-"""Readings of a recording that cannot be right for a driven circuit: refused, or named with the likely cause."""
+"""Implausible readings of a recording of a driven circuit: they are refused, or reported with the likely cause."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OPEN_TOGETHER = 0.2  # least correlation of an open chamber's pressure with the 
 
 
 def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[str]:
-    """Refuse recordings that cannot belong to the circuit; return doubts.
+    """Refuse recordings that cannot belong to the circuit; return warnings.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def _refuse_swapped(record: DrivenRecording) -> None:
 
 
 def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
-    """Return doubts on open chambers: they have the ambient pressure, and a little less while their gas expands."""
+    """Return warnings on open chambers. Their pressure is ambient, and slightly lower while their gas expands."""
     ambient = float(driven.form["ambient"]["pressure_pa"])
     means = record.pressures_pa.mean(axis=1)
     far = {side: float(mean) for side, mean in zip(SIDES, means, strict=True)
@@ -140,7 +140,7 @@ def refuse_open(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> li
 
 
 def other_readings(solution: FollowSolution) -> list[str]:
-    """Return what the recordings fit better as: pressures from another zero."""
+    """Return the zero of the pressures (gauge or absolute) that fits the recordings better, in words."""
     problem = solution.problem
     ambient = float(problem.driven.form["ambient"]["pressure_pa"])
     base = _size(solution)

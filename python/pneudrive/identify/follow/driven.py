@@ -107,7 +107,7 @@ class DrivenCircuit:
         return next((name for name in names if name in self.parts and self.parts[name]["kind"] == "tank"), None)
 
     def _machine(self, mass_kg: float) -> str:
-        """Return the motor at the rod, made stiff. Add one if the circuit has no motor there."""
+        """Return the motor at the rod, made stiff. Add a motor if the circuit has none there."""
         rod = f"{self.piston}.rod"
         joint = self._joint(rod)
         names = [port.partition(".")[0] for port in joint]
@@ -200,7 +200,7 @@ class DrivenCircuit:
         return [self._number(tank, "wall_capacity"), self._number(tank, "wall_outer_heat_transfer")]
 
     def _leak(self, side: str) -> Number:
-        """Return the leak past the piston or to the ambient air; one that the circuit has, or a new one."""
+        """Return the leak past the piston or to the ambient air: the existing one, or a new one."""
         ends = {self.starts_port(side or "a"), "ambient" if side else self.starts_port("b")}
         for name, part in self.parts.items():
             if part["kind"] == "leak" and self._ends(name) == ends:
@@ -230,7 +230,7 @@ class DrivenCircuit:
         return found
 
     def _usual_leak(self) -> float:
-        """Return the coefficient at which a hundredth of the gas at 5 bar leaks to the ambient in 100 s."""
+        """Return the coefficient with which 1 % of the gas at 5 bar leaks to the ambient air in 100 s."""
         volume = self.stroke_m * max(self.areas_m2) + sum(self._dead(side) for side in SIDES)
         return LEAK_SHARE * volume / LEAK_TIME_S / (5e5 * float(self.form["gas"]["gas_constant_j_kg_k"]))
 
@@ -269,7 +269,10 @@ class DrivenCircuit:
         return json.dumps(self.form)
 
     def heat_w_k(self, side: str) -> float | None:
-        """Return the heat that passes between gas and wall per kelvin, dead volume and piston faces; None: no tank."""
+        """Return the heat transfer between gas and wall per kelvin, for dead volume and piston faces.
+
+        None without a tank.
+        """
         tank = self.tanks[side]
         if tank is None:
             return None
@@ -282,7 +285,7 @@ class DrivenCircuit:
         return {"a": self._dead("a") + a * position_m, "b": self._dead("b") + b * (self.stroke_m - position_m)}
 
     def run(self, form: str, record: DrivenRecording, start: Sequence[float] | Array, until: float) -> Array:
-        """Return the pressures of both chambers at the grid of a recording, up to a time; NaN behind it.
+        """Return the pressures of both chambers at the grid of a recording, up to a time; NaN after it.
 
         Parameters
         ----------

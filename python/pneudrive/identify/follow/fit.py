@@ -1,4 +1,4 @@
-"""Identification of a circuit that follows a recorded motion, with the models that could replace it."""
+"""Identification of a circuit that follows a recorded motion, and comparison with alternative models."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ LARGEST_REACH = 0.5  # a number is determined if half its interval is below this
 
 @dataclass(frozen=True)
 class Rival:
-    """A model that is compared with the asked one.
+    """A model that is compared with the requested one.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Rival:
 
     @property
     def earns(self) -> bool:
-        """Whether it predicts each part better that it was not fitted to."""
+        """Whether it predicts each held-out part better."""
         return bool(self.predictions) and max(self.predictions) < EARNS
 
     @property
@@ -281,7 +281,7 @@ def identify_motion(
 def _first_point(
     described: Circuit, records: list[DrivenRecording], free: Sequence[str], problem: FollowProblem
 ) -> FollowPoint | None:
-    """Return the point of a fit without walls and leaks, from which they are found safely."""
+    """Return the solution without walls and leaks: a safe start for a fit with them."""
     first = [name for name in free if name in FIRST]
     if not first or len(first) == len(free):
         return None
@@ -436,7 +436,7 @@ def _squares(solution: FollowSolution) -> float:
 
 
 def _folds(problem: FollowProblem) -> list[tuple[list[tuple[float, float]], list[tuple[float, float]]]]:
-    """Return parts of the recordings to fit and to predict: halves of each recording, both ways."""
+    """Return parts of the recordings to fit and to predict: halves of each recording, in both orders."""
     ends = [float(record.grid_s[-1]) for record in problem.records]
     first, second = [(0.0, end / 2.0) for end in ends], [(end / 2.0, end) for end in ends]
     return [(first, second), (second, first)]

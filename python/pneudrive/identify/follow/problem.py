@@ -116,7 +116,7 @@ class FollowProblem:
         return self.driven.run(form, record, self.start_of(at, local), until)
 
     def shown(self, at: int, raw: Array, delay_s: float) -> Array:
-        """Return simulated pressures as the sensors show them, late by the delay; NaN outside the run."""
+        """Return the simulated readings of the sensors, with the delay; NaN outside the run."""
         grid = self.records[at].grid_s
         times = grid - delay_s
         there = np.isfinite(raw[0])
@@ -134,7 +134,7 @@ class FollowProblem:
         return np.nan_to_num(rest) * self.weights[at][:, None]
 
     def priors(self, at: int) -> Array:
-        """Return the standard uncertainties of the numbers of a recording; 0: held, inf: free."""
+        """Return the prior standard uncertainties of the numbers of a recording; 0 if held, inf if free."""
         kelvin = AT_REST_K if self.records[at].at_rest else IN_MOTION_K
         kelvin = kelvin if self.starts_free else 0.0
         return np.array([np.inf, np.inf, kelvin, kelvin, DELAY_S if self.is_delayed else 0.0])
@@ -185,7 +185,7 @@ class FollowSolution:
 
 
 def solve_follow(problem: FollowProblem, begin: FollowPoint | None = None, passes: int = 2) -> FollowSolution:
-    """Fit all free numbers; each pass weights the residuals by those of the pass before.
+    """Fit all free numbers. Each pass weights the residuals by those of the previous pass.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Lag and gain from the command of a pressure regulator to the pressure behind it, from recordings of both.
+"""Lag and gain from the command of a pressure regulator to its outlet pressure, from recordings of both.
 
 The model is a grey box: p' = (g u(t - d) + o - p) / T. Filling and venting have separate times T. Volume, conductance
-and leak only act through T, so that no such recording determines them.
+and leak act only through T, so such recordings do not determine them.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ class RegulatorFit(Shown):
 def identify_regulator(
     regulator: Regulator | str | Path, recordings: Sequence[Any], layout: Layout | str | Path | None = None
 ) -> RegulatorFit:
-    """Identify lag and gain from the command of a regulator to the pressure behind it.
+    """Identify lag and gain from the command of a regulator to its outlet pressure.
 
     Parameters
     ----------

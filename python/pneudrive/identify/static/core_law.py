@@ -118,7 +118,7 @@ class AnyLaw(StaticLaw):
         return force, slopes @ self.natural_jacobian(q)
 
     def starting_points(self, data: Observations) -> list[Array]:
-        """Return the given values and points about them."""
+        """Return start points: the given values and points near them."""
         given, (lower, upper) = self.internal(self.given), self.bounds(data)
         noise = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (STARTS, given.size)) * np.log(FACTOR)
         steps = np.where(self.positive, np.vstack([np.zeros(given.size), noise]), 0.0)

@@ -194,7 +194,7 @@ def _remarks(support: Support) -> list[str]:
         )
     if len(support.data) == len(support.model.names):
         said.append(
-            "as many values as parameters: the intervals rest on the stated standard errors alone, and a further run "
+            "as many values as parameters: the intervals depend only on the stated standard errors, and a further run "
             "may lie far outside them"
         )
     if np.isfinite(support.found.rival):
@@ -208,8 +208,8 @@ def _remarks(support: Support) -> list[str]:
 def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: object) -> dict[int, FrictionFit]:
     """Fit each direction separately: {+1: fit, -1: fit}; options as for :func:`fit_friction`.
 
-    Friction of lip seals differs by 10 to 40 % between directions. An error of the force's zero or of the area looks
-    the same: it increases one Coulomb force and decreases the other. Only a fit of pairs is free of it.
+    Friction of lip seals differs by 10 to 40 % between directions. An error of the force's zero or of the area has the
+    same effect: it increases one Coulomb force and decreases the other. Only a fit of pairs avoids it.
     """
     return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
 
@@ -223,7 +223,7 @@ def fingerprint(data: Observations) -> str:
 
 
 def ambient_of(friction_map: xr.Dataset, given: float | None, needed: bool) -> float:
-    """Return the ambient pressure as reference of gauge pressures, Pa; 0 if neither known nor needed."""
+    """Return the ambient pressure as reference of gauge pressures, Pa; 0 if it is unknown and not needed."""
     value = given if given is not None else friction_map.attrs.get("ambient_pressure_pa")
     if value is None:
         if needed:

@@ -2,7 +2,8 @@
 
 A fit of one seal gives the uncertainty of its parameters. It does not give the deviation of the next mounting, nor the
 error of a straight line over pressure between the levels, because a few recordings of one seal do not determine these.
-Several seals together do. The model of friction F of seal s in run r and recording i at gauge pressures p is
+Several seals together determine them. The model of friction F of seal s in run r and recording i at gauge pressures p
+is
 
     F_sri = L_s(v, p) [1 + d_s(p) + m_sr + e_sri],   e ~ N(0, sigma_s^2),   sigma_s^2 ~ nu tau^2 / chi2(nu)
 
@@ -316,7 +317,7 @@ def _posterior(logs: dict[str, Array]) -> tuple[dict[str, Array], Array]:
 def _surveyed(
     name: str, data: Observations, runs: tuple[str, ...], law: str | None, options: Mapping[str, object]
 ) -> Surveyed | str:
-    """Fit one seal, or return why it is left out."""
+    """Fit one seal, or return the reason why it is left out."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     wanted = FrictionModel(law or ("stribeck" if wide else "coulomb"), viscous=wide)
     fit = fit_values(wanted, data, pressure="linear", options={"direction": "both", **options})

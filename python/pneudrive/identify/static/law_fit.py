@@ -71,7 +71,7 @@ class LawFit(SlidingFit):
 
     @property
     def friction(self) -> Friction:
-        """Law with the determined parameters; all others as given."""
+        """Law with the determined parameters; all others keep the given values."""
         marks = parameter_quantities(self.model.friction.entry)
         fitted = {name: marks[name].show(self.values[name]) for name in self.determined}
         return Friction.model_validate(self.model.friction.to_dict() | fitted)

@@ -280,7 +280,7 @@ def _compared(
     loss: str,
     probability: float,
 ) -> Compared | str:
-    """Fit and predict, or return why that is not possible."""
+    """Fit and predict, or return the reason why this is not possible."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     try:
         fit = fit_values(replace(CANDIDATES[name], viscous=wide), data, pressure=form, loss=loss)
@@ -323,7 +323,7 @@ def _compared(
 
 
 def _without(model: FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
-    """Fit the part of the law that all values determine to some of them."""
+    """Fit to some of the values the part of the law that all values determine."""
     plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
     support = as_it_is(with_knee(chosen, rest, loss), rest, loss)

@@ -170,7 +170,7 @@ def _pairs(column: dict[str, NDArray], keep: NDArray[np.bool_]) -> NDArray[np.in
 def _standard_errors(
     column: dict[str, NDArray], pairs: NDArray[np.int64], friction: Array, speed: Array
 ) -> tuple[Array, list[str]]:
-    """Return the standard error of each value; both rows of a pair state the same one."""
+    """Return the standard error of each value; both rows of a pair state the same error."""
     with np.errstate(invalid="ignore"):
         stated = np.sqrt(np.mean(column["stderr_n"][pairs] ** 2, axis=1))
     first, second = pairs.T

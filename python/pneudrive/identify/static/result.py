@@ -171,7 +171,7 @@ class FrictionFit(SlidingFit):
         return Prediction(value, value - reach, value + reach, stderr)
 
     def free_values(self) -> dict[str, float]:
-        """Parameters including the names in `free`: a coefficient shared by both chambers has its own name."""
+        """All parameters with a name in `free`; a coefficient shared by both chambers has a separate name."""
         return self.values | self._groups()[1]
 
     # -- into a drive -----------------------------------------------------------------------------------------
@@ -232,7 +232,7 @@ class FrictionFit(SlidingFit):
         return after
 
     def _warn_of_kept(self, after: Drive) -> None:
-        """Warn if undetermined values, which the drive keeps, take its friction away from that of the fit."""
+        """Warn if undetermined values, which the drive keeps, make its friction differ from that of the fit."""
         kept = [n for n in STEADY if n not in self.determined and n in after.friction.parameters]
         speeds = self.provenance.get("speed_m_s")
         if not kept or not isinstance(speeds, (list, tuple)) or not speeds[0] < speeds[1]:
@@ -265,7 +265,7 @@ class FrictionFit(SlidingFit):
         if self.model.chambers and self.model.pressure != "linear":
             raise FitError(
                 f"a drive's friction is linear in the chamber pressures, but this fit is {self.model.pressure} in them",
-                rule="a curve is not replaced by a straight line without a request",
+                rule="a straight line replaces a curve only on request",
                 remedy="Fit with pressure='linear' over the working pressures of the drive.",
             )
         seals = drive.friction.pressure
@@ -322,7 +322,7 @@ class FrictionFit(SlidingFit):
     # -- file and display ----------------------------------------------------------------------------
 
     def _groups(self) -> tuple[dict[str, float], ...]:
-        """Return the tables of values: parameters, and sums of two slopes of which only the sum is determined."""
+        """Return the tables of values: parameters, and sums of slopes if only the sum of two is determined."""
         return self.values, {n: self.values[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
 
     def _last(self) -> dict[str, Any]:

@@ -31,8 +31,8 @@ def with_scatter(
 ) -> tuple[Observations, RobustEstimate, float]:
     """Add a scatter to the standard errors if the residuals are too large and become more likely by it.
 
-    The alternative is an estimate without scatter. It assumes standard errors that are too small by a common factor,
-    and is kept only if clearly more likely.
+    The alternative is an estimate without scatter, whose standard errors are too small by a common factor. It is kept
+    only if it is clearly more likely.
 
     Parameters
     ----------

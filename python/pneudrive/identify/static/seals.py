@@ -78,7 +78,7 @@ def fit_groups(
 
 
 def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str] = ()) -> FrictionFit:
-    """Fit a law to a friction map; friction may depend on pressure if there were several."""
+    """Fit a law to a friction map. Friction may depend on pressure if the map has several pressures."""
     spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
     return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)
 

@@ -44,7 +44,7 @@ class Support:
 
 
 def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) -> Support:
-    """Fit a law without the parts that the values do not support, which would only widen the other intervals."""
+    """Fit a law without unsupported parts, which would only widen the intervals of the other parameters."""
     lost: list[Undetermined] = []
     while True:
         data, found, scatter, dof = estimated(model, stated, loss)

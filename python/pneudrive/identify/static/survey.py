@@ -28,7 +28,7 @@ HELD_OUT = ("pressure", "run")
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Held-out value with its prediction from the others.
+    """Held-out value with its prediction from all other values.
 
     Attributes
     ----------

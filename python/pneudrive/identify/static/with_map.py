@@ -92,7 +92,9 @@ def _values(fit: SlidingFit, friction_map: xr.Dataset) -> Observations:
 def profiles(
     fit: FrictionFit, friction_map: xr.Dataset, probabilities: Sequence[float] = PROBABILITIES
 ) -> dict[str, Array]:
-    """Return intervals by profile likelihood for several probabilities: how fast the data let go of each value.
+    """Return intervals by profile likelihood for several probabilities.
+
+    They show how well the data determine each value.
 
     Parameters
     ----------
@@ -119,7 +121,7 @@ def profiles(
 
 
 class Ellipse(NamedTuple):
-    """The 95 % ellipse of two values, of first order: its shadows are value ± t times standard error.
+    """The first-order 95 % ellipse of two values. Its projections are value ± t times standard error.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Access to a rig over OPC UA: certificates, users, and passwords, which are never written in a rig file."""
+"""Access to a rig over OPC UA: certificates, users and passwords. Rig files never contain passwords."""
 
 from __future__ import annotations
 
@@ -408,7 +408,7 @@ def _validator(peer: str, trusted: tuple[bytes, ...] | None = None) -> Any:  # n
 
 
 def is_password(kept: str, password: str) -> bool:
-    """Return whether a password has this salted hash; for an empty one too it takes the time of a hash."""
+    """Return whether a password has this salted hash. An empty hash takes the same time."""
     _, salt, expected = kept.split(":") if kept else ("", "", "")
     return hmac.compare_digest(_text(_hash(password, base64.b64decode(salt))), expected)
 

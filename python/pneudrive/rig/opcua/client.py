@@ -261,7 +261,7 @@ class OpcUaRig:
         return parse_json(text, self._link.url, RigError)
 
     def _check_back(self) -> None:
-        """Raise once that the connection was lost and reopened meanwhile."""
+        """Raise an error once if the connection was lost and reopened."""
         if self._gone:
             self._gone = False
             raise _back("waiting", "the server was unreachable meanwhile", self._link.url)

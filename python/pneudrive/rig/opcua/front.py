@@ -1,8 +1,8 @@
 """Front of a served rig: asyncua's server with few connections and one session in each.
 
 Each connection is served by one task, one request at a time, so that requests of all connections alternate. If all
-places are taken, the oldest connection without a session gives its place to a new one. A connection is closed if it has
-no session after seconds, sends requests faster than they are served, or does not read its answers. A session ends with
+places are taken, a new connection replaces the oldest one without a session. A connection is closed if it opens no
+session within seconds, sends requests faster than they are served, or does not read its answers. A session ends with
 its connection: it cannot move to another one.
 """
 
@@ -144,7 +144,10 @@ class Connection(OPCUAProtocol):
 
 
 class ServerLimits(TransportLimits):
-    """Limits of messages; a client with buffers below the minimum of OPC UA is rejected: its chunks would be tiny."""
+    """Limits of messages.
+
+    A client with buffers below the minimum of OPC UA is rejected, because its chunks would be tiny.
+    """
 
     def create_acknowledge_and_set_limits(self, msg: Any) -> Any:  # noqa: ANN401
         """Answer the hello message of a client."""

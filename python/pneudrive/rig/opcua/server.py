@@ -224,7 +224,7 @@ class RigServer:
                 self._held = command
 
     def _refusal(self, client: Client) -> str:
-        """Return why a client may not command now; empty if it may."""
+        """Return the reason why a client may not command now; empty if it may."""
         if client.dismissed:
             return client.dismissed
         if self._commander not in (None, client):
@@ -421,7 +421,7 @@ class RigServer:
         await self._write({"answer.done": identity}, client=client)
 
     def _value(self, client: Client, name: str) -> Any:  # noqa: ANN401 - a value in SI
-        """Return a client's written value, or the initial one."""
+        """Return the value that a client has written, or the initial value."""
         raw = client.values[name].Value.Value if name in client.values else self._space.first(name)
         return self._space.to_si(name, raw)
 

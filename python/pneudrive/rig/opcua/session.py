@@ -56,7 +56,7 @@ class Served(Protocol):
         ...
 
     def read(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value
-        """Return the value of a node for one client. Other clients see this value."""
+        """Return the value of a node for one client. Value that other clients see."""
         ...
 
     async def written(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value and status

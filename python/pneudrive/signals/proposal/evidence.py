@@ -159,7 +159,10 @@ def same_signal(first: Array, second: Array) -> bool:
 
 
 def unevenness(values: Array, *, is_one_of_many: bool) -> float:
-    """Return how far a signal is from even strokes between turning points: 1 is a triangle, infinite no motion."""
+    """Return the deviation of a signal from even strokes between turning points.
+
+    It is 1 for a triangle, and infinite without motion.
+    """
     values = values[np.isfinite(values)]
     if values.size < FEWEST:
         return np.inf

@@ -60,7 +60,7 @@ class Guess:
 
 @dataclass(frozen=True)
 class Question:
-    """A role that is left open: why, and the columns that may have it."""
+    """An open role: the reason, and the candidate columns."""
 
     role: str
     why: str
@@ -188,7 +188,7 @@ def _position_by_strokes(roles: Roles) -> Candidate | None:
     if len(close) > 1 and held and len(groups) > FEWEST:
         _accept(roles, "command", Candidate(held[0], PHYSICS, ("held from step to step, unlike a force",)), "")
         close = [Candidate(group[-1], PHYSICS, ("a signal",)) for group in groups if group[-1] != held[0]]
-        _leave_open(roles, "position, pressure_a and pressure_b", "numbers alone do not tell them apart", close)
+        _leave_open(roles, "position, pressure_a and pressure_b", "numbers alone do not distinguish them", close)
     elif len(close) > 1:
         _leave_open(roles, "position", "these columns move alike", close)
     if len(close) > 1:
@@ -229,7 +229,7 @@ def _force(roles: Roles) -> None:
     if directions is not None:
         roles.sign = directions.sign(signals.columns[chosen.index])
         if roles.sign == 0:
-            why = 'the force does not tell its sign, as it hardly changes with the direction: positive = "+x" or "-x"'
+            why = 'the force does not show its sign, as it hardly changes with the direction: positive = "+x" or "-x"'
             _leave_open(roles, "force", why, [chosen])
             signals.taken.add(chosen.index)
             return
@@ -342,9 +342,9 @@ def _trend(roles: Roles, one: Candidate) -> tuple[str, ...]:
 
 
 def _chamber(roles: Roles, pressures: list[Array]) -> tuple[str, str]:
-    """Return the chamber of the first pressure and why; empty if the force does not tell it."""
+    """Return the chamber of the first pressure and the reason; empty if the force does not show it."""
     directions, force = roles.directions, roles.index("force")
-    ask = "neither names nor forces tell the chamber: a is the one that grows with the position"
+    ask = "neither names nor forces show the chamber: chamber a grows with the position"
     if force is None or directions is None:
         return "", ask
     values = roles.sign * roles.signals.columns[force]
@@ -428,7 +428,7 @@ def _choose(roles: Roles, role: str, named: list[Candidate]) -> Candidate | None
 
 
 def _next(signals: TableSignals, chosen: Candidate, named: list[Candidate]) -> str:
-    """Return the rank of a choice against the second best."""
+    """Return the rank of a choice relative to the second best one."""
     second = next((one for one in sorted(named, key=lambda one: -one.score) if one.index != chosen.index), None)
     if second is None:
         return "no other candidate"
@@ -436,7 +436,7 @@ def _next(signals: TableSignals, chosen: Candidate, named: list[Candidate]) -> s
 
 
 def _accept(roles: Roles, role: str, one: Candidate, rank: str) -> None:
-    """Add a guess with its unit; a unit that is not known, and the size of a count, are left open."""
+    """Add a guess with its unit. An unknown unit and the size of a count are left open."""
     signals = roles.signals
     guess = _guess(roles, role, one, rank)
     header, values = signals.headers[one.index], signals.columns[one.index]

@@ -59,7 +59,7 @@ def layout_text(path: Path, reading: FileForm, roles: Roles, kind: str) -> str:
 
 
 def _parallel_lines(roles: Roles) -> list[str]:
-    """Return a force in parallel as a comment, if two more columns are pressures: those of a ram, perhaps."""
+    """Return a parallel force as a comment, if two more columns are pressures, possibly of a ram."""
     signals = roles.signals
     spare = [(one.index, unit) for one in signals.candidates("pressure") if (unit := signals.headers[one.index].unit)]
     if len(spare) != 2:

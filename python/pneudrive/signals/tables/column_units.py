@@ -68,7 +68,7 @@ def _known() -> dict[str, HeaderUnit]:
 
 
 def header_unit(text: str) -> HeaderUnit | None:
-    """Return the unit that a field of a header is; None if it is not one.
+    """Return the unit in a field of a header; None if the field is not a unit.
 
     Examples
     --------

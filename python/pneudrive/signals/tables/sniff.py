@@ -179,7 +179,7 @@ def _is_of_words(texts: list[str], form: TextForm) -> bool:
 
 
 def _told(fit: list[_Reading], sample: list[str], path: Path) -> _Reading:
-    """Return the reading that holds; numbers such as 10,307 can be 10.307 and 10307.
+    """Return the valid interpretation of numbers such as 10,307, which can mean 10.307 or 10307.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def _told(fit: list[_Reading], sample: list[str], path: Path) -> _Reading:
     raise RecordingError(
         f"numbers such as {marked[0][0]} can have decimals, or groups of three digits",
         where=str(path),
-        rule="nothing else in the file tells which",
+        rule="nothing else in the file shows which",
         remedy='write the layout by hand, with decimal = "," or with thousands = ","',
     )
 
@@ -223,7 +223,10 @@ def _with_header(lines: list[str], reading: _Reading) -> FileForm:
 
 
 def _first_of_numbers(lines: list[str], reading: _Reading) -> int:
-    """Return the first line of the table: a row of numbers followed by others, since a preamble may hold some, too."""
+    """Return the first line of the table.
+
+    It is a row of numbers followed by others, because a preamble may contain numbers, too.
+    """
     first = length = 0
     longest = (0, 0)
     for i, line in enumerate(lines):
@@ -260,7 +263,7 @@ def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str
 
 
 def _rows_above(above: list[str], form: TextForm, width: int) -> Iterator[tuple[int, list[str], TextForm]]:
-    """Yield the rows of words next to the numbers, from below, with their number and form."""
+    """Yield the rows of words above the numbers, beginning with the lowest, with their number and form."""
     filled = [at for at, line in enumerate(above) if line.strip()]
     for at in reversed(filled[-HEADER_ROWS:]):
         sign = next((sign for sign in COMMENTS if above[at].lstrip().startswith(sign)), form.comment)

@@ -124,7 +124,7 @@ def _compiled(form: TextForm) -> re.Pattern[str]:
 
 @lru_cache(maxsize=64)
 def number_pattern(form: TextForm) -> str:
-    """Return the expression of a number: groups of three digits only, and no other sign than those of the form."""
+    """Return the regular expression of a number: only groups of three digits, and only the signs of the form."""
     decimal = re.escape(form.decimal)
     whole = r"\d*"
     if form.thousands == form.decimal:
@@ -267,8 +267,8 @@ def without_headers(
 ) -> tuple[list[int], list[int]]:
     """Return the rows of numbers without the headers of further segments, and the first row of each segment.
 
-    Programs that append to a file repeat the header: its last line marks each, and lines above it belong to it
-    up to the last row of numbers.
+    Programs that append to a file repeat the header. The last header line marks each segment, and the lines between it
+    and the last row of numbers belong to the header.
     """
     if last_of_header is None or not rows:
         return rows, []
@@ -294,7 +294,7 @@ def column_number(column: int | str, names: list[str], width: int, path: Path) -
             if not names:
                 remedy = "write header = true, or give its number from 0"
             elif len(names) == 1:
-                remedy = 'the header was read as one name: say what separates columns, as delimiter = "comma"'
+                remedy = 'the header was read as one name: state what separates columns, as delimiter = "comma"'
             raise RecordingError(
                 f"there is no column '{column}'",
                 where=str(path),

@@ -1,4 +1,4 @@
-"""The time of each sample: rates, clocks of channels, counters that wrap, stamps of equal value, slow channels."""
+"""The time of each sample: rates, clocks of channels, counters that wrap, equal time stamps, slow channels."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SLOW = 2  # least usual distance of the values of a slow channel, in rows
 def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: bool = False) -> tuple[Array, int]:
     """Return a counter without its wraps, and their number; other columns are unchanged.
 
-    A counter of n bits holds whole numbers between ends that are less than 2^n apart, and jumps by nearly that.
+    An n-bit counter has whole numbers within a range of less than 2^n, and jumps by nearly this range.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def filled(time: Array, values: Array, *, held: bool = False) -> Array:
     """Return the values of a slow channel at all times, if it has a value in every second row or fewer.
 
     The values are interpolated linearly or held. Before the first value and after the last one there is NaN. A channel
-    without single values is unchanged.
+    that has no isolated values is unchanged.
     """
     there = np.isfinite(values) & np.isfinite(time)
     at = np.flatnonzero(there)

@@ -36,12 +36,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-MOST_OTHERS = 7  # with the run itself as many as there are looks
-MEMBERS, BAND_SAMPLES = 200, 200  # of a band: its plot is some 400 pixels wide
+MOST_OTHERS = 7  # with the run itself, as many as there are line styles
+MEMBERS, BAND_SAMPLES = 200, 200  # samples of a band: its plot is about 400 pixels wide
 #: Of its members: against 1e-8 its edges move by at most 0.3 of a pixel, for each of the catalogue's seven drives.
 BAND_RTOL = 1e-4
-BAND = (0.05, 0.95)  # shares of the members between which it lies
-MOST_SECONDS = 10.0  # of a band: its first one imports what it needs
+BAND = (0.05, 0.95)  # quantiles of the members at the edges of the band
+MOST_SECONDS = 10.0  # time for a band, s: the first one imports modules
 #: Columns that the drawing shows, and the samples of each.
 _ANIMATED, MOTION_SAMPLES = re.compile(r"(?:pressure|mass_flow)\w*$|\.position$|command$"), 400
 TRAJECTORIES = (".parquet", ".csv", ".nc")
@@ -280,7 +280,7 @@ def _other(
         try:
             found = asked.with_path(path).run(workspace, limit).columns
         except PneudriveError as error:
-            error.where = error.where or path  # it is not the run's own file
+            error.where = error.where or path  # the file is not that of the run
             raise
         return {name: np.asarray(found[name]) for name in columns if name in found}
     place = workspace.path(path, TRAJECTORIES)

@@ -1,4 +1,4 @@
-"""Control requests of the page: a run, a benchmark as a job, the score card of its folder."""
+"""Control requests of the page: a run, a benchmark as a job, and its score card."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ if TYPE_CHECKING:
     from pneudrive.simulation.simulate import Run
     from pneudrive.web.workspace import Workspace
 
-MOST_SECONDS = 10.0  # of a run under control, on the clock
+MOST_SECONDS = 10.0  # longest computing time of a run under control
 MOST_MEMBERS = 10_000
-MOST_EACH = 20_000  # runs of which the values of a measure are sent
+MOST_EACH = 20_000  # runs whose values of a measure are sent
 SMALL_M = 5e-3  # largest error that is drawn in micrometres
-SLIDER = 4.0  # a gain's slider goes from a quarter of what follows from the drive to four times it
+SLIDER = 4.0  # a gain's slider ranges from a quarter to four times its derived value
 #: Panels of a run: title, SI unit of the columns, unit and its size, columns with their labels.
 _PANELS = (
     ("Position", "mm", 1e-3, (("position_m", "position"), ("reference_m", "reference"))),
@@ -117,7 +117,7 @@ class ControlRequest(PageRequest):
         )
 
     def place_of_mismatch(self, workspace: Workspace) -> str:
-        """Return the name of a ready mismatch, or the place of its file.
+        """Return the name of a mismatch of the package, or the place of its file.
 
         Raises
         ------
@@ -196,7 +196,7 @@ def _controller(workspace: Workspace, name: str) -> str:
 
 
 def _ready(workspace: Workspace, name: str, ready: Mapping[str, Path], what: str) -> str:
-    """Return the name of a ready table, or the place of a file of the workspace."""
+    """Return the name of a table of the package, or the place of a file of the workspace."""
     if name in ready:
         return name
     if not _is_file(name):
@@ -291,7 +291,7 @@ def _number(value: float | None) -> float | None:
 
 
 def choices(workspace: Workspace, path: str) -> dict[str, Any]:
-    """Return the options for a drive: controllers, ready instrumentations and mismatches, standard references.
+    """Return the options for a drive: controllers, instrumentations and mismatches of the package, standard references.
 
     Raises
     ------
@@ -391,7 +391,7 @@ def shown_card(workspace: Workspace, name: str, measure: str = "") -> dict[str, 
         raise CommandError(f"{measure[:80]!r} is not a measure", rule=", ".join(SHOWN))
     job = None
     if card.about.get("asked"):
-        with suppress(PneudriveError):  # it was begun elsewhere, or its drive is gone: the card is shown all the same
+        with suppress(PneudriveError):  # started elsewhere, or without its drive file: the card is shown anyway
             job = _job(card.about["asked"], workspace, name, is_new=False)
     told = card.about["laws"]
     return {

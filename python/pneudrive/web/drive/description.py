@@ -60,7 +60,7 @@ def checked(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
 
 
 def _copies(text: str) -> dict[str, list[str]]:
-    """Return, for each component whose table describes several, the names of them all."""
+    """Return the names of all copies for each component whose table describes several."""
     try:
         tables = toml.parse(text, "").get("components", {}).values()
     except PneudriveError:  # another format
@@ -106,7 +106,7 @@ def _lowest_commands(described: Drive | Circuit) -> dict[str, int]:
     named = [name for name in described.commandable if name]
     try:
         bounds = {one.name: one.bounds for one in start(described).variables if one.kind == "input"} if named else {}
-    except PneudriveError:  # Simulate says why it cannot run
+    except PneudriveError:  # the view Simulate reports why it cannot run
         bounds = {}
     return {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in named}
 
@@ -150,7 +150,7 @@ def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
     PneudriveError
         The description is not valid.
     """
-    from pneudrive.report.circuit.shapes import circuit_shapes, pistons  # it draws: the server starts without it
+    from pneudrive.report.circuit.shapes import circuit_shapes, pistons  # drawing module: the server starts without it
 
     found = circuit_shapes(described_at(workspace, path, text))
     return {
@@ -203,11 +203,11 @@ def edited(text: str, key: str, value: str | float) -> str:
         if not hasattr(at, "keys") or hasattr(at.get("value"), "keys"):
             raise CommandError(f"{key}: {name} is not a table of values in this file", remedy="Change it in the text.")
     if last == "kind":
-        at.pop("model", None)  # of a tube of a drive: the same in other words
+        at.pop("model", None)  # the tube of a drive: the same keys under other names
     old = at.get(last)
     if isinstance(old, list):
         raise CommandError(f"{key} is a table of points", remedy="Change it in the text.")
-    if hasattr(old, "keys") and "value" in old:  # a value with its origin: what it said holds no longer
+    if hasattr(old, "keys") and "value" in old:  # a value with its origin, which is no longer valid
         old["value"] = value
     else:
         at[last] = value

@@ -1,4 +1,4 @@
-"""The drive of a file of the workspace, or of a fit in it, and the hash that values of the fit carry."""
+"""The drive of a file or of a fit in the workspace, and the hash that values of the fit carry."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from pneudrive.web.workspace import Workspace
 
-MOST_DRIVES = 500  # files that are looked at for the one that is asked for
+MOST_DRIVES = 500  # files that are searched for the requested one
 
 
 def is_fit(path: Path) -> bool:

@@ -1,4 +1,4 @@
-"""A run requested by the page: its drive with changed values, its result, and the same as command and as Python."""
+"""A run requested by the page: its drive with changed values, its result, and its command and Python lines."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 
 MOST_SAMPLES = 1_000_000
-MOST_SECONDS = 2.0  # of a run, on the clock: the page waits for it
-_KEPT = 32  # descriptions that were read already
+MOST_SECONDS = 2.0  # longest computing time of a run: the page waits for it
+_KEPT = 32  # number of kept descriptions
 #: A command that is no file: a number, or times with values; with the name of a component before it or not.
 _COMMAND = re.compile(r"\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*[-+.\d][^/\\]*", re.DOTALL)
 #: A command that is a file of the workspace, with the name of a component before it or not.
@@ -69,7 +69,7 @@ class RunLimit:
         self.allow(seconds)
 
     def allow(self, seconds: float) -> None:
-        """End after this many seconds."""
+        """Set the flag after this many seconds."""
         self.seconds, self.end = seconds, time.monotonic() + seconds
 
     def is_set(self) -> bool:
@@ -170,7 +170,7 @@ class RunRequest(PageRequest):
         return _placed(self.command if isinstance(self.command, str) else ", ".join(self.command), workspace)
 
     def check_saved(self, workspace: Workspace) -> None:
-        """Check that the command, which reads the file, would read the page's text.
+        """Check that the file, which the command reads, contains the page's text.
 
         Raises
         ------
@@ -288,5 +288,5 @@ def with_changes(described: Drive | Circuit, changes: Mapping[str, Any]) -> Driv
     """
     try:
         return described.replace(dict(changes)) if changes else described
-    except TypeError:  # a key that leads through a value, which no field of the page does
+    except TypeError:  # a key below a value; fields of the page have no such keys
         raise CommandError(f"{', '.join(changes)[:200]} cannot be changed so", remedy="Reload the page.") from None

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 #: A task to begin with.
 FIRST = Path(__file__).with_name("first_task.toml")
 MOST_LEAST, MOST_DRAWS = 100, 4096
-MOST_TASKS = 500  # that are kept as they were read
+MOST_TASKS = 500  # number of kept tasks
 
 
 def checked_or_first(_: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Check the text of a task. Without a text, return a task to start from."""
+    """Check the text of a task. Without a text, return an example task."""
     text = given.get("text")
     return checked_task(text) if isinstance(text, str) else {"text": read_text(FIRST, CommandError)}
 

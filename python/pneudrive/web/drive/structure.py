@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from pneudrive.web.workspace import Workspace
 
 STARTERS = Path(__file__).with_name("starters.toml")
-ASSUMED = "Assumed values to begin with."
+ASSUMED = "Assumed initial values."
 
 
 @lru_cache(maxsize=1)
 def starters() -> dict[str, dict[str, Any]]:
-    """Return the values with which a component of each kind begins."""
+    """Return the initial values of a component of each kind."""
     return toml.read(STARTERS)[0]
 
 
@@ -121,7 +121,7 @@ class CircuitText:
         return self.document["connections"]
 
     def ports(self, name: str) -> list[Port]:
-        """Return the ports of a component that is there or was added."""
+        """Return the ports of an existing or added component."""
         if name in self.added:
             every = component_kinds()[self.added[name]]["ports"]
             return [
@@ -132,7 +132,7 @@ class CircuitText:
         return self.wiring.ports(name)
 
     def _ends(self, chain: str) -> list[tuple[Any, Any]]:
-        """Return the ports by which a chain enters and leaves each of its words."""
+        """Return the ports by which a chain enters and leaves each of its components."""
         words = _words(chain)
         if any(word.partition(".")[0] in self.added for word in words):
             return []
@@ -181,7 +181,7 @@ class CircuitText:
         return name
 
     def _places(self, port: Port) -> Any:  # noqa: ANN401 - pairs of numbers
-        """Yield number of the chain and of the word before each line of a port."""
+        """Yield the index of the chain and of the component before each line of a port."""
         for number, chain in enumerate(self._chains):
             if PILOT_LINE not in chain:
                 for word, ((_, left), (right, _)) in enumerate(pairwise(self._ends(str(chain)))):
@@ -199,7 +199,7 @@ class CircuitText:
         self._chains.append(f"{one} {mark} {other}")
 
     def _open(self, at: str) -> None:
-        """Close the opening of a port to the ambient air, which `written` made."""
+        """Close the opening to the ambient air that `written` added to a port."""
         for number in reversed(range(len(self._chains))):
             if _words(self._chains[number]) == [at, AMBIENT]:
                 del self._chains[number]
@@ -215,7 +215,10 @@ class CircuitText:
                 self._put(number, chain, [0, *(word + 1 for word in cuts), len(ends)])
 
     def _put(self, number: int, chain: str, bounds: list[int]) -> None:
-        """Replace a chain by its parts between some words. A part of one word joins nothing, and is left out."""
+        """Split a chain between some of its components.
+
+        A part with a single component joins nothing, and is left out.
+        """
         mark, words = PILOT_LINE if PILOT_LINE in chain else ARROW, _words(chain)
         parts = [words[low:high] for low, high in pairwise(bounds)]
         kept = [f" {mark} ".join(part) for part in parts if len(part) > 1]

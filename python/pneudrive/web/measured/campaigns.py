@@ -1,4 +1,4 @@
-"""Campaigns as the page watches them: from their folders only, for any local or remote process that runs them."""
+"""Campaigns for the page, read only from their folders. Any local or remote process may run them."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from pneudrive.campaign.status import Status
     from pneudrive.web.workspace import Workspace
 
-PAUSE_S = 0.3  # between two looks into a folder whose cycles changed, or as long as a look takes
+PAUSE_S = 0.3  # least time between two readings of a folder with changed cycles; a slow reading lengthens it
 LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal
 MOST_POINTS = 10_000
 CONTROL = "Start the server with --control to send requests to a campaign."
 
 
 def planned(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the plan of a protocol on the simulated rig in words, with the command and the Python lines for it.
+    """Return the plan of a protocol on the simulated rig in words, with its command and its Python lines.
 
     Raises
     ------
@@ -71,7 +71,7 @@ class WatchedCampaign:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._lock = threading.Lock()
-        self._points: dict[tuple[Path, int], Finished] = {}  # by their file and when it was written
+        self._points: dict[tuple[Path, int], Finished] = {}  # keyed by file and time of writing
         self._status: Status | None = None
         self._seen, self._next = 0, 0.0
 
@@ -130,7 +130,7 @@ class WatchedCampaign:
         status = status_of(self.folder)
         damaged = {one.where for one in status.problems}
         files = {(file.path, file.path.stat().st_mtime_ns): file for file in status.files}
-        known = {key: one for key, one in self._points.items() if key in files}  # the folder may be another one by now
+        known = {key: one for key, one in self._points.items() if key in files}  # the folder may have been replaced
         sound = {
             key: file for key, file in files.items() if key not in known and f"{CYCLES}/{file.path.name}" not in damaged
         }

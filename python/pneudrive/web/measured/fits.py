@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pneudrive.views import View
     from pneudrive.web.workspace import Workspace
 
-MOST_NEXT = 200  # points of a design
+MOST_NEXT = 200  # largest number of proposed points
 
 
 def shown_fit(workspace: Workspace, path: str) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
         return found | {"why": f"The {fit.TITLE} keeps no samples: Validation compares it with its recordings."}
     (edge,) = Lineage(workspace, MOST_TRACED).edges(path)
     if edge.state != SAME:
-        return found | {"why": "Residuals and profiles need the map of the fit, which is not in the folder as it was."}
+        return found | {"why": "Residuals and profiles need the map of the fit: it was removed or changed."}
     table = read_map(workspace.path(edge.path))
     of_map = with_map(fit, table).compared()["friction"]
     found["residuals"] = list(zip(of_map.at.tolist(), (of_map.measured - of_map.model).tolist(), strict=True))

@@ -212,7 +212,7 @@ def map_difference(workspace: Workspace, path: str, fit: str, other: str) -> dic
     places = [workspace.path(name, MAPS) for name in names]
     beside = [fit_name, FIT]
     old, new = (drawn_map(place, one)["groups"] for place, one in zip(places, beside, strict=True))
-    # Maps with one assembly each are compared in any case. Otherwise equal assemblies are compared.
+    # Maps with one assembly each are always compared. Otherwise equal assemblies are compared.
     several = all(len({one["assembly"] for one in groups}) == 1 for groups in (old, new))
     listed = (list(dict.fromkeys(one["assembly"] for one in groups)) for groups in (old, new))
     fits = [fits_of(place, own, one) for place, own, one in zip(places, beside, listed, strict=True)]

@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-ENDS = 1 << 16  # bytes at both ends of a file that its key is made of
+ENDS = 1 << 16  # bytes at both ends of a file that enter its key
 MOST_OPEN = 16  # recordings
-MOST_VERSIONS = 2  # of a file that changes: the one that is shown, and the one that is read meanwhile
-MOST_SAMPLES_OF_STROKES = 5_000_000  # beyond, strokes take longer than a page waits
+MOST_VERSIONS = 2  # kept versions of a changing file: the shown one, and the one that is being read
+MOST_SAMPLES_OF_STROKES = 5_000_000  # above this, strokes take longer than the page waits
 MOST_STROKES = 5000
-MOST_PLACES = 1000  # of faults of one kind
+MOST_PLACES = 1000  # listed faults of one kind
 MOST_SAMPLES_OF_SPECTRUM = 1 << 21
 
 
@@ -54,7 +54,7 @@ class OpenRecording:
 
     file: ChannelFile
     pyramid: Pyramid
-    key: str = ""  # another file of its name, or another layout, has another one
+    key: str = ""  # changes with the file and with its layout
 
     @property
     def time(self) -> FileChannel | None:
@@ -63,7 +63,7 @@ class OpenRecording:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the way of reading."""
+        """Notes on how the file was read."""
         return self.file.notes
 
     @property
@@ -163,7 +163,7 @@ class Recordings:
         self.workspace = workspace
         self._lock = threading.Lock()
         self._open: dict[tuple[str, str], Reading] = {}
-        self._versions: dict[Path, list[str]] = {}  # keys that a file has had, the newest last
+        self._versions: dict[Path, list[str]] = {}  # past keys of a file, the newest last
 
     def opened(self, name: str) -> Reading:
         """Return a recording, or the progress of its reading. The first call starts the reading."""
@@ -202,9 +202,9 @@ class Recordings:
             reading.done = replace(found, key="-".join(key))
         except PneudriveError as error:
             reading.error = error
-        except OSError as error:  # the file is gone, or the disk is full
+        except OSError as error:  # the file was removed, or the disk is full
             reading.error = unreadable(path, error, RecordingError)
-        except BaseException as fault:  # nobody foresaw it; without an end the page would wait for ever
+        except BaseException as fault:  # unexpected error; without an end the page would wait forever
             reading.error = fault_of(fault)
         finally:
             reading.ended.set()
@@ -220,7 +220,7 @@ class Recordings:
             reading = self._open.get(tuple(key.split("-", 1)))  # pyright: ignore[reportArgumentType] - of any length
         found = None if reading is None else reading.done
         is_changed = found is not None and found.file.table.path == path and _key(path) != key.partition("-")[0]
-        return None if is_changed else found  # one that was converted is as it was
+        return None if is_changed else found  # a converted file does not change
 
     def motion(self, name: str) -> dict[str, Any]:
         """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
@@ -230,7 +230,7 @@ class Recordings:
         """
         path = self.workspace.path(name, TABLES)
         reading = self.opened(name)
-        if reading.goes_on:  # another file by now, which is not shown yet
+        if reading.goes_on:  # the file was replaced, and the new one is not shown yet
             return {"strokes": [], "faults": {}}
         opened, layout = reading.need(name), layout_in(self.workspace, path)
         moves = layout is not None or (path.suffix in SUFFIXES and is_trajectory(path))
@@ -363,7 +363,7 @@ def _key(path: Path) -> str:
 def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> OpenRecording:
     """Open a recording. A file that is not Parquet is converted once, and its blocks are made once."""
     cache.mkdir(mode=0o700, parents=True, exist_ok=True)
-    os.utime(cache)  # `forget_unused` looks at it
+    os.utime(cache)  # `forget_unused` reads this time
     file = open_channels(path, layout, cache)
     pyramid = _blocks(path, file, cache, watch)
     if pyramid.fall is not None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 MOST_ROWS = 1 << 20  # read ahead
-PAINTED_S = 0.02  # reading ahead uses every processor: it begins when the view that was asked for is painted
+PAINTED_S = 0.02  # reading ahead uses every processor, so it begins after the requested view is painted
 
 
 class KeptRows(NamedTuple):
@@ -68,7 +68,7 @@ class KeptSamples:
         """
         kept = self._kept
         if kept is None or not kept.holds(names, rows):
-            with self._reading:  # what is read ahead just now may hold them
+            with self._reading:  # the reading ahead in progress may contain them
                 kept = self._kept
             if kept is None or not kept.holds(names, rows):
                 return self._read(names, rows)
@@ -93,7 +93,7 @@ class KeptSamples:
     def _keep(self, names: Sequence[str], rows: tuple[int, int]) -> None:
         try:
             time.sleep(PAINTED_S)
-            with suppress(PneudriveError):  # the view that needs them says so
+            with suppress(PneudriveError):  # the view that needs them reports the error
                 self._kept = self._read(names, rows)
                 if KeptSamples._last not in (None, self):
                     KeptSamples._last._kept = None

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     Reader = Callable[[Sequence[str], tuple[int, int]], tuple[Array, dict[str, Array]]]
 
 BLOCK = 256  # samples
-READ = BLOCK << 11  # samples of one pass: half a million, 4 MB a channel
+READ = BLOCK << 11  # samples read at once: half a million, 4 MB a channel
 #: A pause is drawn as a gap: so many times the width of a pixel without a sample.
 PAUSE = 2.0
 _FILES = ("time", "low", "high", "missing")
@@ -201,7 +201,7 @@ class Pyramid:
         rows = (first * BLOCK, min(last * BLOCK, self.count))
         if last - first >= pixels:
             view = self._of_blocks(span, pixels, channels, first, last)
-            if last - first < 2 * pixels:  # the next view may be a closer one, of samples
+            if last - first < 2 * pixels:  # the next view may be closer and need samples
                 quarter = (rows[1] - rows[0]) // 4
                 samples.ahead(channels, (rows[0] + quarter, rows[1] - quarter), self.count)
             return view

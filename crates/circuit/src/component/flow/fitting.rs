@@ -24,7 +24,7 @@ impl Component for Fitting {
             LINEAR_ABOVE;
         },
         open: true,
-        inputs: &[("opening", "1", "share of the full opening")],
+        inputs: &[("opening", "1", "fraction of the full opening")],
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
         symbol: SYMBOL,
         ..Kind::PLAIN

@@ -23,7 +23,7 @@ impl Component for FlowControl {
             needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle at its setting, for air";
             check_conductance: "m3/(s Pa)", physics::above(0.0), unless "throttles = both", was "conductance",
                 "Sonic conductance C of the check valve, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a fitting of this kind",
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a fitting of this kind",
                 "Critical pressure ratio b of both paths";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;

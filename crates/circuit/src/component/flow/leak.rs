@@ -21,7 +21,7 @@ impl Component for Leak {
             gap_height: "m", physics::above(0.0), unless "coefficient", "Height h of the gap";
             diameter: "m", physics::above(0.0), unless "coefficient", "Diameter D of the annular gap";
             length: "m", physics::above(0.0), unless "coefficient", "Length L of the gap in the direction of the flow";
-            viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "of air at 20 degC",
+            viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "usual for air at 20 degC",
                 "Dynamic viscosity mu of the gas";
             coefficient: "kg K/(s Pa2)", physics::above(0.0), follows "gap_height, diameter, length and viscosity",
                 "Measured leak coefficient c_l";

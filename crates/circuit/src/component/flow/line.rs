@@ -26,12 +26,12 @@ impl Component for Line {
         parameters: table! {
             length: "m", physics::above(0.0), "Length L";
             diameter: "m", physics::above(0.0), "Inner diameter d";
-            bandwidth: "Hz", physics::above(0.0), default 20.0, assumed "of a positioning drive",
+            bandwidth: "Hz", physics::above(0.0), default 20.0, assumed "usual for a positioning drive",
                 "Frequency f_max up to which the speed of sound is accurate to 1 %";
             cells: "1", physics::within(1.0, 150.0), follows "length and bandwidth", "Number N of lengths with inertia";
             friction_scale: "1", physics::at_least(0.0), default 1.0, "Factor on the friction of a smooth pipe";
             loss: "1", physics::at_least(0.0), default 0.0, "Coefficient zeta of local losses, bends included, over the whole tube";
-            viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "of air at 20 degC", "Dynamic viscosity";
+            viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "usual for air at 20 degC", "Dynamic viscosity";
             heat_transfer: "W/(m2 K)", physics::at_least(0.0), follows "laminar flow, 3.66 times 0.026 W/(m K) over the diameter (assumed)",
                 "Heat-transfer coefficient to the wall";
             wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";

@@ -111,12 +111,12 @@ impl Component for Auto {
         sources: &["modelica-straight-pipe", "iso6358-2013"],
         parameters: table! {
             ..STEADY;
-            bandwidth: "Hz", physics::above(0.0), default 20.0, assumed "of a positioning drive",
+            bandwidth: "Hz", physics::above(0.0), default 20.0, assumed "usual for a positioning drive",
                 "Frequency f_max up to which the tube must be accurate";
             cells: "1", physics::within(1.0, 150.0), follows "length and bandwidth", "With waves: number N of lengths with inertia";
             friction_scale: "1", physics::at_least(0.0), default 1.0, "With waves: factor on the friction of a smooth pipe";
             loss: "1", physics::at_least(0.0), default 0.0, "With waves: coefficient zeta of local losses, bends included, over the whole tube";
-            viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "of air at 20 degC", "With waves: dynamic viscosity";
+            viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "usual for air at 20 degC", "With waves: dynamic viscosity";
             ..WALL;
         },
         discrete: line::Line::KIND.discrete,

@@ -25,8 +25,8 @@ impl Component for Orifice {
         parameters: table! {
             diameter: "m", physics::above(0.0), "Diameter d";
             discharge_coefficient: "1", physics::Bounds { open: true, ..physics::within(0.0, 1.0) }, default 0.8,
-                assumed "of a short hole with sharp edges", "Discharge coefficient C_d in choked flow";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default NOZZLE_RATIO, assumed "of an ideal nozzle",
+                assumed "usual for a short hole with sharp edges", "Discharge coefficient C_d in choked flow";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default NOZZLE_RATIO, assumed "usual for an ideal nozzle",
                 "Critical pressure ratio b";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;

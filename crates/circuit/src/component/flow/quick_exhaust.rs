@@ -21,7 +21,7 @@ impl Component for QuickExhaust {
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C from port 1 to port 2, for air";
             exhaust_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_23 from port 2 to port 3, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a valve of this kind",
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a valve of this kind",
                 "Critical pressure ratio b of both paths";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;

@@ -19,7 +19,7 @@ impl Component for Silencer {
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the clean silencer, for air";
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), "Critical pressure ratio b";
-            clogging: "1", physics::Bounds { open_above: true, ..physics::within(0.0, 1.0) }, default 0.0, "Share of C lost by dirt";
+            clogging: "1", physics::Bounds { open_above: true, ..physics::within(0.0, 1.0) }, default 0.0, "Fraction of C lost by dirt";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;
         },

@@ -21,11 +21,11 @@ impl Component for Ejector {
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the nozzle, for air";
             suction_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_s of the suction, for air";
-            lowest_pressure: "Pa abs", physics::above(0.0), default 1.5e4, assumed "of a single-stage ejector",
+            lowest_pressure: "Pa abs", physics::above(0.0), default 1.5e4, assumed "usual for a single-stage ejector",
                 "Pressure p_min that it reaches without suction flow";
-            working_difference: "Pa", physics::above(0.0), default 4e5, assumed "of a single-stage ejector",
-                "Supply above exhaust pressure, dp_work, at which it reaches p_min";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.5, assumed "of a nozzle",
+            working_difference: "Pa", physics::above(0.0), default 4e5, assumed "usual for a single-stage ejector",
+                "Pressure difference dp_work from supply to exhaust at which it reaches p_min";
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.5, assumed "usual for a nozzle",
                 "Critical pressure ratio b of both paths";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;

@@ -55,8 +55,8 @@ impl Component for Bumper {
             position: "m", physics::any(), "Position x_0 of first contact";
             rated_force: "N", physics::above(0.0), "Static force F_r at the depth d_r";
             rated_depth: "m", physics::above(0.0), "Depth d_r";
-            exponent: "1", physics::at_least(1.0), default 1.5, assumed "of a round body", "Exponent n";
-            restitution: "1", physics::between(0.0, 1.0), default 0.5, assumed "of a usual elastomer",
+            exponent: "1", physics::at_least(1.0), default 1.5, assumed "usual for a round body", "Exponent n";
+            restitution: "1", physics::between(0.0, 1.0), default 0.5, assumed "usual for a usual elastomer",
                 "Speed after a free impact over speed before it";
             impact_speed: "m/s", physics::above(0.0), default 0.5, assumed "a usual speed of impact",
                 "Speed of impact for this ratio; a faster impact returns less";
@@ -95,7 +95,7 @@ const SYMBOL: Symbol = Symbol {
     ports: &[[0.0, 1.0]],
 };
 
-/// Returns the direction of contact for the side of the bumper.
+/// Directions of contact by the side of the bumper.
 pub(in crate::component) const MET_FROM: &[(&str, &[Stroke])] = &[
     ("b", &[Stroke::Line(&[[0.0, 2.6], [1.2, 2.6]]), Stroke::Head([[1.8, 2.6], [1.1, 2.85], [1.1, 2.35]])]),
     ("a", &[Stroke::Line(&[[1.8, 2.6], [0.6, 2.6]]), Stroke::Head([[0.0, 2.6], [0.7, 2.85], [0.7, 2.35]])]),

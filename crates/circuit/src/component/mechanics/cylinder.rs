@@ -24,13 +24,13 @@ const PARAMETERS: &[Row] = table! {
     dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
     moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
     incline: "rad", physics::within(-FRAC_PI_2, FRAC_PI_2), default 0.0, "Incline of the axis; positive: x points up";
-    heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "of air in a cylinder of this size",
+    heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "usual for air in a cylinder of this size",
         "Heat-transfer coefficient to the wall";
     wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", only "heat_transfer",
         "Temperature of the wall; its start if the wall stores heat";
     ..WALL;
     leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
-    end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a sensible run never reaches a cover",
+    end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a usual run never reaches a cover",
         "Stiffness of the end stops";
     end_stop_damping: "N s/m", physics::at_least(0.0), follows "the stiffness of the end stop",
         "Damping of the end stops";
@@ -38,7 +38,7 @@ const PARAMETERS: &[Row] = table! {
         "Depth from which the damper acts fully";
 };
 
-/// Returns the parameters of the cushion at an end, by their keys.
+/// Parameters of the cushion at an end, with these keys.
 macro_rules! cushion_rows {
     ($table:literal, [$length:ident, $plunger_diameter:ident, $needle_conductance:ident, $port_volume:ident, $check_conductance:ident, $cracking_pressure:ident, $bore_conductance:ident, $critical_pressure_ratio:ident, $transition:ident $(,)?]) => {
         table! {
@@ -50,13 +50,13 @@ macro_rules! cushion_rows {
                     "Sonic conductance of the needle at its setting, for air";
             $port_volume: "m3", physics::above(0.0), within $table,
                     "Volume of port and line behind the bore with the plunger all the way in; the dead volume is then that of the chamber alone";
-            $check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "of a lip seal of this size", within $table,
+            $check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "usual for a lip seal of this size", within $table,
                     "Sonic conductance of the check valve that lets gas from the port into the chamber";
-            $cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "of a lip seal", within $table,
+            $cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "usual for a lip seal", within $table,
                     "Cracking pressure of the check valve, a difference";
             $bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within $table,
                     "Sonic conductance of the bore without the plunger";
-            $critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a needle", within $table,
+            $critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a needle", within $table,
                     "Critical pressure ratio of needle, check valve and bore";
             $transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within $table,
                     "Distance over which the bore shuts";
@@ -583,7 +583,7 @@ impl Component for SingleActing {
             spring_stiffness: "N/m", physics::above(0.0), "Stiffness k of the spring";
             spring_preload: "N", physics::at_least(0.0), "Force F_0 of the spring at x = 0";
             breather_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the breather, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a hole with a filter",
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a hole with a filter",
                 "Critical pressure ratio b of the breather";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;

@@ -17,13 +17,13 @@ impl Component for RodLock {
         ports: &[axis("1", false)],
         parameters: table! {
             holding_force: "N", physics::above(0.0), "Holding force F_h";
-            time_on: "s", physics::above(0.0), default 0.06, assumed "of a small rod lock",
+            time_on: "s", physics::above(0.0), default 0.06, assumed "usual for a small rod lock",
                 "Time from the command on to the middle of the closing travel of the jaws";
-            time_off: "s", physics::above(0.0), default 0.04, assumed "of a small rod lock",
+            time_off: "s", physics::above(0.0), default 0.04, assumed "usual for a small rod lock",
                 "Time from the command off to the middle of their opening travel";
-            travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "of a small rod lock",
-                "Share of these times for the whole travel; the force follows it";
-            stiffness: "N/m", physics::above(0.0), default 1e7, assumed "of jaws on a rod", "Stiffness k of the grip";
+            travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "usual for a small rod lock",
+                "Fraction of these times for the whole travel; the force follows it";
+            stiffness: "N/m", physics::above(0.0), default 1e7, assumed "usual for jaws on a rod", "Stiffness k of the grip";
             damping: "N s/m", physics::above(0.0), follows "stiffness and moving mass, for half of the critical damping (assumed)",
                 "Damping of the grip";
         },

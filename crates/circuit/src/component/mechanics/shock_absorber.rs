@@ -21,11 +21,11 @@ impl Component for ShockAbsorber {
             damping: "kg/m", physics::at_least(0.0), "Damping c at the start of the stroke";
             end_damping: "kg/m", physics::at_least(0.0), follows "the damping at the start of the stroke",
                 "Damping c at the end of the stroke";
-            preload: "N", physics::at_least(0.0), default 10.0, assumed "of a small absorber",
+            preload: "N", physics::at_least(0.0), default 10.0, assumed "usual for a small absorber",
                 "Force F_0 of its extended spring";
-            stiffness: "N/m", physics::at_least(0.0), default 500.0, assumed "of a small absorber",
+            stiffness: "N/m", physics::at_least(0.0), default 500.0, assumed "usual for a small absorber",
                 "Stiffness k of its spring";
-            body_stiffness: "N/m", physics::above(0.0), default 1e7, assumed "of a body of steel",
+            body_stiffness: "N/m", physics::above(0.0), default 1e7, assumed "usual for a body of steel",
                 "Stiffness of its body";
             contact_depth: "m", physics::above(0.0), default 1e-4, assumed "a modelling parameter",
                 "Depth over which the force rises at first contact";

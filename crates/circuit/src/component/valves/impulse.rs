@@ -26,8 +26,8 @@ impl Component for Impulse52 {
             time_on: "s", physics::above(0.0), "Time from command 1 to the middle of the travel";
             time_off: "s", physics::above(0.0), follows "the time under command 1",
                 "Time from command -1 to the middle of the travel back";
-            travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "of a small solenoid valve",
-                "Share of these times for the whole travel";
+            travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "usual for a small solenoid valve",
+                "Fraction of these times for the whole travel";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;
         },

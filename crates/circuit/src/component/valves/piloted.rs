@@ -22,11 +22,11 @@ impl Component for PilotedCheckValve {
         ports: &[gas("1"), gas("2"), pilot("12")],
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a valve of this kind",
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a valve of this kind",
                 "Critical pressure ratio b";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;
-            pilot_ratio: "1", physics::above(0.0), default 3.0, assumed "of a valve of this kind",
+            pilot_ratio: "1", physics::above(0.0), default 3.0, assumed "usual for a valve of this kind",
                 "Area a of the pilot piston over that of the seat";
             cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "a usual spring",
                 "Cracking pressure p_c, a difference";

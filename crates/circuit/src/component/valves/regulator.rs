@@ -13,17 +13,17 @@ use std::f64::consts::PI;
 const OF_A_REGULATOR: &[Row] = table! {
     set_pressure: "Pa abs", physics::above(0.0), "Set pressure p_set";
     conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open seat, for air";
-    critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a seat of this kind",
+    critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a seat of this kind",
         "Critical pressure ratio b of both paths";
-    full_opening_drop: "Pa", physics::above(0.0), default 6e4, assumed "of a small regulator",
+    full_opening_drop: "Pa", physics::above(0.0), default 6e4, assumed "usual for a small regulator",
         "Drop dp_full below p_set at which the seat is fully open, a difference";
-    time_constant: "s", physics::above(0.0), default 0.03, assumed "of a small regulator",
+    time_constant: "s", physics::above(0.0), default 0.03, assumed "usual for a small regulator",
         "Time constant tau of the seat";
-    relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, assumed "of a small regulator", only "relieving = yes",
+    relief_conductance: "m3/(s Pa)", physics::above(0.0), default 1e-9, assumed "usual for a small regulator", only "relieving = yes",
         "Sonic conductance of the open relief, for air";
-    relief_offset: "Pa", physics::at_least(0.0), default 2e4, assumed "of a small regulator", only "relieving = yes",
+    relief_offset: "Pa", physics::at_least(0.0), default 2e4, assumed "usual for a small regulator", only "relieving = yes",
         "Rise dp_on above p_set at which relief begins, a difference";
-    relief_rise: "Pa", physics::above(0.0), default 2e4, assumed "of a small regulator", only "relieving = yes",
+    relief_rise: "Pa", physics::above(0.0), default 2e4, assumed "usual for a small regulator", only "relieving = yes",
         "Further rise dp_relief at which the relief is fully open, a difference";
     SUBSONIC_INDEX;
     LINEAR_ABOVE;
@@ -110,7 +110,7 @@ impl Component for ElectroPneumatic {
         ports: PORTS,
         parameters: table! {
             ..OF_A_REGULATOR;
-            natural_frequency: "Hz", physics::above(0.0), default 10.0, assumed "of a valve of this kind",
+            natural_frequency: "Hz", physics::above(0.0), default 10.0, assumed "usual for a valve of this kind",
                 "Natural frequency f of the set pressure";
             damping_ratio: "1", physics::above(0.0), default 1.0, assumed "no overshoot",
                 "Damping ratio zeta of the set pressure";

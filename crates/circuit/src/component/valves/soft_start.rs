@@ -22,11 +22,11 @@ impl Component for SoftStart {
         parameters: table! {
             needle_conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C_n of the needle at its setting, for air";
             conductance: "m3/(s Pa)", physics::above(0.0), "Sonic conductance C of the open valve, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a valve of this kind",
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a valve of this kind",
                 "Critical pressure ratio b";
-            opening_share: "1", physics::between(0.0, 1.0), default 0.5, assumed "of a valve of this kind",
-                "Share of the inlet's gauge pressure above which it opens";
-            reset_pressure: "Pa abs", physics::above(0.0), default 2.5e5, assumed "of a valve of this kind",
+            opening_share: "1", physics::between(0.0, 1.0), default 0.5, assumed "usual for a valve of this kind",
+                "Fraction of the inlet's gauge pressure above which it opens";
+            reset_pressure: "Pa abs", physics::above(0.0), default 2.5e5, assumed "usual for a valve of this kind",
                 "Pressure at the inlet below which it shuts";
             SUBSONIC_INDEX;
             LINEAR_ABOVE;

@@ -17,8 +17,8 @@ use physics::flow::Iso6358;
 const TIMES: [Row; 3] = *table! {
     time_on: "s", physics::above(0.0), "Time from the command on to the middle of the travel";
     time_off: "s", physics::above(0.0), "Time from the command off to the middle of the travel back";
-    travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "of a small solenoid valve",
-        "Share of these times for the whole travel";
+    travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "usual for a small solenoid valve",
+        "Fraction of these times for the whole travel";
 };
 
 const PULSES: [Row; 1] = *table! {
@@ -42,11 +42,12 @@ const PWM_MODEL: Choice = Choice {
 const NORMALLY: Choice =
     Choice { name: "normally", options: &["closed", "open"], meaning: "State without a command" };
 
-/// Returns the opening of an edge by position. It is shut up to the middle of the travel, so that two edges of a port
+/// Offset and slope of an edge's opening over the position. The edge is shut up to the middle of the travel, so that
+/// two edges of a port
 /// are never open together.
 pub(in crate::component) const OPENS: [f64; 2] = [-1.0, 2.0];
 pub(in crate::component) const SHUTS: [f64; 2] = [1.0, -2.0];
-/// Returns the opening of a single edge. It is shut or open only within the rounding of a travel.
+/// Offset and slope of a single edge. The edge is shut or open only within the rounding of a travel.
 const ALONE: [f64; 2] = [-SLACK, 1.0 + 2.0 * SLACK];
 const ALONE_SHUTS: [f64; 2] = [1.0 + SLACK, -1.0 - 2.0 * SLACK];
 const SLACK: f64 = 1e-8;

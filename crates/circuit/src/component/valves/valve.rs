@@ -23,16 +23,16 @@ pub struct Proportional53;
 const DYNAMICS: [Row; 8] = *table! {
     frequency: "Hz", physics::at_least(0.0), default 0.0,
         "Natural frequency of the spool; 0: it follows the command at once";
-    damping_ratio: "1", physics::above(0.0), default 0.7, assumed "of a directly driven spool", only "frequency",
+    damping_ratio: "1", physics::above(0.0), default 0.7, assumed "usual for a directly driven spool", only "frequency",
         "Damping ratio of the spool";
-    stroke_time: "s", physics::above(0.0), follows "nothing: the speed of the spool is unbounded", only "frequency",
+    stroke_time: "s", physics::above(0.0), follows "none: the speed of the spool is unbounded", only "frequency",
         "Time of the spool at its top speed from the centre to its end";
     delay: "s", physics::at_least(0.0), default 0.0, "Dead time from the command to the spool";
     hysteresis: "1", physics::within(0.0, 1.0), default 0.0, "Width of the play between command and spool";
     overlap: "1", Bounds { open: true, ..physics::between(-1.0, 1.0) }, default 0.0,
         "Position up to which an edge stays shut; negative: opening in the centre";
-    leakage: "1", physics::within(0.0, 1.0), default 0.0, "Share of the conductance that leaks past each edge in the centre";
-    leakage_width: "1", physics::above(0.0), default 0.05, assumed "of a sliding spool", only "leakage",
+    leakage: "1", physics::within(0.0, 1.0), default 0.0, "Fraction of the conductance that leaks past each edge in the centre";
+    leakage_width: "1", physics::above(0.0), default 0.05, assumed "usual for a sliding spool", only "leakage",
         "Position over which the leak falls to 1/e";
 };
 
@@ -286,7 +286,7 @@ impl Component for Proportional32 {
         parameters: table! {
             conductance: "m3/(s Pa)", physics::above(0.0), unless "flow_table",
                 "Sonic conductance C from port 1 to port 2 at full opening, for air";
-            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "of a spool valve",
+            critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a spool valve",
                 "Critical pressure ratio b from port 1 to port 2";
             exhaust_conductance: "m3/(s Pa)", physics::above(0.0), follows "the conductance from port 1 to port 2",
                 "Sonic conductance C from port 2 to port 3 at full opening, for air";

@@ -29,7 +29,7 @@ impl<R: Lane> Restriction<R> {
     }
 }
 
-/// Returns the flow with a gain. A restriction may be shut here but open in another lane or on the other side. Its flow
+/// Returns the flow with a gain. A restriction may be shut in this lane but open in another one. Its flow
 /// is then exactly zero, even at a trial state whose flow is NaN.
 #[inline(always)]
 pub(crate) fn passing<P: Real, S: Over<P>>(m_dot: S, gain: P) -> S {
@@ -87,7 +87,7 @@ impl<P: Real> Part<P> for Restriction<P> {
     }
 }
 
-/// A restriction with a real gas. The circuit leaves it to the exchange of the other kinds.
+/// A restriction with a real gas. The circuit handles it in the exchange of the other kinds.
 #[derive(Clone, Debug)]
 pub struct OtherRestriction<P>(pub(crate) Restriction<P>);
 

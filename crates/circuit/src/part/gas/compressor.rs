@@ -22,14 +22,14 @@ gathered! {
         laws {}
         same {
             node: GasId,
-            /// The node is a reservoir, so the delivered gas stays outside the balance.
+            /// Whether the node is a reservoir, so that the delivered gas stays outside the balance.
             boundary: bool,
         }
     }
 }
 
 impl<P: Real> Part<P> for Compressor<P> {
-    /// Flow along its single path, which comes from outside.
+    /// Flow along its single path, from outside.
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, _net: &Net<S>) -> (S, S::Mask) {
         (S::from(self.mass_flow * self.mode), S::zero().lt(S::zero()))

@@ -145,8 +145,8 @@ impl<P: Real> Volume<P> {
 }
 
 impl<R: Lane> Volume<R> {
-    /// Returns `so_far` if the volume has gas and more than the fraction `least_room` of the dead volume is left. Other
-    /// lanes get minus one.
+    /// Returns `so_far` in each lane where the volume has gas and more than the fraction `least_room` of the dead
+    /// volume is left. Other lanes get -1.
     #[inline(always)]
     pub(crate) fn holds(
         &self,

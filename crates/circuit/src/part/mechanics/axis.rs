@@ -62,9 +62,9 @@ const DEFLECTION: &str = "bristle_deflection_m";
 /// Largest error scale of a deflection, as a multiple of the deflection at which the spring carries the whole friction
 /// force.
 const DEFLECTION_SCALE: f64 = 100.0;
-/// The same for the force of a deflection in sliding, where bristle damping may be much steeper than the spring.
+/// The same limit for the force of a deflection in sliding. There, bristle damping may be much steeper than the spring.
 const SLIDING_SCALE: f64 = 1e4;
-/// Speeds of this evaluation, m/s.
+/// Speeds at which the friction is sampled, m/s.
 const SLIDING: [f64; 4] = [1e-3, 1e-2, 1e-1, 1.0];
 
 /// Returns the largest error scales for which the tolerance still resolves the springs of a law. Infinite for a state
@@ -264,7 +264,7 @@ impl<P: Real> Axis<P> {
     }
 }
 
-/// Newton in stick, m/s in slip: 1e-9 of either is much less than any step resolves.
+/// Depth of an event in its unit, N in stick and m/s in slip: 1e-9 is much less than any step resolves.
 pub(in crate::part) const EVENT_TOLERANCE: f64 = 1e-9;
 
 impl<R: Lane> Axis<R> {
@@ -322,7 +322,7 @@ impl<R: Lane> Axis<R> {
         let node = &net.axis[self.node];
         let mut after = z.to_vec();
         let mode = self.contact().next_mode(self.mode, &at(node), &mut after);
-        // A mass at rest that is pushed on in the same direction starts a new breakaway. Otherwise its event would
+        // A mass at rest under a further push in the same direction starts a new breakaway. Otherwise its event would
         // repeat at once.
         let goes_on = self.mode.get(lane) * mode.get(lane) > 0.0 && mode.get(lane) * node.v.get(lane) > 0.0;
         self.mode.put(lane, mode.get(lane));
@@ -346,8 +346,8 @@ impl<R: Lane> Axis<R> {
         }
     }
 
-    /// A mass that slides in one direction cannot have a velocity in the other. The error of a step may still produce
-    /// one, between checks and within the tolerance of the check.
+    /// A mass that slides in one direction cannot have a velocity in the other. Between two checks, the error of a step
+    /// may still produce one within the tolerance of the check.
     pub(in crate::part) fn settle_in(&self, motion: &mut [R]) {
         if self.stops() {
             let (v, zero) = (&mut motion[1], R::Plain::zero());

@@ -99,7 +99,7 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
 
 impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
     /// Returns `so_far` if both chambers have room and gas at every state within `spread` of `y`. A lane that may have
-    /// none gets minus one.
+    /// none gets -1.
     #[inline(always)]
     pub(crate) fn holds(
         &self,

@@ -17,7 +17,7 @@ physics::parameters! {
         perimeter: "m", physics::at_least(0.0);
         /// Wetted end faces
         end_wall: "m2", physics::at_least(0.0);
-        /// Derived: one where the chamber grows with x (side a), minus one where it shrinks
+        /// Derived: 1 if the chamber grows with x (side a), -1 if it shrinks
         sign: "-", physics::any();
         /// Stroke at which the chamber's length is zero (side b), or zero (side a)
         offset: "m", physics::at_least(0.0);

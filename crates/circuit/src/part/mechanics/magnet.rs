@@ -5,7 +5,7 @@ use crate::part::{Common, Own, OwnMut, Part, mechanics::damper};
 use math::{Lane, Over, Real};
 use std::f64::consts::PI;
 
-/// Metres: much less than any step resolves.
+/// Depth of the event, m: much less than any step resolves.
 const TOLERANCE: f64 = 1e-9;
 
 gathered! {

@@ -5,7 +5,7 @@ use crate::part::{Common, Own, OwnMut, Part, State};
 use math::{Lane, Over, Real};
 use physics::curve::Curve;
 
-/// Seconds: much less than any step resolves.
+/// Depth of the event, s: much less than any step resolves.
 const TOLERANCE: f64 = 1e-9;
 
 /// The variable that a force depends on.

@@ -272,7 +272,7 @@ impl Formula<f64> {
 const MOTIONS: u64 = 10;
 const PIECES: usize = 30;
 const PIECE_STEPS: u32 = 20;
-/// Produced energy relative to the exchanged energy, above the errors of integration.
+/// Ratio of produced to exchanged energy that exceeds the errors of integration.
 const GIVEN: f64 = 1e-4;
 
 impl Formula<f64> {

@@ -66,7 +66,7 @@ const LACKING: f64 = 0.04;
 /// Least such distance, relative to the limit, so that small increments do not cause a kink.
 const LEAST_LACKING: f64 = 1.5e-3;
 
-/// Slower sliding, m/s, ages like this speed: a contact of a million years.
+/// Lower limit of the sliding speed for ageing, m/s: a contact of a million years.
 const SLOWEST: f64 = 1e-18;
 
 crate::parameters! {
@@ -92,9 +92,9 @@ crate::parameters! {
         exponent: "-", between(0.0, 2.0), default 0.4;
         /// Sliding distance L that renews the contact
         distance: "m", above(0.0);
-        /// Share b_a by which the increment grows with the gauge pressure in chamber a
+        /// Relative growth b_a of the increment with the gauge pressure in chamber a
         pressure_a: "1/Pa", any(), default 0.0;
-        /// Share b_b by which the increment grows with the gauge pressure in chamber b
+        /// Relative growth b_b of the increment with the gauge pressure in chamber b
         pressure_b: "1/Pa", any(), default 0.0;
     } with {
         /// Psi, growth of the increment with phi
@@ -132,7 +132,7 @@ impl Dwell<f64> {
     }
 }
 
-/// Returns its state.
+/// Name of its state.
 pub(in crate::friction) const STATE: &str = "contact_age_s";
 
 impl<P: Real> Dwell<P> {

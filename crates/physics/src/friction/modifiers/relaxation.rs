@@ -18,7 +18,7 @@ crate::parameters! {
     /// by sigma0 (s A + rho (z - d) dd/dt) >= 0 for any rho, tau and L. The proof is in docs/theory/friction.md. Source
     /// of the element: [ferry1980].
     pub struct Relaxation {
-        /// Share rho of the elastic force that relaxes
+        /// Fraction rho of the elastic force that relaxes
         share: "-", between(0.0, 1.0);
         /// Time constant tau
         time: "s", above(0.0);
@@ -27,7 +27,7 @@ crate::parameters! {
     }
 }
 
-/// Returns the state d.
+/// The state d.
 pub(in crate::friction) const STATE: InnerState =
     InnerState { name: "relaxed_deflection_m", unit: "m", scale: 1e-3 };
 

@@ -26,12 +26,12 @@ crate::parameters! {
         resistance: "K/W", at_least(0.0), default 0.0;
         /// Time constant tau of warming
         time: "s", above(0.0);
-        /// Temperature T_amb of the surroundings; the circuit's own
+        /// Temperature T_amb of the surroundings, from the circuit
         ambient: "K", above(0.0);
     }
 }
 
-/// Returns the state theta.
+/// The state theta.
 pub(in crate::friction) const STATE: InnerState =
     InnerState { name: "contact_warming_k", unit: "K", scale: 10.0 };
 

@@ -13,7 +13,7 @@ crate::parameters! {
     /// but never less than a hundredth. s is the irreversible sliding distance of the contact, and w its plastic slip
     /// rate. The parameters of the law are those of a seal after run-in and without wear. Source: [assumed].
     pub struct Wear {
-        /// Additional share a of friction of a new seal
+        /// Additional fraction a of friction of a new seal
         run_in: "-", above(-1.0), default 0.0;
         /// Sliding distance s0 of the run-in
         run_in_distance: "m", above(0.0), default 1000.0;
@@ -24,7 +24,7 @@ crate::parameters! {
     }
 }
 
-/// Returns the sliding distance since the start.
+/// The state: sliding distance since the start.
 pub(in crate::friction) const STATE: InnerState =
     InnerState { name: "sliding_distance_m", unit: "m", scale: 1.0 };
 

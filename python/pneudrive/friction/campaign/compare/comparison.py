@@ -1,7 +1,7 @@
 """Comparison of two campaigns: new and worn, one seal and another, before and after grease.
 
-Each question is one test; Holm's correction [holm1979] keeps the chance of a false difference at
-5 % for all questions together. A check of comparability comes first.
+Each question is one test. Holm's correction [holm1979] keeps the probability of a false difference at 5 % for all
+questions together. A check of comparability comes first.
 """
 
 from __future__ import annotations
@@ -233,11 +233,11 @@ def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics)
     before, after = (found.drift.per_hour if found.drift is not None else None for found in (first, second))
     if before is not None and after is not None:
         difference = after - before
-        yield Test("drift over time", difference, difference.p, note="of friction, linear in time")
+        yield Test("drift over time", difference, difference.p, note="change of friction, linear in time")
 
 
 def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Iterator[Test]:
-    """Compare the scatter of repeated cycles by an F test, if both campaigns have some.
+    """Compare the scatter of repeated cycles by an F test, if both campaigns have repeats.
 
     Residuals of a smooth curve contain more than scatter and are not tested.
     """

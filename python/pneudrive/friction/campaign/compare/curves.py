@@ -235,7 +235,7 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
 
 
 def _places(keys: list[tuple[str, float, float, float]]) -> NDArray[np.int64]:
-    """Return one number to all cycles at the same levels, pressures and speed."""
+    """Return a number for each cycle, equal for cycles at the same levels, pressures and speed."""
     if not keys:
         return np.zeros(0, dtype=np.int64)
     title, a, b, speed = zip(*keys, strict=True)

@@ -80,7 +80,7 @@ class Fits:
 
     @property
     def blocks(self) -> Array | None:
-        """Share of each block, or day, in each point; None if the design does not determine their deviations."""
+        """Fraction of each block, or day, in each point; None if the design does not determine their deviations."""
         return self.friction.data.blocks
 
     @property
@@ -90,7 +90,7 @@ class Fits:
 
     @property
     def scale_n(self) -> float:
-        """Newton at mean friction for one unit of the friction model's response."""
+        """Friction, N, at mean friction for one unit of the friction model's response."""
         return self.level_n if self.friction.logarithmic else 1.0
 
     @property
@@ -175,7 +175,7 @@ def _better(data: CurveData) -> CurveFit:
 
 
 def _with_tares(tares: Sequence[CycleData], data: CurveData) -> CurveData:
-    """Add the zero runs: observations of the zero only, on no curve."""
+    """Add the zero runs: observations of only the zero, without a curve."""
     ones = np.ones(len(tares))
     added = {
         "y": np.array([t.standing_n for t in tares]),
@@ -259,8 +259,9 @@ def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
 def by_chance(fits: Fits, fit: CurveFit, at: CurveSpeeds) -> tuple[Array, Array, Array]:
     """Return the value, low and high of the 95 % interval by chance, N, with a least width from the scatter there.
 
-    Neighbouring speeds and other pressures contribute, so the model may be more certain of a point than the cycles at
-    this point. This is accepted down to `OWN_SHARE`. Between the measured speeds the number of cycles is interpolated.
+    Neighbouring speeds and other pressures contribute. The model may therefore be more certain of a point than the
+    cycles at this point alone. This is accepted down to `OWN_SHARE`. Between the measured speeds the number of cycles
+    is interpolated.
     """
     value, low, high = in_newton(fit, fit.at(at.number, at.speed_m_s))
     known, u = at.cycles > 0, np.log(at.speed_m_s)

@@ -1,11 +1,13 @@
-"""Wild cycles, which no curve can follow, found one at a time: each is compared with all others.
+"""Outliers: cycles that no curve can follow. They are found one at a time, by comparison with all others.
 
 Two outliers inflate the scatter against which each is judged, and an outlier makes a good repeat look like an outlier.
-So each cycle is compared with its prediction from all others [cook1982]: neighbours in speed, other pressures, repeats.
-The one that is furthest off by the robust scatter of all is removed, the model is fitted again, and so on. The number
+Each cycle is therefore compared with its prediction from all others [cook1982]: neighbours in speed, other pressures,
+repeats.
+The cycle with the largest deviation relative to the robust scatter is removed, and the model is fitted again. This
+repeats. The number
 of outliers follows from probability [box1968]: an outlier may show any friction, but is rare. Then each removed cycle
-is compared with the prediction of the good ones, and returns if that does not exclude it. A cycle that the data do not
-decide is suspect.
+is compared with the prediction from the good ones. It is used again if the prediction does not exclude it. A cycle is
+suspect if the data do not decide.
 """
 
 from __future__ import annotations
@@ -77,7 +79,10 @@ def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
 
 
 def _path(data: CurveData) -> list[_Taken]:
-    """Remove cycles, each time the one without which the others are likeliest; return the steps from none to most."""
+    """Remove cycles one by one, each time the cycle whose removal makes the others most likely.
+
+    Return all steps, beginning with no removal.
+    """
     size = len(data)
     most = max(2, int(MOST_SHARE * size))
     price = _price(data)
@@ -135,6 +140,6 @@ def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:
 
 
 def _spare(data: CurveData, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Mark cycles whose curve has other cycles too."""
+    """Mark cycles whose curve also has other cycles."""
     curve = data.curve[rows]
     return np.bincount(curve[curve >= 0], minlength=int(curve.max()) + 1)[curve] > 1

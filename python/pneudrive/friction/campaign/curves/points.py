@@ -117,7 +117,10 @@ def points_of(reading: CampaignData) -> Points | None:
 def _reasons(
     data: Sequence[CycleData], unsteady: Sequence[str], condition: NDArray[np.int64], level: NDArray[np.int64]
 ) -> tuple[str, ...]:
-    """Return why each cycle is not a point of F(v). Stick-slip concerns a condition and speed, not a single cycle."""
+    """Return the reason why each cycle is not a point of F(v).
+
+    Stick-slip concerns a condition and speed, not a single cycle.
+    """
     cell = cells(condition, level)
     first = {int(c): reason for c, reason in zip(cell[::-1], unsteady[::-1], strict=True) if reason}
     share = np.bincount(cell, [bool(reason) for reason in unsteady]) / np.bincount(cell)
@@ -280,7 +283,7 @@ class CurveSpeeds:
     cycles: NDArray[np.int64]
 
     def only_measured(self) -> CurveSpeeds:
-        """Leave out the speeds between."""
+        """Leave out the speeds between the measured ones."""
         arrays = {name: getattr(self, name)[self.measured] for name in ("speed_m_s", "measured", "cycles")}
         return replace(self, **arrays)
 

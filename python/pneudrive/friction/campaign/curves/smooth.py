@@ -2,8 +2,8 @@
 
 A curve is a line and a deviation from it whose smoothness follows from the data. The deviation is an integrated Wiener
 process. Its estimate is the cubic smoothing spline, and its posterior gives the band [wahba1983]. Curves of one
-campaign share their shape as far as the data show it. Smoothness refers to a stretched speed, in which the Stribeck
-part (decades) and the viscous part (proportion) both bend slowly.
+campaign share their shape to the extent that the data support this. Smoothness refers to a stretched speed. It is
+logarithmic at low and proportional at high speed, so the Stribeck part and the viscous part both bend slowly.
 """
 
 from __future__ import annotations
@@ -244,8 +244,8 @@ def _described(data: CurveData, fit: MixedFit, relative: float) -> CurveFit:
 def either_chance(fitted: CurveFit) -> CurveFit:
     """Average over both forms of a cycle's scatter, in newton and in proportion to friction.
 
-    The better response (friction or its logarithm) and the form of the scatter are separate questions. Few cycles
-    decide the second one, so the band covers both forms.
+    The better response (friction or its logarithm) and the form of the scatter are separate questions. Few cycles do
+    not decide the second question, so the band covers both forms.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ def either_chance(fitted: CurveFit) -> CurveFit:
 
 
 def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: float, odds: float) -> CurveFit:
-    """Average over several outlier hypotheses: all suspect cycles are good, or some are outliers.
+    """Average over several hypotheses: all suspect cycles are good, or some are outliers.
 
     Parameters
     ----------

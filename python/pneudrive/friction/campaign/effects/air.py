@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def air_shares(fits: Fits, *, separated: bool) -> tuple[AirShare, ...]:
-    """Divide the total drag at each condition; ``separated`` says whether pressures were measured in the chambers."""
+    """Divide the total drag at each condition. ``separated`` is true if pressures were measured in the chambers."""
     reduced, asked = fits.points.reduced, curve_speeds(fits.points)
     unknown = [np.full(at.speed_m_s.size, np.nan) for at in asked]
 

@@ -103,7 +103,7 @@ def drift_of(fits: Fits, found: Causes) -> Drift:
 
 
 def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
-    """Return the effect of one cause on friction at its mean, with the smooth drift among the unknowns."""
+    """Return the effect of one cause on mean friction, with the smooth drift among the unknowns."""
     model = fits.friction.fit.model
     x = np.column_stack([model.x, column - column.mean()])
     if independent(x).size < x.shape[1] or x.shape[0] <= x.shape[1] + 1:
@@ -149,10 +149,10 @@ class Pure:
 
 
 def pure_scatter(fits: Fits) -> Pure | None:
-    """Estimate the standard deviation of a cycle only from repeats and control runs, independent of the curves.
+    """Estimate the standard deviation of a cycle from repeats and control runs, independent of the curves.
 
-    Residuals of cycles at one condition and speed without their mean, a line over the campaign and the means of the
-    blocks. The mean of several cycles scatters less and has a larger weight. None if nothing
+    It uses cycles at one condition and speed, after removal of their mean, a line over the campaign and the means of
+    the blocks. The mean of several cycles scatters less and has a larger weight. None if nothing
     was repeated.
     """
     from scipy.special import chdtri

@@ -98,7 +98,7 @@ class AirShare:
 
 @dataclass(frozen=True)
 class PositionWave:
-    """A wave of friction over position that fits `order` times, rarely whole, into the range.
+    """A wave of friction over position. The range contains `order` periods, rarely a whole number.
 
     Cosine, sine (about the middle of the range) and amplitude are relative to the mean friction.
     """

@@ -1,4 +1,4 @@
-"""Friction against position: its pattern over the common range, trend and harmonics, cycles being the repeats."""
+"""Friction over position: its pattern over the common range, trend and harmonics. Cycles are the repeats."""
 
 from __future__ import annotations
 
@@ -79,8 +79,8 @@ def _trend(
     """Estimate the common change along x without the drift of the sensor's zero, and the rate of that drift, N/s.
 
     The zero drifts during a cycle. Over +x its change grows along the stroke, over -x it falls. Half the difference
-    shows this as rate / speed along x. Slow cycles show it most, and because the rate varies, they also contribute
-    least to the trend. The lengths of the waves are uncertain, and a wave of another length is partly a trend. Each
+    shows this as rate / speed along x. Slow cycles show it most. Because the rate varies, they contribute least to the
+    trend. The lengths of the waves are uncertain, and a wave of another length is partly a trend. Each
     cycle therefore has waves that may be slightly longer or shorter.
     """
     found, variance = _slopes(position, rows, waves, length)
@@ -125,10 +125,10 @@ def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
 
 
 def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[float]:
-    """Find the order of each wave: how many times it fits into the range, rarely a whole number.
+    """Find the order of each wave: the number of periods in the range, rarely a whole number.
 
-    One after the other, the strongest first, while it explains more of the pattern than chance; with each
-    new one all orders are adjusted.
+    Waves are added one after the other, the strongest first, while a wave explains more of the pattern than chance.
+    With each new wave, all orders are adjusted.
     """
     weight = 1.0 / np.maximum(stderr, 1e-3 * float(np.median(stderr)) + 1e-12)
 

@@ -186,7 +186,7 @@ def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Hidden:
-    """A change of friction over the campaign that the design does not separate from its effects.
+    """A change of friction over the campaign that the design does not separate from the effects of pressure.
 
     ``size_n`` is its standard uncertainty. ``of_order`` are the coefficients of the columns with the same effect as a
     steady change by 1 N from the first cycle to the last.
@@ -201,7 +201,7 @@ class _Hidden:
 
 
 def _hidden(fits: Fits, model: MixedModel, design: _Design) -> _Hidden | None:
-    """Return the change that is hidden; None if the design determines a drift, which is then in the model."""
+    """Return the hidden change; None if the design determines a drift, which is then in the model."""
     if fits.drift_share < CARRIED:
         return None
     size = HIDDEN_CHANGE * float(np.abs(model.y).mean())
@@ -276,7 +276,7 @@ def _names(kind: str, both: str) -> list[str]:
 
 
 def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> str:
-    """Return the text on a pressure that changed with time, and on what stays open."""
+    """Return the text on a pressure that changed with time, and on undetermined effects."""
     if hidden is None or not any(follows):
         return ""
     of = zip(_names(design.kind, "the pressures"), follows, strict=True)

@@ -1,7 +1,8 @@
 """Height of a breakaway peak from noisy samples.
 
 The largest of many noisy samples is too high, and the largest of smoothed ones is too low. Here one half of the samples
-gives the place of the peak and the other half its height, and the reverse. The noise that selected the place does not
+gives the place of the peak, and the other half its height. Then the halves are exchanged. The noise that selected the
+place does not
 enter the height. Samples are smoothed by local parabolas. Their width is the largest whose peak agrees within noise
 with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little and a flat one much.
 """
@@ -134,7 +135,7 @@ def find_breakaway(
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of the samples: a white part, and one correlated over some samples.
+    """Noise of the samples: a white part, and a part that is correlated over some samples.
 
     Attributes
     ----------
@@ -152,7 +153,7 @@ class Noise:
     def of(cls, values: Array) -> Noise:
         """Estimate the white part from second differences, the slow one from residuals of a smoothed curve.
 
-        The smoothed curve is taken behind the largest value, where nothing bends quickly.
+        The smoothed curve is used after the largest value, where nothing bends quickly.
         """
         white = max(noise_level(values), 1e-12 * float(np.abs(values).max()) + 1e-300)
         behind = values[int(np.argmax(_quick(values))) + NOISE_HALF_WIDTH // 2 :][:NOISE_SAMPLES]
@@ -194,7 +195,7 @@ class Noise:
 
 
 def _run(mask: NDArray[np.bool_], at: int) -> int:
-    """Return the length of the run of marked samples around one, over single gaps."""
+    """Return the length of the run of marked samples around a sample; single gaps do not end it."""
     filled = mask.copy()
     filled[1:-1] |= mask[:-2] & mask[2:]
     if not filled[at]:
@@ -303,7 +304,7 @@ def _parabola(half: int) -> Array:
 
 
 def _rise(smooth: Array) -> tuple[int, int]:
-    """Return the last sample below 10 % and first above 90 % of the rise to the last one."""
+    """Return the last sample below 10 %, and the first above 90 %, of the rise to the last sample."""
     bottom = float(smooth.min())
     swing = float(smooth[-1]) - bottom
     high = int(np.argmax(smooth >= bottom + 0.9 * swing))

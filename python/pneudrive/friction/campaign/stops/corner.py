@@ -2,8 +2,9 @@
 
   F(t) = p + r (t - c) + d S(t - c) + q S(t - c)^2,   S(u) = s ln(1 + exp(u / s))
 
-Smoothing cuts a corner; a fit does not. A peak that is round over several samples is outside the range of this module.
-p, r, d, q are linear. Corner c and roundness s are evaluated on a grid. The height is the average over the grid,
+Smoothing reduces the height of a corner; a fit does not. This module does not treat peaks that are round over several
+samples. The parameters p, r, d, q are linear. Corner c and roundness s are evaluated on a grid. The height is the
+average over the grid,
 weighted by the fit of each place. Its uncertainty therefore covers that of c and s.
 """
 
@@ -76,10 +77,10 @@ def corner_height(
 
 
 def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float) -> float:
-    """Return the loss of a peak by a sensor of first order, N: exact for a corner, an upper bound for a round peak.
+    """Return the loss of height by a first-order sensor, N: exact for a corner, an upper bound for a round peak.
 
-    A rise r that turns into a fall q at a corner appears lower by q tau ln(1 + r / q), tau = 1 / (2 pi f). This is the
-    largest value of the lag's response to two ramps.
+    A rise r that turns into a fall q at a corner appears lower by q tau ln(1 + r / q), tau = 1 / (2 pi f). This follows
+    from the largest response of the lag to two ramps.
 
     Parameters
     ----------
@@ -130,7 +131,10 @@ def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float,
 
 
 def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
-    """Fit corners of all places and roundnesses, with places as close as the samples resolve, and weigh each."""
+    """Fit corners at all places and roundnesses, and return a weight for each.
+
+    Places are as close as the samples resolve.
+    """
     low, high = max(top - 6.0, 0.5), top + 6.0
     tried = _scanned(friction, low, high, many_n)
     for _ in range(FINER):

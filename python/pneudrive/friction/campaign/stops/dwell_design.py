@@ -76,9 +76,10 @@ def design_stops(
     increment_n: float = 1.0,
     noise_n: float = 0.3,
 ) -> StopDesign:
-    """Choose the durations of stops that determine level, increment and time constant of a dwell law.
+    """Choose durations of stops that determine level, increment and time constant of a dwell law.
 
-    D-optimal by exchange, averaged over a time constant known within a factor only. The increment is linear, so
+    The design is D-optimal by exchange, averaged over a time constant that is known only within a factor. The increment
+    is linear, so
     its size affects only the expected interval of the time constant.
 
     Parameters
