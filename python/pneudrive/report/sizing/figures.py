@@ -58,7 +58,6 @@ def draw(result: SizingResult) -> Figure:
         _points(axis, result, way)
         axis.axhline(limit * (1.0 - task.margin), color=style.BLACK, linestyle="--", label="longest time")
         axis.set(xlabel="air of a cycle / l ANR", ylabel=f"time {way}, worst 1 % / s", title=f"stroke {way}")
-        axis.set_ylim(bottom=0.0)
     legend_of(figure, axes[0])
     return figure
 
