@@ -1,1 +1,1 @@
-"""Seconds, side by side with other solvers: ``make bench``. Tracked, never gating."""
+"""Benchmarks of computing time against other solvers: ``make bench``. Tracked, never gating."""

@@ -149,7 +149,9 @@ def measure(name: str, law: str, studies: Studies) -> list[tuple[str, str]]:
 
 
 def worst_step(law: str, steps: int) -> None:
-    """Print the time of a law's steps, of each the least of three equal runs: what disturbs one comes in bursts.
+    """Print the time of a controller's steps.
+
+    Each is the least of three equal runs, because disturbances come in bursts.
 
     The first run, whose code has to be fetched, is listed separately.
     """

@@ -1,4 +1,4 @@
-"""Page of results of control: measure errors of `nmpc` on the axes, or write the page from what was measured.
+"""Page of results of control: measure errors of `nmpc` on the axes, or write the page from stored measurements.
 
     python -m benches.control_results --measure [--seeds 5] [--axes P1,P2,P3,P3h]    measures and writes both files
     python -m benches.control_results                                               writes the page

@@ -1,4 +1,4 @@
-"""Processor time at the product's own doors: the Python call, the import, the command."""
+"""Processor time of the product's entry points: the Python call, the import, the command."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def _processor(arguments: list[str]) -> float:
 
 
 def _least(*measures: Callable[[], float]) -> list[float]:
-    """Least of some rounds of each, in turns, because a busy machine can only add time."""
+    """Least time of several rounds, in turns, because a busy machine can only add time."""
     rounds = [[measure() for measure in measures] for _ in range(ROUNDS)]
     return [min(times) for times in zip(*rounds, strict=True)]
 
 
 def measure() -> list[tuple[str, float, float]]:
-    """Return (what, seconds, bound in seconds) for each door."""
+    """Return (name, seconds, bound in seconds) for each entry point."""
     import pneudrive as pn
 
     with tempfile.TemporaryDirectory() as folder:

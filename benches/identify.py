@@ -109,7 +109,7 @@ def our_run(drive: Any, columns: dict[str, np.ndarray], rtol: float, share: floa
 
 
 class Compared(NamedTuple):
-    """Seconds of a fit, how many times ours, and how far a simulation is off, in units of the noise."""
+    """Time of a fit, s, its ratio to ours, and the error of a simulation, in units of the noise."""
 
     name: str
     seconds: float

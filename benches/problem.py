@@ -1,4 +1,4 @@
-"""The timed cases of the reference drive, their yardstick, and the one tolerance convention of all solvers.
+"""The timed cases of the reference drive, their reference solutions, and the tolerance convention of all solvers.
 
 Case A is the full stroke (2 s, states at 1 kHz). Case B creeps at 5 mm/s with stick-slip (5 s, 500 Hz). Case C is 10 s
 of position control with the command sampled and held at 1 kHz. All are golden cases of ``tests/golden``. Every solver
@@ -55,7 +55,7 @@ class Servo:
 
 @dataclass(frozen=True)
 class Case:
-    """A golden case: description, commands or controller, and the states that every solver has to come to."""
+    """A golden case: description, commands or controller, and the states that every solver must reproduce."""
 
     name: str
     title: str
@@ -63,7 +63,7 @@ class Case:
 
     @cached_property
     def data(self) -> dict[str, Any]:
-        """The case as its file has it."""
+        """Content of the case's file."""
         return json.loads((GOLDEN / f"{self.file}.json").read_text())
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Numbers that pages quote: each is in one file, and every page takes it from there.
+"""Numbers that pages quote: each is stored in one file, and every page reads it from there.
 
 `docs/conf.py` makes substitutions of them for the pages of the documentation; a test compares README with them.
 """

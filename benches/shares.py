@@ -83,7 +83,7 @@ def by_work(told: str) -> dict[str, float]:
 
 
 def rows(found: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
-    """Return the rows of the table, from what each run's time is spent on."""
+    """Return the rows of the table, from the distribution of each run's time."""
     return [(work, *(f"{found[which][work]:.0f}" for which in HEAD[1:])) for work in (*WORK, REST)]
 
 

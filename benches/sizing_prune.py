@@ -2,8 +2,8 @@
 
     python -m benches.sizing_prune [TASKS]
 
-Each is run fully open at the favourable end of every spread. One that keeps its times there would show a bound that is
-not safe; then it is also tuned and simulated over the spreads. A search by hand, too slow for the tests.
+Each is run fully open at the favourable end of every spread. A choice that keeps its times there would show an unsafe
+bound. It is then also tuned and simulated over the spreads. Run it by hand: it is too slow for the tests.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ def cycle(law: str) -> xr.Dataset:
 
 
 def energy_residual(run: xr.Dataset, law: str) -> float:
-    """Greatest energy that chamber a holds without having got it, or has got without holding it, J."""
+    """Largest difference between the energy stored in chamber a and the energy that entered it, J."""
     x, v, p, t, flow = (
         run[n].to_numpy() for n in ("position", "velocity", "pressure_a", "temperature_a", "mass_flow_a")
     )

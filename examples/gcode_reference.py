@@ -64,7 +64,7 @@ def read_program(text: str, origin: str = "program") -> dict[str, AxisPath]:
 
     The first block with axes says where the program begins, if it is a G0 in absolute positions. Positions are in mm
     (G21) unless G20 says inch; F in the same unit per minute, P in seconds. All axes of a block move in the same time.
-    The longest way of a G0 reaches 0.5 m/s. A G1 follows the straight line with F, which it takes up within 0.1 s. Both
+    The longest way of a G0 reaches 0.5 m/s. A G1 follows the straight line with F, which it reaches within 0.1 s. Both
     are assumed. Comments are in parentheses or behind a semicolon.
 
     Raises

@@ -44,7 +44,7 @@ LIMITS = Envelope(
 
 
 class Bench:
-    """Our bench: SI on this side, millimetres and volts on that one."""
+    """Our bench: Binding of the hardware: SI for the rig, millimetres and volts for the drivers."""
 
     def __init__(self) -> None:
         self.axis, self.regulator, self.stopped = Axis(), Regulator(), False
@@ -97,7 +97,7 @@ class Bench:
         self.regulator.set_bar(0.0)
 
     def _run(self, step: Step) -> Iterator[None]:
-        """Do one step, and come by again and again until it is done."""
+        """Run one step, and poll until it is done."""
         self.stopped = False
         if isinstance(step, Move):
             self.axis.start(1e3 * step.to_m, 1e3 * step.speed_m_s)
@@ -138,7 +138,7 @@ def now_s() -> float:
 
 
 class Axis:
-    """Millimetres; calls return at once."""
+    """Driver of the axis, in millimetres; calls return at once."""
 
     def __init__(self) -> None:
         self.legs = [(0.0, 5.0, 5.0, 0.0)]  # begin, from, to, speed
@@ -177,7 +177,7 @@ class Regulator:
 
 
 class Daq:
-    """Volts, in buffers; friction that nobody has measured."""
+    """Driver of the data acquisition, in volts, with simulated friction."""
 
     def __init__(self, axis: Axis, regulator: Regulator) -> None:
         self.axis, self.regulator, self.noise = axis, regulator, np.random.default_rng(1)

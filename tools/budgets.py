@@ -141,7 +141,7 @@ def check(python: dict[str, int]) -> list[str]:
 
 
 def tighten(figures: dict[str, dict[str, int]]) -> None:
-    """Lower each budget to its measured value and drop what needs no budget."""
+    """Lower each budget to its measured value, and drop unneeded budgets."""
     rule, lines = "", []
     for text in FILE.read_text("utf-8").splitlines():
         line = text

@@ -4,8 +4,8 @@
     python tools/measure.py --check    # exit status 1 where code is repeated or a budget of budgets.toml is exceeded
 
 A line of code is neither blank nor a comment nor part of a docstring. A pair is two runs of six or more equal lines
-of code. White space is folded and every name is replaced by the number of its first appearance in the run; numbers and
-strings have to be equal. Imports, heads of functions, fields without a value and lone brackets do not count. A circle
+of code. White space is ignored, and every name is replaced by the index of its first appearance in the run. Numbers and
+strings must be equal. Imports, heads of functions, fields without a value and lone brackets do not count. A circle
 is a set of modules that import each other, imports for type checkers included.
 """
 

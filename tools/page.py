@@ -1,4 +1,4 @@
-"""The page of `pneudrive web`: built, checked, and the browser that its tests need.
+"""The page of `pneudrive web`: build, check, and the browser for its tests.
 
     python tools/page.py build     page/ -> python/pneudrive/web/built/
     python tools/page.py types     the types of the server's answers -> page/src/server/types.ts

@@ -1,4 +1,4 @@
-"""Write docs/theory/how-well.md and its figures: what real recordings show, from the files in data/measurements.
+"""Write docs/theory/how-well.md and its figures: comparisons with the real recordings in data/measurements.
 
 python tools/real_drives.py        # `make real` does the same; about a minute on two cores
 """
@@ -204,8 +204,8 @@ def page(
         "",
         "| data | identified from | predicted | error | intervals | unexplained |",
         "| --- | --- | --- | --- | --- | --- |",
-        f"| gas spring, chambers | charged recording | each half from the other one | fit {a:.2f} and {b:.2f} %, "
-        f"predicted at most {predicted:.2f} % | with the spread of models | peaks of 2 to 5 % at reversals |",
+        f"| gas spring, chambers | charged recording | each half by the other | fit {a:.2f} and {b:.2f} %, "
+        f"predicted {predicted:.2f} % | spread of models | 2 to 5 % at reversals |",
         f"| gas spring, forces | declared areas | balance of both recordings | {100 * charged.share:.2f} and "
         f"{100 * vented.share:.2f} % | gain of the ram below | friction over speed depends on the ram |",
         f"| joints | five runs | the sixth run | {worst_joint:.2f} % | spread of six runs | the moving joint |",

@@ -1,4 +1,4 @@
-"""The wheel: built with core and page in it, and tried where there is neither Rust nor node.
+"""The wheel: built with core and page, and tested without Rust and node.
 
 python tools/wheel.py build    -> out/wheels/, from what `make setup` has built
 python tools/wheel.py try      installs it into an empty environment: the demo, the page, an FMU

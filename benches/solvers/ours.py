@@ -11,7 +11,7 @@ from pneudrive.describe.system import System
 
 
 class Pneudrive:
-    """Timed as a bare solution, as the peers are: the solver's own states at the samples of the case."""
+    """Timed as a bare solution, like the peers: the solver's states at the samples of the case."""
 
     name = "pneudrive"
     slow = False
@@ -36,7 +36,7 @@ class Pneudrive:
 
 
 class Columns(Pneudrive):
-    """The same with everything that a trajectory file holds: forces, flows, acceleration."""
+    """The same with all columns of a trajectory file: forces, flows, acceleration."""
 
     name = "pneudrive, with all columns"
     slow = True  # case C has no columns

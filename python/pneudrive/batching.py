@@ -1,4 +1,4 @@
-"""Bulk work: making many small objects, and working ahead of a loop that waits for a disk or a process."""
+"""Bulk work: creation of many small objects, and work ahead of a loop that waits for a disk or a process."""
 
 from __future__ import annotations
 

@@ -23,7 +23,9 @@ _HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u20
 
 
 def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
-    r"""Return a text of a file or a user for messages and reports: hidden characters as escapes, cut in the middle.
+    r"""Return a text of a file or a user for messages and reports, with hidden characters as escapes.
+
+    Long texts are cut in the middle.
 
     Examples
     --------
@@ -170,7 +172,7 @@ class Problems:
 
 
 class DescriptionError(PneudriveError, ValueError):
-    """A drive description (file or Python) is not valid; a `ValueError`, so that pydantic gathers it."""
+    """A drive description (file or Python) is not valid. It is a `ValueError`, so that pydantic collects it."""
 
     key: str | None = None  # dotted name of the wrong key, by which a reader of the file finds the line
 

@@ -113,7 +113,7 @@ class Explorer:
         return text_of(self._card())
 
     def _card(self) -> Card:
-        """Return the display without a live notebook: the end of the run, and how to enable sliders."""
+        """Return the display without a live notebook: the end of the run, and a hint on how to enable sliders."""
         found = self.simulate()
         ends = {name: one for name, one in found.data_vars.items() if name in ("position", "pressure_a", "pressure_b")}
         rows = [(str(name), f"{float(one[-1]):.6g} {one.attrs['units']}") for name, one in ends.items()]

@@ -1,4 +1,4 @@
-"""Progress of a long call, and cancelling it from outside."""
+"""Progress and cancellation of a long call."""
 
 from __future__ import annotations
 

@@ -468,7 +468,7 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
 
 
 def like(unit: str) -> list[str]:
-    """Return the common units of the quantity of a unit; of a pressure absolute or gauge as that one is.
+    """Return the common units for the quantity of a unit; for a pressure, absolute or gauge like the given unit.
 
     Examples
     --------

@@ -1,6 +1,6 @@
 """Values with intervals and curves with bands: one form of a result for terminal, notebook, report and page.
 
-A result offers ``view()``. Whoever shows a `View` needs no knowledge of the class of the result.
+A result offers ``view()``. Code that shows a `View` does not depend on the class of the result.
 """
 
 from __future__ import annotations

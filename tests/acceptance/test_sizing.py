@@ -227,7 +227,7 @@ def test_a_search_of_less_than_one_choice_is_refused(tmp_path, capsys):
         'mass = "2 kg"\nstroke = "100 mm"\ntime = "0.35 s"\nsupply.pressure = "6 bar gauge"\n'
     )
     for least in ("0", "-3"):
-        assert command(["size", str(tmp_path / "task.toml"), "--least", least]) == 2
+        assert command(["size", str(tmp_path / "task.toml"), "--min-candidates", least]) == 2
         assert f"least = {least} is out of bounds" in capsys.readouterr().err
 
 
@@ -287,7 +287,7 @@ supply.pressure = "6 bar gauge"
     task = tmp_path / "push.toml"
     task.write_text(text)
     out = tmp_path / "out"
-    assert command(["size", str(task), "--draws", "8", "--out", str(out)]) == 0
+    assert command(["size", str(task), "--samples", "8", "--out", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "feasible = true" in shown
     assert found.best is not None

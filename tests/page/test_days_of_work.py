@@ -145,7 +145,7 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
     page.keyboard.press("Enter")
     page.wait_for_selector("button:text-is('Resume')")
     assert page.evaluate("() => document.activeElement.id") == "main"  # the link is gone, and nothing is lost
-    assert page.locator("label:has-text('Draws of each')").count() == 0  # they are those that it began with
+    assert page.locator("label:has-text('Samples of each')").count() == 0  # they are those that it began with
     (server.folder / "PUSH.TOML").write_text(TASK.replace("2 kg", "3 kg"))
     page.reload()
     page.wait_for_selector("text=results/push/sizing.json has the values")

@@ -171,7 +171,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     page.click("a[title='lift.toml']")
     page.wait_for_selector("td:text-is('0.8 J')")
     page.fill("label:has-text('Into results/') input", "lift")
-    page.fill("label:has-text('Draws of each') input", "8")
+    page.fill("label:has-text('Samples of each') input", "8")
     page.click("button:text-is('Size')")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
     assert page.inner_text("[data-answer]").startswith("Take Parker Origa OSP-P")
@@ -210,7 +210,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     report = opened.value
     report.wait_for_selector("#verdict li")
     line = report.inner_text("#again pre >> nth=0")
-    assert line == "pneudrive size task.toml --least 10 --draws 8 --out out"
+    assert line == "pneudrive size task.toml --min-candidates 10 --samples 8 --out out"
     assert "Parker Origa OSP-P50" in report.inner_text("#verdict li >> nth=0")
     assert "above" not in report.inner_text("#limits td >> nth=3")
     report.set_viewport_size({"width": 1200, "height": 1600})
@@ -257,7 +257,7 @@ def test_a_search_is_cancelled_and_goes_on(server: Server, open_tab: Open) -> No
     page.click("a[title='lift.toml']")
     page.wait_for_selector("text=No problems.")
     page.fill("label:has-text('Into results/') input", "lift")
-    page.fill("label:has-text('Draws of each') input", "8")
+    page.fill("label:has-text('Samples of each') input", "8")
     page.click("button:text-is('Size')")
     page.wait_for_selector("progress[aria-label='Progress of the search'][max]", timeout=LONG)
     lines = server.folder / "results" / "lift" / "choices.jsonl"

@@ -118,7 +118,7 @@ def test_a_search_of_another_process_is_seen_and_not_begun_again(
         refused = post(served, "/api/jobs", ASKED | {"resume": "results/push"}, 400)
         assert "a process searches in results/push already" in refused["problems"][0]["what"]
         monkeypatch.chdir(served.folder)
-        assert run_command(["size", "push.toml", "--draws", "16", "--out", "results/push"]) != 0
+        assert run_command(["size", "push.toml", "--samples", "16", "--out", "results/push"]) != 0
         with pytest.raises(CommandError, match="another process searches in"):
             SizingFolder(folder, task, (16, 64))
     assert not get(served, "/api/sizing", path="results/push")["searched"]

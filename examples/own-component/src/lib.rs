@@ -50,7 +50,7 @@ impl<P: Real> Part<P> for Clogging<P> {
     }
 }
 
-/// The filter as users order it.
+/// The filter as a component for users.
 pub struct Filter;
 
 impl Component for Filter {

@@ -7,7 +7,7 @@ use control::{OwnLaw, Reference, Seen};
 pub struct Follow {
     /// Speed at full opening K_v, m/s.
     pub speed: f64,
-    /// Time by which a command acts late, s.
+    /// Delay of a command, s.
     pub lag: f64,
     /// k_p, 1/m, and k_v, s/m.
     pub gains: [f64; 2],

@@ -305,7 +305,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
           {now.task ? (
             <>
               <label>
-                Choices to simulate at least <NumberField low={1} high={100} whole value={least.value} put={(one) => (least.value = one)} />
+                Least number of choices <NumberField low={1} high={100} whole value={least.value} put={(one) => (least.value = one)} />
               </label>
               <button type="button" onClick={() => void resume(folder, now)}>Resume</button>
             </>

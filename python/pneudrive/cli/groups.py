@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 #: Options under their old names, which are accepted for one release.
 RENAMED_OPTIONS = {"--into": "--out", "--beside": "--compare-with", "--patience": "--timeout", "--pace": "--speed"}
+RENAMED_OPTIONS |= {"--least": "--min-candidates", "--draws": "--samples"}
 
 
 class RenamedOptions(TyperCommand):
@@ -98,7 +99,7 @@ class LazyGroup(TyperGroup):
 
 
 def command_paths(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> Iterator[tuple[str, ...]]:
-    """Yield every command of a table as a list of words, commands of groups after their group."""
+    """Yield every command of a table as a list of words; commands of a group follow the group."""
     for name, module in table.items():
         if name in hidden:
             continue

@@ -1,4 +1,7 @@
-"""The ``pneudrive`` command. Each command is one module in the folder of its section and one word in ``SECTIONS``."""
+"""The ``pneudrive`` command. Command line.
+
+Each command is one module in the folder of its section and one word in ``SECTIONS``.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ def fail(error: PneudriveError) -> int:
 
 @contextmanager
 def _plain_warnings() -> Iterator[None]:
-    """Print a warning once, as one line on stderr, without its place in the package."""
+    """Print a warning once, as one line on stderr, without its location in the package."""
     otherwise, shown = warnings.showwarning, set()
 
     def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ANN401 - signature of the standard library

@@ -51,7 +51,7 @@ Profile = Annotated[bool, typer.Option(help="Also compute intervals by profile l
 Page = Annotated[Path | None, typer.Option("--report", help="Folder for a report with residuals.", metavar="FOLDER")]
 Samples = Annotated[
     str,
-    typer.Option("--protocol", help="Samples used: settled, or source-paper (first 5 % dropped)."),
+    typer.Option("--protocol", help="Selection of samples: settled, or source-paper (first 5 % dropped)."),
 ]
 
 

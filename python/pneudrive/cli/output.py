@@ -117,7 +117,10 @@ def tell_fit(fit: Fit, out: Path | None, report: Path | None, *, profile: bool) 
 
 
 def write_text(text: str, out: Path | None) -> None:
-    """Write a text to a file, whole or not at all, and print its path; without a file, write to standard output."""
+    """Write a text to a file, completely or not at all, and print its path.
+
+    Without a file, write to standard output.
+    """
     from pneudrive.simulation.trajectory import whole
 
     if out is None:

@@ -162,7 +162,7 @@ class HeldDrive:
     def line(self, side: str) -> tuple[str, list[tuple[str, str, str]]]:
         """Return the port of the valve that feeds chamber a or b, and the components in between.
 
-        They begin at the valve.
+        The components are ordered from the valve.
 
         Each component has its port towards the valve and that towards the chamber.
 
@@ -259,7 +259,7 @@ class HeldDrive:
 
     @cached_property
     def frictionless(self) -> HeldDrive:
-        """The same drive with negligible friction (the core's least law, with a force of no effect)."""
+        """The same drive with negligible friction (the core's simplest law, with a force too small to matter)."""
         tables = self.circuit.to_dict()
         tables["components"][self.piston]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
         return self.varied(tables)

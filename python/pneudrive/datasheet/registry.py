@@ -103,7 +103,7 @@ def found_under(
     intervals: bool = True,
     **settings: Any,  # noqa: ANN401
 ) -> xr.Dataset:
-    """Return a characteristic as `characteristic` does, under a watch."""
+    """Return a characteristic like `characteristic`, under a watch."""
     known = characteristics()
     if name not in known:
         raise CommandError(f"there is no characteristic {name!r}", remedy=nearest(name, known))

@@ -269,7 +269,7 @@ def values_of(drive: Drive | Circuit) -> list[SheetValue]:
 
 
 def _defaults(drive: Drive | Circuit) -> list[str]:
-    """Return the assumptions that the drive does not write down itself."""
+    """Return the assumptions that are not in the drive file."""
     written = {key.removeprefix("components.") for key in drive.origin_of}
     return [line for line in drive.assumed() if line.partition(" = ")[0] not in written]
 

@@ -56,7 +56,7 @@ STROKE_MEANING: dict[str, tuple[str, str]] = {
 
 @dataclass(frozen=True, repr=False)
 class StrokeNumbers(Shown):
-    """Numbers of one stroke in SI; NaN for what did not happen or was not measured.
+    """Numbers of one stroke in SI; NaN if an event did not occur or was not measured.
 
     Attributes
     ----------

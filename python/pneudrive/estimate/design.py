@@ -7,8 +7,8 @@ each sample of a prior, and criteria are means over the samples:
     D   mean of ln det M_d                the volume of the confidence region
     I   mean of trace(M_d^-1 W_d)         the variance of the prediction, averaged over a range
 
-A weighting of the candidates is D-optimal if and only if mean g' M^-1 g <= p at every candidate, p parameters, with
-equality at its support [fedorov1972].
+For p parameters, a weighting of the candidates is D-optimal if and only if mean g' M^-1 g <= p at every candidate.
+Equality holds at its support [fedorov1972].
 """
 
 from __future__ import annotations
@@ -66,20 +66,20 @@ class DesignSpace:
 
 
 def information(candidates: DesignSpace, counts: Array) -> Array:
-    """Return the information of each draw with `counts` (c,) measurements of each candidate, shape (d, p, p)."""
+    """Return the information of each prior sample for `counts` (c,) measurements, shape (d, p, p)."""
     g = candidates.gradients
     return candidates.known + np.einsum("c,dci,dcj->dij", counts, g, g)
 
 
 def prediction_variance(candidates: DesignSpace, matrix: Array) -> Array:
-    """Return the mean over the draws of g' M^-1 g at each candidate, shape (c,)."""
+    """Return the mean over the prior samples of g' M^-1 g at each candidate, shape (c,)."""
     g = candidates.gradients
     solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))
     return np.mean(np.einsum("dci,dic->dc", g, solved), axis=0)
 
 
 def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> NDArray[np.int64]:
-    """Choose `count` measurements, repeats allowed: greedily, then by exchanges as long as they improve.
+    """Choose `count` measurements, with repeats: first greedily, then by exchanges while these improve the criterion.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def within_budget(
 ) -> tuple[NDArray[np.int64], int]:
     """Choose measurements in the order of their gain over their cost (c,), within the budget.
 
-    Each is chosen once, and all are repeated equally often, as in a protocol; the number of repeats is optimised.
+    Each point is chosen once, and all are repeated equally often, as in a protocol. The number of repeats is optimised.
 
     Returns
     -------

@@ -76,7 +76,7 @@ class Estimate:
 
     @property
     def verdict(self) -> str:
-        """Statement whether the value differs from zero beyond chance."""
+        """Statement on whether the value differs from zero beyond chance."""
         return f"{'beyond' if self.p < CHANCE else 'not beyond'} chance (p = {self.p:.2g})"
 
     @property
@@ -164,7 +164,7 @@ class FTest:
 def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
     """Return whether a quantity was varied: by a relevant fraction of its mean, and beyond its scatter.
 
-    One quantity can be said to rise with another only if both were varied: otherwise their correlation is noise.
+    If one of two quantities was not varied, their correlation is noise.
 
     Parameters
     ----------

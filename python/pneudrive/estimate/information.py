@@ -18,7 +18,7 @@ TAKES_PART = 0.3
 
 
 def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
-    """Return the covariance of the coordinates of a least-squares problem, without directions that lack information.
+    """Return the covariance of the coordinates of a least-squares problem, without directions without information.
 
     Parameters
     ----------

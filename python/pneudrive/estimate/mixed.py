@@ -193,7 +193,7 @@ class Predicted:
         return np.asarray(stdtrit(self.freedom, 0.975), dtype=float) * np.sqrt(self.variance)
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
-        """Return each as an estimate with its interval and the p-value of zero."""
+        """Return each function as an estimate with its interval and the p-value of zero."""
         every = zip(self.mean.tolist(), np.sqrt(self.variance).tolist(), self.freedom.tolist(), strict=True)
         return [Estimate.of(value, stderr, freedom, unit) for value, stderr, freedom in every]
 
@@ -413,8 +413,8 @@ def _search(model: MixedModel, start: Array, scales: Array) -> Array:
 def _points(model: MixedModel, best: Array, scales: Array) -> tuple[list[Array], Array]:
     """Return points about the optimum, on the axes of the likelihood's curvature, weighted by their probability.
 
-    The rule of 2 d + 1 points integrates cubics under a normal distribution exactly; the true probability over the
-    normal one corrects for its skew.
+    The rule of 2 d + 1 points integrates cubics under a normal distribution exactly. The ratio of the true density to
+    the normal one is a factor of the weights and corrects for skew.
     """
     d = best.size
     curvature = np.empty((d, d))

@@ -31,8 +31,8 @@ def profile_interval(
     """Return the interval of one coordinate in which the cost grows by no more than `allowed`.
 
     The root of the cost's growth is linear for a linear model, so that a secant finds each end. The secant stays within
-    a bracket: the farthest point below the limit and the nearest one beyond it. Costs that a search has not fully
-    minimised scatter, but no point of the bracket is lost for that. A side is open only if no point is beyond the
+    a bracket: the farthest point below the limit and the nearest one beyond it. Incompletely minimised costs scatter,
+    but the bracket keeps its points. A side is open only if no point is beyond the
     limit.
 
     Parameters

@@ -1,6 +1,6 @@
-"""Arguments that the values of a function depend on: Sobol indices and Morris' elementary effects.
+"""Sensitivity of a function to its arguments: Sobol indices and Morris' elementary effects.
 
-Both take points in the unit cube, so that a distribution of each argument is the caller's.
+Both take points in the unit cube. The caller converts them to the distribution of each argument.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RESAMPLED = 50
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """Shares of the variance of each output that arguments bring, with intervals.
+    """Fractions of the variance of each output that arguments cause, with intervals.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ def sobol_indices(
     First order by Saltelli's estimator of 2010, total by Jansen's: ``S_i = mean(f_B (f_ABi - f_A)) / V`` and ``T_i =
     mean((f_A - f_ABi)^2) / (2 V)``. V is the variance of f over A and B, and f is taken minus its mean
     [saltelli2010,jansen1999].
-    A base point one of whose d + 2 values is not finite is left out, output by output.
+    For each output, a base point is left out if one of its d + 2 values is not finite.
 
     Parameters
     ----------

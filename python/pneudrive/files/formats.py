@@ -108,7 +108,7 @@ def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str
 def _read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, NDArray[Any]]] | None:
     """Read files with the same columns, including all of `wanted`; None if a value is missing.
 
-    Integers with missing values become floats; those of the other files must not.
+    Integers with missing values would become floats, also in the other files.
     """
     import polars as pl
 

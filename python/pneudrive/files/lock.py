@@ -65,7 +65,7 @@ def is_held(path: Path) -> bool:
 def alone_in(folder: Path) -> Iterator[None]:
     """Let one thread of one process at a time work in a folder. Without folder locks, this holds within one process.
 
-    It is meant for moments: a second process waits until the first one is done.
+    Hold it only briefly: a second process waits until the first one is done.
     """
     with _THREADS:
         file = None

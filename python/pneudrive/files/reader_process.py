@@ -94,7 +94,10 @@ def answer(request: dict[str, Any], path: str, files: _Files) -> tuple[dict[str,
 
 
 def _alike(request: dict[str, Any]) -> list[dict[str, NDArray[Any]]] | None:
-    """Read several Parquet files with one query. None on an error, because reading one by one shows the faulty file."""
+    """Read several Parquet files with one query. Return None on an error.
+
+    Reading the files one by one then shows the faulty file.
+    """
     if request["ask"] != "some columns" or len(request["paths"]) < 2:
         return None
     try:

@@ -1,7 +1,8 @@
-"""Columns of a binary file, read by one kept process that may crash instead of this one.
+"""Columns of a binary file, read by a persistent child process. If a library crashes, only that process ends.
 
-A Parquet file with a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of pneudrive) has the
-bytes that we wrote, and is read here. All others are read in `reader_process`. Measured on two cores: the first file
+A Parquet file with a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of pneudrive) has
+unchanged bytes of pneudrive, and is read here. All others are read in `reader_process`. Measured on two cores: the
+first file
 costs the start of a process and the import of its library (0.2 to 0.6 s). Each further message costs 0.3 ms and the
 transfer of the columns. Many small files are therefore one message.
 """
@@ -410,7 +411,7 @@ class _Reader:
 
 
 def _received(connection: socket.socket, size: int) -> memoryview:
-    """Receive so many bytes.
+    """Receive a number of bytes.
 
     Raises
     ------

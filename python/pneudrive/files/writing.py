@@ -1,4 +1,4 @@
-"""Writing into folders that other people may have made: nothing is written through a link."""
+"""Safe writing into folders that other people may have made: links are never followed."""
 
 from __future__ import annotations
 

@@ -133,7 +133,7 @@ class Differentiable:
         return torch_function(self)
 
     def _run(self, values: ArrayLike, *, derivatives: bool) -> tuple[Array, Sensitivities]:
-        """Run the drive, with more samples at the passing of a level and at extremes."""
+        """Run the drive, with more samples near the crossing of a level and near extremes."""
         searches = [one for one in self._reductions if one.word in SOUGHT]
         times, given = self._times, self._times
         if searches:

@@ -187,7 +187,7 @@ def svg_text(figure: Figure) -> str:
 
 
 def inline(svg: str, name: str, description: str) -> str:
-    """Return an SVG for use inside a page: no prologue, unique names, as large as its letters are in other figures."""
+    """Return an SVG for use inside a page: no prologue, unique names, and letters of the usual size."""
     import html
 
     body = svg[svg.index("<svg") :]

@@ -118,7 +118,7 @@ def _block(block: Block) -> Iterator[str]:
 
 
 def _breakable(text: str) -> str:
-    """Return a text as a string of typst that breaks behind some letters of a long word."""
+    """Return a text as a string of typst, with breaks after some letters of a long word."""
     made = literal(text)
     for letter in BREAKS:
         made = made.replace(letter, letter + "\u200b")

@@ -1,4 +1,4 @@
-"""Figures as files: pictures are written whole or not at all, and equal data give equal bytes."""
+"""Figures as files. Pictures are written completely or not at all, and equal data give equal bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command of a valve over time, steps that hold until the next entry, and the state at the start."""
+"""The command of a valve over time, as steps that hold until the next entry, and the state at the start."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def plans(
 def inputs(
     given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
 ) -> list[tuple[str, Steps]]:
-    """Read the commands of a drive or a circuit as `plans` does, by the names of the inputs.
+    """Read the commands of a drive or a circuit like `plans`, by the names of the inputs.
 
     Examples
     --------
@@ -155,7 +155,7 @@ def input_of(component: str) -> str:
 
 
 def are_named(given: object) -> bool:
-    """Return whether one of some texts has the name of a component in front.
+    """Return whether one of several texts begins with the name of a component.
 
     Examples
     --------

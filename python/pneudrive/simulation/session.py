@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pneudrive.progress import Flag
 
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
-_RULE, _ENDED = ": it must be ", "the session cannot go on"
+_RULE, _ENDED = ": it must be ", "the session cannot continue"
 
 
 class Variable(NamedTuple):
@@ -75,7 +75,8 @@ class Session:
     """A running drive or circuit. `Drive.start` and `Circuit.start` make it.
 
     An input is set by name and holds until it is set again. The integration ends exactly on the times of `advance` and
-    `schedule` and keeps its step size. With the command of a simulation, a session gives the same bits. A wrong call
+    `schedule` and keeps its step size. With the command of a simulation, a session gives the same bits as that
+    simulation. A wrong call
     raises an error and leaves the session unchanged.
 
     Examples

@@ -43,7 +43,7 @@ UNDIFFERENTIATED = ("time_s", "command")
 
 @dataclass(frozen=True, repr=False)
 class Run(Shown):
-    """Trajectory as the core returns it: columns of a file (SI, absolute pressure) and provenance."""
+    """Trajectory in the form of the core: columns of a file (SI, absolute pressure) and provenance."""
 
     columns: dict[str, Any]  # arrays, or what the core holds (`pneudrive._core.Column`)
     provenance: dict[str, Any]
@@ -81,8 +81,8 @@ class Run(Shown):
 def _dataset(variables: dict[str, xr.Variable], attrs: dict[str, Any]) -> xr.Dataset:
     """Make a data set of columns over time.
 
-    xarray's public constructor compares and aligns variables that have one length and one index here. This takes longer
-    than half a simulation. If the inner constructor is missing or has changed, the public one is used.
+    xarray's public constructor compares and aligns variables, although all have the same length and index. This takes
+    longer than half a simulation. If the inner constructor is missing or has changed, the public one is used.
     """
     import xarray as xr
     from xarray.indexes import PandasIndex
@@ -260,7 +260,7 @@ def run(
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
-    """Return the changes of a command for the provenance, which the samples show only at the next one."""
+    """Return the changes of a command for the provenance, because samples show a change only at the next sample."""
     found = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
     return {"command_steps": found} if len(found) <= MOST_STEPS else {}
 

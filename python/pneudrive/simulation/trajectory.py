@@ -1,7 +1,7 @@
 """Trajectories: meaning of their columns, and their files written and read.
 
 In memory a trajectory is an `xarray.Dataset`: each variable has its unit in its attributes. In a file the names of the
-columns carry the unit. A file is written whole or not at all.
+columns carry the unit. A file is written completely or not at all.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ MEANING: dict[str, tuple[str, str, str]] = {
     "presliding_deflection_m": ("presliding_deflection", "m", "deflection of the presliding spring"),
     "remembered_velocity_m_s": ("remembered_velocity", "m/s", "delayed velocity in the friction law"),
     "stop_time_s": ("stop_time", "s", "duration of the present stop, zero in slip"),
-    "lost_share": ("lost_share", "1", "share of breakaway minus Coulomb force lost as stop or slip began"),
+    "lost_share": ("lost_share", "1", "fraction of breakaway minus Coulomb force lost when the stop or slip began"),
 }
 _SUFFIXES = {
     "_kg_s": "kg/s",
@@ -325,9 +325,9 @@ def _name_in(path: Path, column: str) -> str:
 
 
 def attributes(run: xr.Dataset) -> dict[str, Any]:
-    """Return the attributes of a run as `pneudrive.simulate` gave them, also of one that was read from netCDF.
+    """Return the attributes of a run in the form of `pneudrive.simulate`, also for a run from netCDF.
 
-    There, lists and tables are texts (JSON).
+    In netCDF, lists and tables are texts (JSON).
     """
     out = dict(run.attrs)
     for name in STRUCTURED & out.keys():

@@ -1,6 +1,7 @@
 """From a datasheet to a controlled axis: its friction is measured, its valve identified, a law tuned and run.
 
-All results are simulated. The true axis differs from its datasheet in numbers that no step reads. They show only in the
+All results are simulated. The true axis differs from its datasheet in numbers that are hidden from all steps. They show
+only in the
 measurements of a simulated rig and of the axis' sensors.
 """
 
@@ -71,7 +72,7 @@ FROM_S = 4.0  # what is drawn of a run
 
 
 def true_axis(sheet: Circuit) -> Circuit:
-    """Return the axis that is measured and run, for the datasheet's."""
+    """Return the true axis, which is measured and run, for the axis of the datasheet."""
     friction = {f"{FRICTION}.{key}": value for key, value in (SEAL | BRISTLES).items()}
     return sheet.replace(friction | {f"{VALVE}.{key}": value for key, value in TRUE_VALVE.items()})
 

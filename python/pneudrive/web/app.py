@@ -27,7 +27,7 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.web.drive import description
 from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, Guard
-from pneudrive.web.jobs import READY, AskedJob, PageJobs, campaign_job
+from pneudrive.web.jobs import READY, JobRequest, PageJobs, campaign_job
 from pneudrive.web.live import live
 from pneudrive.web.messages import fault_of, pack, plain, problems_of
 from pneudrive.web.pages import BuiltPage
@@ -331,7 +331,7 @@ class _Views:
 
         return MeasureRequest.of(_table(body, "path")).answer(self.recordings)
 
-    def _job(self, body: bytes) -> AskedJob:
+    def _job(self, body: bytes) -> JobRequest:
         from pneudrive.web.signatures import job_of
 
         return job_of(_table(body), self.workspace)

@@ -39,7 +39,7 @@ _NAME = re.compile(r"[\w][\w .-]{0,80}")
 
 
 @dataclass(frozen=True)
-class AskedJob:
+class JobRequest:
     """A command that makes a folder, or continues in one.
 
     Attributes
@@ -67,7 +67,7 @@ class AskedJob:
         return f"{shlex.join(['mkdir', '-p', folder])}\n{line}" if self.is_new and folder else line
 
 
-def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
     """Return the job that runs a protocol on the simulated rig into a new folder, or continues in a folder.
 
     Raises
@@ -82,9 +82,9 @@ def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     if isinstance(folder, str):
         if not workspace.folder(folder).is_dir():
             raise CommandError(f"there is no folder {folder}")
-        return AskedJob(("campaign", "resume", safe(folder), *options), folder, is_new=False)
+        return JobRequest(("campaign", "resume", safe(folder), *options), folder, is_new=False)
     protocol, out = protocol_named(given, workspace), f"{CAMPAIGNS}/{folder_name(given.get('name'))}"
-    return AskedJob(("campaign", "run", safe(protocol), "--rig", RIG, "--out", out, *options), out)
+    return JobRequest(("campaign", "run", safe(protocol), "--rig", RIG, "--out", out, *options), out)
 
 
 def protocol_named(given: Mapping[str, Any], workspace: Workspace) -> str:
@@ -166,7 +166,7 @@ class PageJobs:
         self._numbers = count(1)
         self.all: list[PageJob] = []
 
-    def start(self, work: AskedJob) -> PageJob:
+    def start(self, work: JobRequest) -> PageJob:
         """Start a job.
 
         Raises

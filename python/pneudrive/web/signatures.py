@@ -24,7 +24,7 @@ from pneudrive.sizing.folder import LOCK
 from pneudrive.sizing.search import DRAWS_BEST_OF
 from pneudrive.web.drive.drives import is_fit
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.jobs import RESULTS, RIG, AskedJob, folder_name
+from pneudrive.web.jobs import RESULTS, RIG, JobRequest, folder_name
 from pneudrive.web.measured.recordings import layout_in
 from pneudrive.web.requests import WRONG_REQUEST
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue, safe
@@ -206,7 +206,7 @@ class Signature:
     python: Callable[[Values, str, Workspace], str]
     more: tuple[str, ...] = ()
 
-    def job(self, kind: str, given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+    def job(self, kind: str, given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
         """Return the job of a request."""
         values: Values = {}
         for one in self.inputs:
@@ -214,7 +214,7 @@ class Signature:
             values[one.key] = one.read(given.get(one.key), workspace) if is_asked else None
         out = self.out(values)
         words = [kind, *(word for one in self.inputs for word in one.words(values[one.key])), *self.more, "--out", out]
-        return AskedJob(tuple(words), out, python=f"import pneudrive as pn\n{self.python(values, out, workspace)}")
+        return JobRequest(tuple(words), out, python=f"import pneudrive as pn\n{self.python(values, out, workspace)}")
 
 
 def _below(values: Values) -> str:
@@ -343,8 +343,8 @@ SIGNATURES = {
         "Size",
         (
             CommandInput("task", "Task", "task"),
-            CommandInput("least", "Choices to simulate at least", "number", "--least", 10, most=MOST_LEAST),
-            CommandInput("draws", "Draws of each", "number", "--draws", 256, most=MOST_DRAWS),
+            CommandInput("least", "Least number of choices", "number", "--min-candidates", 10, most=MOST_LEAST),
+            CommandInput("draws", "Samples of each", "number", "--samples", 256, most=MOST_DRAWS),
             NAME,
         ),
         _sizing,
@@ -383,7 +383,7 @@ def forms(_: Workspace) -> dict[str, Any]:
     }
 
 
-def job_of(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+def job_of(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
     """Return the job of a request.
 
     Raises
@@ -402,16 +402,16 @@ def job_of(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     return signature.job(kind, given, workspace)
 
 
-def _of_campaign(campaign: str, name: str, workspace: Workspace) -> AskedJob:
+def _of_campaign(campaign: str, name: str, workspace: Workspace) -> JobRequest:
     """Return the job that finds the friction of a campaign."""
     if not workspace.folder(campaign).is_dir():
         raise CommandError(f"there is no campaign {campaign}")
     out = f"{RESULTS}/{name}"
     python = f"import pneudrive as pn\n\nfound = pn.campaign_friction({campaign!r})\n"
-    return AskedJob(("characterise", safe(campaign), "--out", out), out, python=python)
+    return JobRequest(("characterise", safe(campaign), "--out", out), out, python=python)
 
 
-def _resumed(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+def _resumed(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
     """Return the job that continues a search in its folder."""
     folder = workspace.folder(given["resume"])
     if is_held(folder / LOCK):
@@ -420,4 +420,4 @@ def _resumed(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
         raise CommandError(f"there is no folder {given['resume']}")
     begun = SIGNATURES["size"].job("size", {**given, "name": "sizing"}, workspace)
     words = (*begun.arguments[:-1], given["resume"])
-    return AskedJob(words, given["resume"], is_new=False, python=begun.python)
+    return JobRequest(words, given["resume"], is_new=False, python=begun.python)

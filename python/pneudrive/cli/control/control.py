@@ -118,11 +118,11 @@ def _try_out(drive: Drive | Circuit, found: Tuning, setup: str) -> None:
 
 
 def _show_suitability(drive: Drive | Circuit, setup: str) -> None:
-    """Say of each controller whether it suits the drive."""
+    """Show for each controller whether it suits the drive."""
     from pneudrive.control.suited import suitability
 
     rows = [(one.law, "suits" if one.suits else "does not suit", one.reason) for one in suitability(drive, setup)]
-    typer.echo("\nEach controller along R3, as described and with half of the mass, simulated; take the first one:")
+    typer.echo("\nEach controller along R3, as described and with half of the mass, simulated; best first:")
     show_table(("<controller", "<suits", "<because"), rows)
 
 

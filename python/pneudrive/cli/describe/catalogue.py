@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def catalogue(
     name: Annotated[str | None, typer.Argument(help="Part or drive to show.", metavar="NAME")] = None,
     catalogue: CatalogueFolders = None,
-    out: Annotated[Path | None, typer.Option(help="Write the drive NAME as a file to start from: .toml.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the drive NAME as a drive file: .toml.")] = None,
     kind: Annotated[
         str | None, typer.Option(help='Parts of a kind: "valve", "cylinder/rodless", "*5/3".', metavar="KIND")
     ] = None,
@@ -27,7 +27,7 @@ def catalogue(
         str | None, typer.Option(help='Parts of a bore: "25 mm", "20 mm .. 40 mm".', metavar="LENGTHS")
     ] = None,
     stroke: Annotated[
-        str | None, typer.Option(help="Parts of a stroke, and those made to order.", metavar="LENGTHS")
+        str | None, typer.Option(help="Parts of a stroke, including those made to order.", metavar="LENGTHS")
     ] = None,
     flow: Annotated[
         str | None,
@@ -67,7 +67,7 @@ def _search(name: str | None, search: dict[str, str | None]) -> None:
     from pneudrive.describe.files.catalogue_search import find_parts
 
     if name is not None:
-        raise CommandError(f"{name} cannot be combined with a search", remedy="Give a name, or what to search for.")
+        raise CommandError(f"{name} cannot be combined with a search", remedy="Give a name or a search option.")
     found = find_parts(**search)
     if found:
         _list(found)

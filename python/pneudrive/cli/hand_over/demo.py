@@ -17,7 +17,7 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
     measurements: Annotated[
         Path | None,
-        typer.Option(help="Folder with the recordings; default: the project's, else two that are shipped."),
+        typer.Option(help="Folder with the recordings; default: those of the project, or two shipped ones."),
     ] = None,
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""

@@ -17,7 +17,7 @@ _USED = {
     "pressure_a": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_a = 3 bar abs".'),
     "pressure_b": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_b = 3 bar abs".'),
     "speeds": (_FRICTION, "Remove it: a whole drive runs at every speed."),
-    "initial": (_WHOLE, "Remove it: friction alone has no start; its pressures are --pressure-a and --pressure-b."),
+    "initial": (_WHOLE, "Remove it: friction has no start state; its pressures are --pressure-a and --pressure-b."),
     "fmi": (("fmu",), "Remove it, or write --to fmu."),
     "actuator": (("fmu",), "Remove it, or write --to fmu."),
 }

@@ -19,7 +19,7 @@ def apply(
     drive: Annotated[
         str | None,
         typer.Argument(
-            help="Drive file, or catalogue:NAME, or tank file; default: what `pneudrive identify` started from.",
+            help="Drive file, catalogue:NAME, or tank file; default: the one with which `pneudrive identify` started.",
             metavar="[DRIVE]",
         ),
     ] = None,

@@ -59,7 +59,7 @@ def fit(
 ) -> None:
     """Fit friction laws to a friction map and recommend one.
 
-    Laws are compared by AICc, BIC and, decisively, by cross-validation over conditions.
+    Laws are compared by AICc, BIC and cross-validation over conditions. The cross-validation decides.
     """
     from pneudrive.errors import CommandError, nearest
     from pneudrive.friction.campaign.fits import NO_POINTS, with_dependences
@@ -116,7 +116,7 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
         if len(maps) == 1:
             return maps[0], found[0]
         if any(path.is_dir() for path in finished):
-            typer.echo("- of several campaigns together, the fit has the curve over speed and pressure only", err=True)
+            typer.echo("- the fit of several campaigns contains only the curve over speed and pressure", err=True)
         return _joined(finished, maps), None
     if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
         with suppress(PneudriveError):
@@ -125,7 +125,7 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
 
 
 def _joined(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
-    """Join the rows of several maps; each keeps its gauge pressures at any ambient pressure."""
+    """Join the rows of several maps. Each map keeps its gauge pressures at any ambient pressure."""
     import numpy as np
     import xarray as xr
 

@@ -17,13 +17,14 @@ def report(
         typer.Argument(help="Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.", metavar="FIT.toml"),
     ],
     friction_map: Annotated[
-        Path | None, typer.Option("--map", help="The friction map that was fitted: for the residuals.", metavar="MAP")
+        Path | None, typer.Option("--map", help="The fitted friction map, for the residuals.", metavar="MAP")
     ] = None,
     out: Results = Path("report"),
 ) -> None:
     """Write a report of a fit, with intervals and undetermined values.
 
-    Residuals need the data: --map for the fit of a friction map; `pneudrive identify --report` for that of a drive.
+    Residuals need the data: --map for the fit of a friction map, and `pneudrive identify --report` for the fit of a
+    drive.
     """
     from pneudrive.errors import CommandError
     from pneudrive.friction.friction_map import read_map

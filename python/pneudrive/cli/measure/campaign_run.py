@@ -81,7 +81,7 @@ def resume(
     pace: Pace = None,
     patience: Patience = "10 min",
 ) -> None:
-    """Resume a campaign that is paused in another process, or whose process has ended."""
+    """Resume a campaign that another process has paused, or whose process has ended."""
     from pneudrive.campaign.run import resume_campaign
     from pneudrive.campaign.storage.control import RESUME, ask, wait_for
     from pneudrive.campaign.storage.lock import holder
@@ -136,7 +136,7 @@ def pause(
 
 
 def abort(folder: Folder) -> None:
-    """End a campaign in another process: the axis comes to rest, finished cycles are kept."""
+    """End a campaign in another process. The axis comes to rest, and finished cycles are kept."""
     from pneudrive.campaign.storage.control import ABORT, ask, wait_for
     from pneudrive.errors import CampaignError
 
@@ -185,7 +185,7 @@ def _display() -> Display:
 
 
 def _again(folder: Path, rig: str, allow_code: str = "") -> str:
-    """Return the command to resume, with the rig if a folder may not name it."""
+    """Return the command to resume, with the rig if the folder is not allowed to name it."""
     from pneudrive.rig.loading import must_be_named
 
     named = f" --rig {rig}" if must_be_named(rig) else ""
@@ -194,9 +194,9 @@ def _again(folder: Path, rig: str, allow_code: str = "") -> str:
 
 @contextmanager
 def _running(again: str) -> Iterator[None]:
-    """Exit with status 1 if a running campaign ends by an error, and print how to resume.
+    """Exit with status 1 if an error ends a running campaign, and print how to resume.
 
-    SIGTERM acts as Ctrl-C; while the campaign runs, it handles both itself.
+    SIGTERM acts like Ctrl-C. While the campaign runs, the campaign handles both.
     """
     from pneudrive.campaign.run import can_be_resumed
     from pneudrive.errors import PneudriveError

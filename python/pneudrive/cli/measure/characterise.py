@@ -111,7 +111,7 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
 
 @contextmanager
 def _output(out: Path) -> Iterator[Path]:
-    """Make the output folder before any work is done; remove a new one that stays empty, or whose work is cancelled."""
+    """Make the output folder before any work. If it stays empty or the work is cancelled, remove a new folder."""
     is_new = not out.exists()
     writable_folder(out)
     try:

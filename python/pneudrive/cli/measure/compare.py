@@ -22,15 +22,15 @@ SAME_PA = 1.0  # rounding of a pressure
 def compare(
     first: Annotated[Path, typer.Argument(help="Folder of campaign A; or a drive, or a fit.", metavar="A")],
     second: Annotated[
-        Path, typer.Argument(help="Folder of campaign B; differences are B minus A. Or another such file.", metavar="B")
+        Path, typer.Argument(help="Folder of campaign B, drive or fit; differences are B minus A.", metavar="B")
     ],
     out: Results = Path("comparison"),
     protocol: Samples = "settled",
 ) -> None:
     """Compare two campaigns, two drives or two fits.
 
-    Two campaigns (new and worn, two seals) give report.html and comparison.toml.
-    Two drive files, or two fits of one kind, are compared value by value; nothing is written.
+    For two campaigns (new and worn, two seals), it writes report.html and comparison.toml.
+    Two drive files, or two fits of one kind, are compared value by value, without any file.
     """
     from pneudrive.errors import CommandError
     from pneudrive.friction.campaign.characteristics import campaign_friction
@@ -80,7 +80,7 @@ def _curves(before: FrictionFit, after: FrictionFit) -> None:
     low, high = common(before, after, "speed_m_s")
     gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]
     if low > high or any(one > other + SAME_PA for one, other in gauges):
-        show_lines(["The fits have no speeds and pressures in common, so that their curves are not compared."])
+        show_lines(["The fits have no speeds and pressures in common, so their curves are not compared."])
         return
     speeds = np.geomspace(low, high, SPEEDS) if low < high else np.array([low])
     rows = []

@@ -1,4 +1,4 @@
-"""``pneudrive measure``: two places in a recording, also compared with another one."""
+"""``pneudrive measure``: measure between two times of a recording, also in comparison with another recording."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def platform(
 
 
 def _write(own: Platform, run: Path | None, out: Path, *, dark: bool) -> None:
-    """Write the file that `out` names."""
+    """Write the file with the name `out`."""
     from pneudrive.platforms.outputs import motion_of, platform_outputs
     from pneudrive.report.platform.figures import animate_platform, draw_platform
     from pneudrive.report.platform.page import read_platform_run, write_platform_page

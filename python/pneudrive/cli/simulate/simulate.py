@@ -46,11 +46,11 @@ def simulate(
     sample_rate: Annotated[str, typer.Option(help="Samples per second.")] = "1 kHz",
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
     budget: Annotated[
-        int | None, typer.Option(help="Attempted steps after which the run is given up.", metavar="ATTEMPTS")
+        int | None, typer.Option(help="Attempted steps after which the run fails.", metavar="ATTEMPTS")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Trajectory file: .parquet, .csv or .nc.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png, .svg, .pdf or .html.")] = None,
-    energy: Annotated[bool, typer.Option("--energy", help="Print accounts of energy, lost exergy, air given.")] = False,
+    energy: Annotated[bool, typer.Option("--energy", help="Print energy, lost exergy and supplied air.")] = False,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate a drive or a circuit, and write or plot the run."""

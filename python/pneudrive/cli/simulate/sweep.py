@@ -1,4 +1,4 @@
-"""``pneudrive sweep``: a drive in many variants, a table of what each run gave."""
+"""``pneudrive sweep``: simulate many variants of a drive, and write a table of results."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def _design(
         path = Path(files[0])
         if path.suffix == ".toml":
             if members is None:
-                raise CommandError("--members is missing", remedy="Say how many are drawn from the fit.")
+                raise CommandError("--members is missing", remedy="Give the number of members from the fit.")
             return EnsembleDesign.posterior(read_fit(path), members, seed=seed, method=method)
         return design_of(_table(drive, path), members)
     each: dict[str, str] = {}

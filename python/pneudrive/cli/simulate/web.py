@@ -11,11 +11,11 @@ from pneudrive.errors import CommandError
 
 
 def _removed(context: typer.Context, parameter: typer.CallbackParam, value: object) -> None:
-    """Name the replacement of an option that is gone."""
+    """Raise an error that names the replacement of a removed option."""
     if value and not context.resilient_parsing:
         raise CommandError(
             f"{parameter.opts[0]} is no longer an option of pneudrive web",
-            rule="the page answers this machine alone",
+            rule="the page answers only this machine",
             remedy="From another machine: ssh -L 8123:127.0.0.1:8123 HOST, and pneudrive web --port 8123 on HOST.",
         )
 

@@ -29,7 +29,7 @@ def characteristic(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="All results: .csv or .nc (netCDF).")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
-    intervals: Annotated[bool, typer.Option(help="Carry intervals of identified values through.")] = True,
+    intervals: Annotated[bool, typer.Option(help="Propagate intervals of identified values.")] = True,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Show a characteristic of a drive, with definition and standard."""
@@ -120,7 +120,7 @@ MOST = 24  # values of one result on the terminal
 def rows_of(
     found: xr.Dataset, write: Callable[[float, str], str] = lambda value, _: f"{value:.5g}"
 ) -> list[tuple[str, str, float, float | None, float | None]]:
-    """Return each value with its place, whose numbers are written, and its interval; single numbers first."""
+    """Return each value with its formatted coordinates and its interval; single numbers come first."""
     import numpy as np
 
     names = [str(name) for name in found.data_vars]

@@ -1,4 +1,4 @@
-"""``pneudrive datasheet``: characteristics of a drive, on pages to file."""
+"""``pneudrive datasheet``: characteristics of a drive as a data sheet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``pneudrive size``: the drives of the catalogue that do a task."""
+"""``pneudrive size``: drives of the catalogue for a task."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def size(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for report.html, ranking and circuit files of the ten best; it is resumed.", metavar="DIR"
+            help="Folder for report, ranking and circuit files of the ten best; it is resumed.", metavar="DIR"
         ),
     ] = None,
-    least: Annotated[int, typer.Option(help="Choices of parts that are simulated at least.", metavar="N")] = 10,
-    draws: Annotated[int, typer.Option(help="Draws of each choice; the ten best have four times as many.")] = 256,
+    min_candidates: Annotated[int, typer.Option(help="Least number of simulated choices of parts.", metavar="N")] = 10,
+    samples: Annotated[int, typer.Option(help="Samples of each choice; the ten best have four times as many.")] = 256,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Find the drives of the catalogue that do a task.
@@ -28,7 +28,7 @@ def size(
     Candidates are simulated over given spreads and ranked by air and margin.
 
     A provisional answer by nominal runs comes first. Ctrl-C ends the search and keeps its results; the same command
-    with --out continues. If nothing does the task, the nearest possible value of each quantity is shown.
+    with --out continues. If no drive does the task, the nearest feasible value of each quantity is shown.
     """
     from pneudrive.cli.main import EXIT_INTERRUPTED
     from pneudrive.cli.progress import on_terminal
@@ -38,9 +38,9 @@ def size(
     found = watched(
         task,
         on_terminal(),
-        least=least,
-        draws=draws,
-        draws_best=DRAWS_BEST_OF * draws,
+        least=min_candidates,
+        draws=samples,
+        draws_best=DRAWS_BEST_OF * samples,
         out=out,
         provisional=lambda made: show_lines(sentences(made)[:1]),
     )

@@ -103,7 +103,7 @@ def air(found: CampaignCharacteristics) -> Section | None:
 
 
 def _rise(topic: Topic, found: CampaignCharacteristics, a: AirShare) -> str:
-    """Return the text on how much of the rise from the least total to the highest speed is air."""
+    """Return the text on the contribution of air to the rise from the least total force to the highest speed."""
     least, last = int(np.argmin(a.total_n)), a.speed_m_s.size - 1
     where = condition_names(found)(a.condition)
     rise = float(a.total_n[last] - a.total_n[least])

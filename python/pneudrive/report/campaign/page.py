@@ -131,7 +131,7 @@ def _air(found: CampaignCharacteristics) -> Iterator[str]:
 
 
 def _with_pressure(series: DwellSeries) -> str:
-    """Return the text on how that slope changes with pressure; "" at one pressure."""
+    """Return the text on the change of the slope with pressure; "" at one pressure."""
     slopes = (
         _effects(series.pressure, "slope", " of {}", ("p_a", "p_b", "both pressures together"))
         if series.pressure

@@ -90,13 +90,16 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
 
 
 def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
-    """Return 1 if a line leaves a row for a higher one and may need a separate track, otherwise 0."""
+    """Return 1 if a line goes to a higher row and may need a separate track, otherwise 0."""
     found = [ranks[name] for name, _ in line.pins if name in ranks]
     return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
 
 
 def _is_carried(circuit: Circuit, name: str) -> bool:
-    """Return whether a component is drawn above the actuators: it has no gas and more than two of them move it."""
+    """Return whether a component is drawn above the actuators.
+
+    It then has no gas, and more than two actuators move it.
+    """
     ports = circuit.wiring.ports(name)
     return len(ports) > 2 and all(port.kind == "axis" for port in ports)
 
@@ -128,7 +131,7 @@ def _columns(names: Sequence[str], beside: Mapping[str, tuple[str, str]]) -> lis
 
 
 def _put_beside(names: Sequence[str], beside: Mapping[str, tuple[str, str]], placed: Mapping[str, Block]) -> None:
-    """Place the moved components to the right of their actuator, each at the height of the one that moves it."""
+    """Place the moved components to the right of their actuator, each at the height of the component that moves it."""
     last = placed[names[0]].x + placed[names[0]].box[2]
     for column in _columns(names, beside):
         floor = -math.inf
@@ -242,7 +245,7 @@ def _order(
 
 
 def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: float) -> list[int]:
-    """Return places in this order that keep blocks apart and are nearest to the wanted ones (least squares)."""
+    """Return places in this order that keep blocks apart and are nearest to the wanted places (least squares)."""
     offsets = [0.0]
     for (_, right), (left, _) in pairwise(extents):
         offsets.append(offsets[-1] + math.ceil(right - left + gap))

@@ -22,7 +22,7 @@ Step = tuple["Place", "Place"]
 
 
 class NoWayError(Exception):
-    """Error: a line finds no way; the drawing is repeated with more room between the blocks."""
+    """Error: there is no way for a line. The drawing is repeated with more room between the blocks."""
 
 
 class Routes:

@@ -1,4 +1,4 @@
-"""The drawing of a circuit as shapes, for whoever puts them on paper or on a screen. Lengths in modules, y up."""
+"""The drawing of a circuit as shapes, for any output on paper or on a screen. Lengths in modules, y up."""
 
 from __future__ import annotations
 

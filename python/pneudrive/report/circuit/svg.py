@@ -1,6 +1,6 @@
 """The drawing of a circuit as SVG text, for a notebook: no script, no style sheet, every text escaped.
 
-An untrusted notebook removes the tags. Ends of lines keep its texts apart.
+An untrusted notebook removes the tags. Line ends then still separate the texts.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The datasheet of a drive as one HTML page, or as a PDF: two pages, and up to two more beside recordings."""
+"""The datasheet of a drive as one HTML page, or as a PDF: two pages, and up to two more with recordings."""
 
 from __future__ import annotations
 

@@ -50,9 +50,9 @@ def _has_spare(closures: Sequence[ClosureFit]) -> bool:
 
 
 def draw(closures: Sequence[ClosureFit]) -> Figure:
-    """Draw all groups against pressure, or against the fit if both chambers' pressures changed; below, residuals.
+    """Draw all groups over pressure, or over the fit if both chambers' pressures changed. Residuals are drawn below.
 
-    A line through as many points as it has numbers has no residuals. If this holds for all lines, there is one panel.
+    A line with as many parameters as points has no residuals. If this holds for all lines, there is one panel.
     """
     has_spare = _has_spare(closures)
     figure = style.new_figure(4.0 if has_spare else 2.8)

@@ -48,7 +48,7 @@ def section(found: Characterisation) -> Section | None:
 
 
 def panels_of(found: Characterisation) -> dict[str, tuple[list[FrictionPoint], PressureLine | None]]:
-    """Return points and line of each panel: one for each line, one for each seal without a line."""
+    """Return points and line of each panel. There is a panel for each line, and for each seal without a line."""
     out: dict[str, tuple[list[FrictionPoint], PressureLine | None]] = {}
     for line in found.pressure_lines:
         out[line.seal] = (list(line.points), line)

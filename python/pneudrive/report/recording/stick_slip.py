@@ -59,7 +59,7 @@ def section(found: Characterisation) -> Section | None:
 
 
 def _nothing(topic: Topic, strokes: str, each: list[StickSlip]) -> str:
-    """Return the text that no recording sticks and slips, with the shortest visible period."""
+    """Return the text for recordings without stick-slip, with the shortest visible period."""
     text = topic.say("nothing", strokes=strokes, finest=float(np.median([s.resolution_s for s in each])))
     jumps = [s for s in each if s.found]
     if jumps:

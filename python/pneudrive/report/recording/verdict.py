@@ -1,4 +1,4 @@
-"""The five lines that matter, with U (k = 2)."""
+"""The verdict in five lines, with U (k = 2)."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _closure(topic: Topic, found: Characterisation) -> str:
 
 
 def _is_determined(area: Estimate, nominal: float) -> bool:
-    """Return whether an area's interval is narrow enough to report it, or does not exist (no spare recordings)."""
+    """Return whether an area's interval is narrow enough to be reported, or is missing without spare recordings."""
     return not np.isfinite(area.low) or area.high - area.low < WIDEST_AREA * nominal
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def plot_sizing(result: SizingResult, path: str | Path | None = None) -> Figure:
-    """Draw the worst 1 % of the time against the air of a cycle, a point for each choice, with the limits.
+    """Draw the time that 1 % of the samples exceed over the air of a cycle: a point for each choice, and the limits.
 
     The lines of the best candidate cover 98 % of its samples.
 
@@ -50,7 +50,7 @@ def _finished(result: SizingResult) -> Figure:
 
 
 def draw(result: SizingResult) -> Figure:
-    """Draw a panel for each stroke, without letters and stamp, which a page adds."""
+    """Draw a panel for each stroke, without the letters and the stamp that a page adds."""
     figure = style.new_figure(3.1)
     axes = figure.subplots(1, 2, sharex=True)
     task = result.task

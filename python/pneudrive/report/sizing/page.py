@@ -103,7 +103,7 @@ def _called(one: SizedDrive) -> str:
 
 
 def _cheaper(found: SizingResult) -> list[SizedDrive]:
-    """Return the choices that were simulated and miss a limit, those of less air than the best, least air first."""
+    """Return the simulated choices that miss a limit and use less air than the best one, least air first."""
     most = float("inf") if found.best is None else found.best.air
     ranked = {one.name for one in found.ranked}
     missed = (one for one in found.simulated if one.name not in ranked and one.air < most)
@@ -111,7 +111,7 @@ def _cheaper(found: SizingResult) -> list[SizedDrive]:
 
 
 def _missed(one: SizedDrive) -> str:
-    """Say which limits a choice misses, and by how much."""
+    """Return the limits that a choice misses, and the amounts, in words."""
     said = []
     for name, (value, limit, unit) in one.worst.items():
         if one.margins[name] < 0.0:
@@ -233,7 +233,8 @@ def _method(found: SizingResult) -> Section:
     options = ", ".join(f"{name}={count}" for name, count in asked.items())
     lines = [f'import pneudrive as pn\n\nfound = pn.size("task.toml", {options})\nfound.report("out")']
     if is_of_command(asked):
-        lines.insert(0, f"pneudrive size task.toml --least {asked['least']} --draws {asked['draws']} --out out")
+        options = f"--min-candidates {asked['least']} --samples {asked['draws']}"
+        lines.insert(0, f"pneudrive size task.toml {options} --out out")
     return section(
         "again",
         "Method, and commands to repeat the sizing",

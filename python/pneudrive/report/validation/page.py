@@ -1,4 +1,4 @@
-"""The report of a drive against recordings of it."""
+"""The report of a drive compared with its recordings."""
 
 from __future__ import annotations
 

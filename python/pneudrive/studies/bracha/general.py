@@ -78,6 +78,6 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
 
 
 def followed(law: str) -> float:
-    """Return the largest error, m, of the drive of figure 2 behind the sine R2 under a law, with usual sensors."""
+    """Return the largest error, m, of the drive of figure 2 along the sine R2 under a controller."""
     run = pn.control.run(slow_drive(), law=law, reference="R2")
     return float(run.score["max_error_m"])

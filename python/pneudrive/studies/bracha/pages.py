@@ -78,7 +78,7 @@ def count_verdicts(claims: Sequence[Claim]) -> str:
 
 
 def paper(figures: Mapping[int, PaperFigure], claims: Sequence[Claim]) -> Section:
-    """Return the section with all verdicts and figures 4 to 9; the section on stick-slip holds 1 to 3."""
+    """Return the section with all verdicts and figures 4 to 9. The section on stick-slip has figures 1 to 3."""
     topic, unchecked = Topic(PAGE, "paper"), Topic(TEXTS, "unchecked").texts
     failed = any(c.verdict == "does not hold" for c in claims)
     return topic.section(

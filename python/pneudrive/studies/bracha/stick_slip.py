@@ -78,7 +78,7 @@ def creep(law: str, opening: float | None = None) -> xr.Dataset:
 
 
 def figure_1(seed: int = 0) -> PaperFigure:
-    """Return stick-slip as sensors on a drive show it: counted position, speed from its slope, noisy pressures."""
+    """Return stick-slip in sensor readings of a drive: counted position, speed from its slope, noisy pressures."""
     run = creep("lugre")
     rng = np.random.default_rng(seed)
     time = run.time.to_numpy()

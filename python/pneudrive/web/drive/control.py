@@ -25,7 +25,7 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.progress import Watch
 from pneudrive.web.drive.run_request import MOST_SAMPLES, RunLimit, described_at
-from pneudrive.web.jobs import RESULTS, AskedJob, folder_name
+from pneudrive.web.jobs import RESULTS, JobRequest, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import pack
 from pneudrive.web.requests import MOST_PIXELS, PageRequest, Pixels, Value
@@ -317,7 +317,7 @@ def _is_text(text: str) -> bool:
     return True
 
 
-def comparison_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
+def comparison_job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
     """Return the job that runs a benchmark into a new folder, or continues the benchmark of a folder.
 
     Raises
@@ -334,7 +334,7 @@ def comparison_job(given: Mapping[str, Any], workspace: Workspace) -> AskedJob:
     return _job(given, workspace, f"{RESULTS}/{folder_name(given.get('name'))}", is_new=True)
 
 
-def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bool) -> AskedJob:
+def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bool) -> JobRequest:
     texts = {name: given.get(name) or usual for name, usual in (("drive", ""), ("setup", "real"))}
     texts |= {name: given.get(name) or "" for name in ("mismatch", "spread")}
     lists = [_words(given.get(name), name) for name in ("laws", "references")]
@@ -364,7 +364,7 @@ def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bo
     asked = ", ".join(repr(one[0]) if one in (["all"], ["standard"]) else repr(one) for one in lists)
     python = f"import pneudrive as pn\n\ndrive = pn.{kind}.load({texts['drive']!r})\n"
     python += f"card = pn.control.benchmark(drive, {asked}, {', '.join(options)}, out={out!r})\n"
-    return AskedJob(tuple(words), out, is_new=is_new, python=python)
+    return JobRequest(tuple(words), out, is_new=is_new, python=python)
 
 
 def _words(given: object, what: str) -> list[str]:
