@@ -221,7 +221,7 @@ def read_part(
             # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
             motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
             check_speed(motion)
-            data = reduce_cycle(motion, plan, edges_m)
+            data = reduce_cycle(motion, plan, edges_m, uses_window=choice.uses_window)
             loop = reversal_loop(motion, plan) if plan.key in shown else None
         return replace(data, flags=flags, temperature_k=_temperature(samples)), loop
 

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.errors import RecordingError
 from pneudrive.estimate.groups import levels
 from pneudrive.friction.campaign.reading import CampaignData, common_edges
 from pneudrive.friction.campaign.sensors import Gain
 from pneudrive.friction.reduction.condition import LEVELS, Condition, Skipped
-from pneudrive.friction.reduction.cycle import CycleData, CyclePlan, reduce_cycle
+from pneudrive.friction.reduction.cycle import CycleData, CyclePlan, cycle_of
+from pneudrive.friction.reduction.pairing import Grid, grid_of
+from pneudrive.friction.reduction.strokes import stroke_rows
 from pneudrive.rig.interface import SHARED, Identity
 
 if TYPE_CHECKING:
@@ -42,30 +43,31 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
     members = [(result, level) for result in found.results for level in result.levels]
     plans = _plans(members)
     edges = common_edges([r.recording.position_m for r in found.results])
-    sliding: list[CycleData] = []
-    skipped = [Skipped(key, "", why) for key, why in found.skipped]
-    for (result, level), plan in zip(members, plans, strict=True):
-        motion = replace(result, strokes=level.strokes)
-        try:
-            data = reduce_cycle(motion, plan, edges)
-            sliding.append(replace(data, flags=dict(result.recording.flags)))
-        except RecordingError as error:
-            skipped.append(Skipped(plan.key, result.recording.name, error.what))
+    sliding = [
+        _cycle(result, level, plan, grid_of(edges)) for (result, level), plan in zip(members, plans, strict=True)
+    ]
     return CampaignData(
         name=name,
         source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
         identity=_identity(found.recordings[0], name),
         files=(),
-        sliding=tuple(sliding),
+        sliding=tuple(data for data in sliding if data.sides),
         tares=(),
         gain=Gain(),
         pressure_zeros={},
-        skipped=tuple(skipped),
+        skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
         notes=(),
         edges_m=edges,
         loops={},
         several=len({plan.block for plan in plans}) > 1,
     )
+
+
+def _cycle(result: RecordingResult, level: Level, plan: CyclePlan, grid: Grid) -> CycleData:
+    """Bring the strokes of a level to the bins of position that all levels share."""
+    rows = {d: np.array(stroke_rows(result, side.used, grid)) for d, side in level.sides.items() if side.used}
+    sides = {d: level.sides[d] for d, own in rows.items() if np.isfinite(own).any()}
+    return replace(cycle_of(result, plan, grid, sides, rows), flags=dict(result.recording.flags))
 
 
 def _identity(recording: Recording, name: str) -> Identity:

@@ -20,7 +20,7 @@ from pneudrive.batching import in_advance
 from pneudrive.errors import RecordingError
 from pneudrive.friction.reduction.level import RecordingResult, result_of, window_of
 from pneudrive.friction.reduction.motion import RecordedMotion
-from pneudrive.friction.reduction.strokes import StrokeFriction, stroke_frictions
+from pneudrive.friction.reduction.strokes import StrokeFriction, stroke_frictions, stroke_grid
 from pneudrive.progress import UNWATCHED
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.samples import clean
@@ -85,8 +85,8 @@ def _extracted(file: LongFile, choice: SampleChoice, watch: Watch, sha256: Futur
         window = window or window_of(motion, choice)
         first = len(strokes) - counted[0].index
         for members in speed_levels(list(counted)):
-            grid, found = stroke_frictions(motion, members, window, grids[0].in_window if grids else None)
-            if found:
+            grid = stroke_grid(motion.position_m, members, window, grids[0].in_window if grids else None)
+            if found := stroke_frictions(motion, members, window, grid):
                 grids.append(grid)
                 frictions += [_numbered(one, first) for one in found]
         strokes += [replace(s, index=s.index + first) for s in counted]
@@ -112,8 +112,12 @@ def _of_part(level: Level, motion: RecordedMotion, first: int) -> Level:
     members = {s.index - first for s in level.strokes}
     strokes = tuple(s for s in motion.strokes if s.index in members)
     peaks = tuple(replace(p, stroke=p.stroke - first) for p in level.peaks if p.stroke - first in members)
-    kept = {s.index for s in strokes}
-    return replace(level, strokes=strokes, peaks=tuple(p for p in peaks if p.stroke in kept))
+    kept = {s.index: s for s in strokes}
+    sides = {
+        d: replace(side, used=tuple(kept[i] for s in side.used if (i := s.index - first) in kept))
+        for d, side in level.sides.items()
+    }
+    return replace(level, strokes=strokes, sides=sides, peaks=tuple(p for p in peaks if p.stroke in kept))
 
 
 def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple[RecordedMotion, tuple[Stroke, ...]]]:

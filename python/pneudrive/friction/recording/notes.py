@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from pneudrive.friction.reduction.level import Level, RecordingResult
 
 
+def _under_pressure(results: tuple[RecordingResult, ...]) -> set[str]:
+    """Return the chambers that were under pressure in any recording."""
+    gauges = [level.gauge_pa(one.recording.ambient_pressure_pa) for one in results for level in one.levels]
+    return {side for gauge in gauges for side in gauge if abs(gauge[side]) > MINIMUM_RANGE_PA}
+
+
 def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[Row]) -> float:
     """Return the correlation of speed and pressure within seals, in the direction with the stronger one."""
     of_recording = {point.recording: point for point in points}
@@ -125,8 +131,7 @@ def notes_of(
     together = _speed_with_pressure(points, rows)
     if abs(together) > CONFOUNDED:
         notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))
-    held = [min(np.ptp(r.recording.pressure_a_pa), np.ptp(r.recording.pressure_b_pa)) == 0 for r in results]
-    notes += [sentence("note.one_side")] if all(held) else []
+    notes += [sentence("note.one_side")] if len(_under_pressure(results)) == 1 else []
     notes += _doubts(levels)
     assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
     doubts = {

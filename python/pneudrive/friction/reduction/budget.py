@@ -5,11 +5,12 @@ independent, so standard uncertainties add in squares; the expanded uncertainty 
 A row of a recording, one speed level:
 
     stderr_n        type A   `chance_n`: scatter of the strokes' means, at least the noise within the strokes
-    u_systematic_n  type B   `systematic_budget`: one entry for each source, its sensitivity times its uncertainty
+    u_systematic_n  type B   `systematic_budget`: one entry for each source, its sensitivity times its uncertainty,
+                             with the choice of the window (`window_entry`)
 
 A row of a campaign, one cycle:
 
-    stderr_n        type A   `CycleTerms`: noise within the cycle, scatter from cycle to cycle
+    stderr_n        type A   `CycleTerms`: `chance_n` of its strokes, scatter from cycle to cycle
     u_systematic_n  type B   `SharedTerms`: gain, hysteresis, mean over position
                     type A   state of the campaign, and block or day
 
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 COVERAGE_FACTOR = 2.0
+BEYOND_SHARE = 0.05  # of the drive's stroke, at its ends, that the moves leave out (assumed)
 CLOCK_S = 0.015  # standard uncertainty of a delay between loggers, with parallel forces only (assumed)
 # Assumed if the layout does not state it; the budget marks each as assumed.
 ASSUMED_PRESSURE_OF_RANGE = 0.005 / np.sqrt(3.0)  # limits of 0.5 % of full scale, rectangular
@@ -95,6 +97,30 @@ def systematic_budget(
         BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words),
         *_parallel_entries(recording, up, down),
     ]
+
+
+def unseen_n(pattern_n: Array, coverage: float) -> float:
+    """Return the standard uncertainty of a mean over some positions as the mean over the drive's stroke, N.
+
+    The rest of the stroke is taken to differ like the seen positions: their standard deviation times the share of the
+    rest.
+
+    Parameters
+    ----------
+    pattern_n : ndarray, shape (bins,)
+        Friction, or half the sum, over the positions of the mean.
+    coverage : float
+        Share of the travel of the recording that they cover.
+    """
+    known = pattern_n[np.isfinite(pattern_n)]
+    return (1.0 - coverage * (1.0 - BEYOND_SHARE)) * float(known.std()) if known.size else 0.0
+
+
+def window_entry(friction_n: Array, offset_n: Array, coverage: float) -> BudgetEntry:
+    """Return the entry of the chosen window: friction and half the sum in its bins, shape (bins,), see `unseen_n`."""
+    friction, offset = (unseen_n(values, coverage) for values in (friction_n, offset_n))
+    words = "standard deviation over the window times the share of the stroke outside it"
+    return BudgetEntry("choice of the window", 1.0 - coverage, "", "data", "B", friction, offset, words)
 
 
 def _parallel_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
@@ -199,10 +225,23 @@ def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionM
     ]
 
 
-def chance_n(
+def chance_n(scatter_n: Array | float, noise_n: Array | float) -> Array:
+    """Return the type A standard uncertainty of friction: scatter between strokes, at least their noise, N.
+
+    Parameters
+    ----------
+    scatter_n : ndarray or float
+        From the spread of the strokes' means (`pair_stderr`); NaN for single strokes.
+    noise_n : ndarray or float
+        From the bins within the strokes, without their pattern over position.
+    """
+    return np.fmax(scatter_n, noise_n)
+
+
+def level_chance_n(
     spreads: Mapping[int, Spread], rows: Mapping[int, Array], bins: NDArray[np.bool_], profile: Profile
 ) -> float:
-    """Return the type A standard uncertainty of the friction of a speed level, N.
+    """Return `chance_n` of a speed level.
 
     Parameters
     ----------
@@ -213,13 +252,12 @@ def chance_n(
     """
     if len(rows) == 1:
         (only,) = rows
-        stderr = spreads[only].stderr_n
-        return stderr if np.isfinite(stderr) else profile_stderr(rows[only][0][bins])
-    stderr = pair_stderr(spreads[1], spreads[-1])
-    if not np.isfinite(stderr):
-        return profile_stderr(profile.friction_n[bins])
-    inside = sum(within_stderr(matrix[:, bins]) ** 2 for matrix in rows.values())
-    return max(stderr, float(np.sqrt(inside)) / 2)
+        scatter, single = spreads[only].stderr_n, rows[only][0]
+        inside = within_stderr(rows[only][:, bins])
+    else:
+        scatter, single = pair_stderr(spreads[1], spreads[-1]), profile.friction_n
+        inside = float(np.sqrt(sum(within_stderr(matrix[:, bins]) ** 2 for matrix in rows.values()))) / 2
+    return float(chance_n(scatter, inside if np.isfinite(scatter) else profile_stderr(single[bins])))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,9 @@ import numpy as np
 
 from pneudrive.estimate.autocorrelation import stderrs_of_means
 from pneudrive.estimate.moderate import moderate
+from pneudrive.friction.reduction.budget import chance_n, unseen_n
 from pneudrive.friction.reduction.pairing import known_mean
+from pneudrive.friction.reduction.spread import pair_stderr
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +31,6 @@ ITERATIONS = 8
 ENOUGH_CYCLES = 4  # least number for a pattern over position
 COMMON_SHARE = 0.5  # of the cycles have settled in a bin of the common range
 SMALL_FRICTION = 0.2  # of the median: least friction for a relative pattern
-BEYOND_SHARE = 0.05  # of the drive's stroke, at its ends, that the moves of a campaign leave out (assumed)
 FREEDOM_PER_CYCLE = 10.0  # degrees of freedom of the noise of one cycle: independent stretches of about 60 bins
 
 
@@ -46,7 +47,7 @@ class Reduced:
         Half the difference and half the sum of the balance; half the difference of the chambers' force, positive
         against the motion.
     friction_stderr_n, offset_stderr_n, air_stderr_n, total_stderr_n : ndarray
-        From noise within the cycle only.
+        From the cycle alone: scatter of its strokes, at least the noise within them.
     position_m : ndarray, shape (bins,)
     common : ndarray of bool, shape (bins,)
     pattern : ndarray, shape (bins,)
@@ -82,13 +83,12 @@ class Reduced:
     @property
     def u_position(self) -> float:
         """Relative standard uncertainty of the common range's mean as an estimate of the whole stroke's mean."""
-        known = self.pattern[self.common]
-        return self.unseen * float(known.std()) if known.size else 0.0
+        return unseen_n(self.pattern[self.common], self.coverage)
 
     @property
-    def unseen(self) -> float:
-        """Fraction of the drive's stroke outside the mean."""
-        return 1.0 - self.coverage * (1.0 - BEYOND_SHARE)
+    def u_position_offset_n(self) -> float:
+        """The same for half the sum, N."""
+        return unseen_n(self.offset_pattern_n[self.common], self.coverage)
 
 
 def reduce(data: Sequence[CycleData], edges_m: Array, steady: NDArray[np.bool_]) -> Reduced:
@@ -123,7 +123,10 @@ def reduce(data: Sequence[CycleData], edges_m: Array, steady: NDArray[np.bool_])
     rest = friction - mean_friction[:, None] * (1.0 + np.nan_to_num(pattern))
     rest_air = air - mean_air[:, None] - np.nan_to_num(air_pattern)
     rests = (rest, offset - mean_offset[:, None] - np.nan_to_num(offset_pattern), rest_air, rest + rest_air)
-    stderrs = [_within(spare * r, common, speed) for r in rests]
+    scatter = np.array([pair_stderr(d.sides[1].spread, d.sides[-1].spread) for d in data])
+    # The scatter of strokes is that of the balance: the air's force alone has only its noise.
+    scatters = (scatter, scatter, np.full(len(data), np.nan), scatter)
+    stderrs = [_by_chance(own, spare * r, common, speed) for own, r in zip(scatters, rests, strict=True)]
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = friction / mean_friction[:, None]
     return Reduced(
@@ -188,13 +191,14 @@ def _used(values: Array, common: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.where(has[:, None], common[None, :], True)
 
 
-def _within(rest: Array, common: NDArray[np.bool_], speed: Array) -> Array:
-    """Estimate the standard error of each row's mean by noise, shrunk towards its trend over speed."""
+def _by_chance(scatter: Array, rest: Array, common: NDArray[np.bool_], speed: Array) -> Array:
+    """Return `chance_n` of each row's mean, shrunk towards its trend over speed."""
     used = _used(rest, common) & np.isfinite(rest)
     count, own = used.sum(axis=1), np.zeros(rest.shape[0])
     for number in np.unique(count[count > 0]).tolist():
         members = count == number
         own[members] = stderrs_of_means(rest[members][used[members]].reshape(-1, number))
+    own = chance_n(scatter, own)
     known = own > 0.0
     if known.sum() < ENOUGH_CYCLES:
         return own

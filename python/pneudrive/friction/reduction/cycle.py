@@ -2,7 +2,7 @@
 
 A cycle is a recording with a plan: one speed, set pressures. A speed level of a recording is a cycle without a plan.
 Samples may be unevenly spaced: bins have equal weight, so a burst around a reversal has only the weight of its travel.
-Means and breakaway of a direction are those of ``strokes.py``, as for a speed level.
+The strokes that count, their means, scatter and breakaway are those of ``strokes.py``, as for a speed level.
 """
 
 from __future__ import annotations
@@ -16,17 +16,16 @@ from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
 from pneudrive.friction.reduction.budget import stated_shares
 from pneudrive.friction.reduction.motion import RecordedMotion
-from pneudrive.friction.reduction.pairing import bin_means, pair
-from pneudrive.friction.reduction.reversal import ReversalPeak, find_reversal_peaks
+from pneudrive.friction.reduction.pairing import Grid, bin_means, grid_of, mean_profile
 from pneudrive.friction.reduction.side import Side
-from pneudrive.friction.reduction.stick_slip import ripple_of
-from pneudrive.friction.reduction.strokes import by_direction, side_values, stroke_grid, stroke_rows, window_means
+from pneudrive.friction.reduction.strokes import ReducedStrokes, stroke_frictions
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from pneudrive.friction.reduction.condition import Condition
-    from pneudrive.signals.motion import Stroke
 
     Array = NDArray[np.float64]
 
@@ -87,24 +86,13 @@ class CycleSide(Side):
         Force balance (see `Recording.balance_n`) in each bin of position, NaN without settled samples.
     air_n : ndarray, shape (bins,)
         Its part from the chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b).
-    ripple, period_s, step_m, swing_n : float
-        Standard deviation of speed over its mean; period, travel and swing of the balance in stick-slip (NaN without).
-    piston_ripple : float
-        The same for the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
     scatter_n : float
         Standard deviation of the balance within the bins.
-    stick_slip : bool
     """
 
     balance_n: Array
     air_n: Array
-    ripple: float
-    period_s: float
-    step_m: float
-    swing_n: float
-    piston_ripple: float
     scatter_n: float
-    stick_slip: bool
 
 
 @dataclass(frozen=True)
@@ -187,7 +175,7 @@ class CycleData:
         return sum(side.strokes for side in self.sides.values())
 
 
-def reduce_cycle(motion: RecordedMotion, plan: CyclePlan, edges_m: Array) -> CycleData:
+def reduce_cycle(motion: RecordedMotion, plan: CyclePlan, edges_m: Array, *, uses_window: bool = True) -> CycleData:
     """Reduce the strokes of one speed to bins of position.
 
     Parameters
@@ -196,25 +184,48 @@ def reduce_cycle(motion: RecordedMotion, plan: CyclePlan, edges_m: Array) -> Cyc
     plan : CyclePlan
     edges_m : ndarray, shape (bins + 1,)
         Edges of the bins of position that all cycles share.
+    uses_window : bool
+        Whether the means of strokes are over equal positions.
 
     Raises
     ------
     RecordingError
-        If no stroke has a settled part.
+        If no stroke has settled in a quarter of the middle of the way.
     """
-    recording = motion.recording
-    sides = {d: side for d in (1, -1) if (side := _side(motion, d, edges_m)) is not None}
-    if not sides:
+    grid = grid_of(edges_m)
+    frictions = stroke_frictions(motion, motion.strokes, (float(edges_m[0]), float(edges_m[-1])), grid)
+    found = ReducedStrokes.of(grid, frictions, uses_window=uses_window)
+    if found is None:
         value = f"{len(motion.strokes)} strokes"
-        raise RecordingError("no stroke has a settled part", where=recording.name, value=value)
-    only = next(iter(sides.values()))
-    stated = stated_shares(recording, *(sides.get(d, only) for d in (1, -1)))
+        rule = "a stroke counts if it has settled in a quarter of the middle of the way"
+        raise RecordingError("no stroke has a settled part", where=motion.recording.name, value=value, rule=rule)
+    return cycle_of(motion, plan, grid, found.sides, found.rows)
+
+
+def cycle_of(
+    motion: RecordedMotion, plan: CyclePlan, grid: Grid, sides: Mapping[int, Side], rows: Mapping[int, Array]
+) -> CycleData:
+    """Return the data of a cycle, or of a speed level, from its reduced strokes.
+
+    Parameters
+    ----------
+    motion : RecordedMotion
+    plan : CyclePlan
+    grid : Grid
+        Bins of position that all cycles share.
+    sides : mapping
+        Direction -> its strokes.
+    rows : mapping
+        Direction -> balance of its strokes, shape (strokes, bins).
+    """
+    recording, only = motion.recording, next(iter(sides.values()))
     return CycleData(
         plan=plan,
-        sides=sides,
-        strokes_recorded=len(motion.strokes),
+        sides={d: _cycle_side(motion, side, grid, rows[d]) for d, side in sides.items()},
+        strokes_recorded=sum(side.strokes_recorded for side in sides.values()),
         duration_s=float(recording.time_s[-1] - recording.time_s[0]),
-        **stated,  # pyright: ignore[reportArgumentType] - names and kinds of the fields
+        # pyright: ignore[reportArgumentType] - names and kinds of the fields
+        **stated_shares(recording, *(sides.get(d, only) for d in (1, -1))),
     )
 
 
@@ -235,53 +246,22 @@ def check_speed(motion: RecordedMotion) -> None:
         )
 
 
-def _side(motion: RecordedMotion, direction: int, edges_m: Array) -> CycleSide | None:
-    """Combine the strokes of one direction; return None without settled samples in a whole bin."""
-    recording, settled, balance_n = motion.recording, motion.settled, motion.balance_n
-    strokes = [s for s in motion.strokes if s.direction == direction and settled[s.samples].sum() >= MINIMUM_SAMPLES]
-    window = (float(edges_m[0]), float(edges_m[-1]))
-    found = [means for s in strokes if (means := window_means(recording, s, settled, window)) is not None]
-    if not found:
-        return None
+def _cycle_side(motion: RecordedMotion, side: Side, grid: Grid, rows: Array) -> CycleSide:
+    """Add the bins of position to the strokes of one direction."""
+    recording, parts = motion.recording, [s.samples for s in side.used]
 
     def binned(values: Array) -> Array:
-        return bin_means(motion.position_m, values, edges_m, [s.samples for s in strokes], settled)
+        return bin_means(motion.position_m, values, grid.edges_m, parts, motion.settled)
 
-    means = binned(balance_n)
-    reached = motion.position_m[np.concatenate([np.flatnonzero(settled[s.samples]) + s.start for s in strokes])]
-    covered = _covered(reached, edges_m) & np.isfinite(means)
-    if not covered.any():
-        return None  # the settled part is shorter than a bin
     ambient = recording.ambient_pressure_pa
     air = (recording.pressure_a_pa - ambient) * recording.area_a_m2
     air -= (recording.pressure_b_pa - ambient) * recording.area_b_m2
-    slipping, slips = ripple_of(recording, balance_n, strokes)
-    squares = (binned(balance_n**2) - means**2)[covered]
+    means = mean_profile(rows)
+    covered = np.isfinite(means)
+    squares = (binned(motion.balance_n**2) - binned(motion.balance_n) ** 2)[covered]
     return CycleSide(
-        **side_values(found, _peaks(motion, strokes), strokes),
-        balance_n=np.where(covered, means, np.nan),
+        **vars(side),
+        balance_n=means,
         air_n=np.where(covered, binned(air), np.nan),
-        strokes_recorded=sum(s.direction == direction for s in motion.strokes),
         scatter_n=float(np.sqrt(max(squares.mean(), 0.0))),
-        stick_slip=slipping,
-        **slips,
     )
-
-
-def _covered(position_m: Array, edges_m: Array) -> NDArray[np.bool_]:
-    """Return the bins that lie entirely in the settled part: a cut bin has another mean position."""
-    width = edges_m[1] - edges_m[0]
-    slack = 0.1 * width
-    return (edges_m[:-1] >= position_m.min() - slack) & (edges_m[1:] <= position_m.max() + slack)
-
-
-def _peaks(motion: RecordedMotion, strokes: list[Stroke]) -> list[ReversalPeak]:
-    """Return the peaks after the reversals before these strokes."""
-    if not any(s.index > 0 for s in strokes):
-        return []  # the first stroke has no reversal before it
-    low, high = float(motion.position_m.min()), float(motion.position_m.max())
-    window = (low + 0.2 * (high - low), high - 0.2 * (high - low))
-    grid = stroke_grid(motion.position_m, motion.strokes, window)
-    rows = stroke_rows(motion.position_m, motion.raw_balance_n, motion.settled, motion.strokes, grid)
-    profile = pair(grid, by_direction(motion.strokes, rows))
-    return find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, profile)

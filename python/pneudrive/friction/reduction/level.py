@@ -11,20 +11,27 @@ from pneudrive.errors import RecordingError
 from pneudrive.friction.friction_map import Row
 from pneudrive.friction.reduction.budget import (
     BudgetEntry,
-    chance_n,
     combined,
     expanded,
+    level_chance_n,
     systematic_budget,
+    window_entry,
 )
 from pneudrive.friction.reduction.motion import RecordedMotion, SampleChoice
-from pneudrive.friction.reduction.pairing import Grid, Profile, pair, stroke_means
+from pneudrive.friction.reduction.pairing import MIDDLE, Grid, Profile
 from pneudrive.friction.reduction.plausible import doubts_of
 from pneudrive.friction.reduction.reversal import ReversalPeak
 from pneudrive.friction.reduction.side import RowValue, Side, row_of
 from pneudrive.friction.reduction.spread import Spread, spread_of
 from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT, StickSlip
 from pneudrive.friction.reduction.stroke_use import StrokeUse
-from pneudrive.friction.reduction.strokes import StrokeFriction, side_values, stroke_frictions
+from pneudrive.friction.reduction.strokes import (
+    ReducedStrokes,
+    StrokeFriction,
+    profile_of,
+    stroke_frictions,
+    stroke_grid,
+)
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke, middle, straight_line
@@ -35,21 +42,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
-
-DEFAULT_WINDOW = (0.2, 0.8)  # of the stroke
-
-
-@dataclass(frozen=True, eq=False)
-class LevelSide(Side):
-    """The strokes of one direction of a speed class.
-
-    Attributes
-    ----------
-    pressure_moves_n : float
-        Usual range of the pressure force within a stroke.
-    """
-
-    pressure_moves_n: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -79,7 +71,7 @@ class Level(Shown):
     stick_slip: tuple[StickSlip, ...]
     flags: tuple[str, ...]
     rows: tuple[Row, ...]
-    sides: dict[int, LevelSide]
+    sides: dict[int, Side]
     doubts: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -126,8 +118,10 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     """
     motion = RecordedMotion.of(clean(recording), choice)
     window = window_of(motion, choice)
-    levels = speed_levels(list(motion.strokes))
-    groups = [stroke_frictions(motion, members, window) for members in levels]
+    groups = []
+    for members in speed_levels(list(motion.strokes)):
+        grid = stroke_grid(motion.position_m, members, window)
+        groups.append((grid, stroke_frictions(motion, members, window, grid)))
     return result_of(motion, groups, window, choice, motion.strokes)
 
 
@@ -188,7 +182,7 @@ def window_of(motion: RecordedMotion, choice: SampleChoice) -> tuple[float, floa
             )
         return recording.window_m
     travel = high - low
-    return low + DEFAULT_WINDOW[0] * travel, low + DEFAULT_WINDOW[1] * travel
+    return low + MIDDLE[0] * travel, low + MIDDLE[1] * travel
 
 
 def _level(
@@ -200,23 +194,14 @@ def _level(
     choice: SampleChoice,
 ) -> Level | None:
     """Return one speed class. None if no stroke covers the window, or the directions have no common bin."""
-    ways = {d: [s for s in strokes if s.stroke.direction == d] for d in (1, -1)}
-    profile = pair(grid, {d: _rows_over(grid, members) for d, members in ways.items()})
-    used = {d: [s for s in members if s.inside] for d, members in ways.items() if any(s.inside for s in members)}
-    rows = {d: _rows_over(grid, members) for d, members in used.items()}
-    # Equal positions: only bins that all present directions have.
-    bins = profile.in_window.copy()
-    for matrix in rows.values():
-        bins &= np.isfinite(matrix).any(axis=0)
-    if not used or not bins.any():
+    found = ReducedStrokes.of(grid, strokes, uses_window=choice.uses_window)
+    if found is None:
         return None
-    sides = {d: _side(members, len(ways[d])) for d, members in used.items()}
-    means = {
-        d: stroke_means(rows[d], bins) if choice.uses_window else np.array([s.mean_n for s in members])
-        for d, members in used.items()
-    }
-    spreads = {d: spread_of(means.get(d, np.zeros(0))) for d in (1, -1)}
-    found = _estimate(recording, profile, bins, spreads, rows, sides)
+    profile = profile_of(grid, strokes)
+    spreads = {d: found.sides[d].spread if d in found.sides else spread_of(np.zeros(0)) for d in (1, -1)}
+    estimate = _estimate(recording, profile, found, spreads)
+    offset = estimate["offset_n"] if len(found.sides) == 2 else 0.0
+    slips = [s.slip.axis for members in found.used.values() for s in members if s.slip]
     level = Level(
         recording=recording.name,
         index=index,
@@ -224,14 +209,14 @@ def _level(
         profile=profile,
         window_m=window,
         spreads=spreads,
-        stroke_friction_n={d: d * (m - (found["offset_n"] if len(used) == 2 else 0.0)) for d, m in means.items()},
-        stroke_times_s={d: np.array([s.time_s for s in members]) for d, members in used.items()},
+        stroke_friction_n={d: d * (means - offset) for d, means in found.means_n.items()},
+        stroke_times_s={d: np.array([s.time_s for s in members]) for d, members in found.used.items()},
         peaks=tuple(s.peak for s in strokes if s.peak),
-        stick_slip=tuple(s.stick_slip for members in used.values() for s in members if s.stick_slip),
+        stick_slip=tuple(slips),
         flags=(),
         rows=(),
-        sides=sides,
-        **found,
+        sides=found.sides,
+        **estimate,
     )
     ambient = recording.ambient_pressure_pa
     doubts = doubts_of(
@@ -242,46 +227,24 @@ def _level(
         offset_n=level.offset_n,
         u_offset_n=level.u_offset_n,
     )
-    flags = (*_level_flags(recording, level, used, bins), *doubts)
+    covered = not choice.uses_window or found.bins.sum() >= 0.9 * profile.in_window.sum()
+    flags = (*_level_flags(recording, level, covers_window=bool(covered)), *doubts)
     level = replace(level, flags=flags, doubts=doubts)
     return replace(level, rows=_rows(recording, level))
 
 
-def _side(strokes: Sequence[StrokeFriction], recorded: int) -> LevelSide:
-    """Combine the used strokes of one direction."""
-    means = [s.inside for s in strokes if s.inside]
-    return LevelSide(
-        **side_values(means, [s.peak for s in strokes if s.peak], [s.stroke for s in strokes]),
-        strokes_recorded=recorded,
-        pressure_moves_n=float(np.median([s.pressure_moves_n for s in means])),
-    )
-
-
-def _rows_over(grid: Grid, strokes: Sequence[StrokeFriction]) -> NDArray[np.float64]:
-    """Map the bins of some strokes to one grid, shape (strokes, bins)."""
-    rows = np.full((len(strokes), grid.stop - grid.first), np.nan)
-    for row, stroke in zip(rows, strokes, strict=True):
-        at = stroke.first - grid.first
-        row[at : at + stroke.balance_n.size] = stroke.balance_n
-    return rows
-
-
 def _estimate(
-    recording: Recording,
-    profile: Profile,
-    bins: NDArray[np.bool_],
-    spreads: dict[int, Spread],
-    rows: dict[int, NDArray[np.float64]],
-    sides: dict[int, LevelSide],
+    recording: Recording, profile: Profile, found: ReducedStrokes, spreads: dict[int, Spread]
 ) -> dict[str, Any]:
     """Pair the directions, or use the only one, and estimate the uncertainty."""
-    only = next(iter(sides))
+    sides, only = found.sides, next(iter(found.sides))
     up, down = (sides.get(d, sides[only]) for d in (1, -1))
-    known = bins & np.isfinite(profile.offset_n)
+    known = found.bins & np.isfinite(profile.offset_n)
     slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
     budget = tuple(systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s))))
+    budget = (*budget, _window_entry(profile, found))
     u_friction, u_offset = combined(budget)
-    stderr = chance_n(spreads, rows, bins, profile)
+    stderr = level_chance_n(spreads, found.rows, found.bins, profile)
     if len(sides) == 1:
         # A single direction cancels nothing: its friction is as uncertain as the offset.
         friction, offset, u_friction = only * spreads[only].mean_n, float("nan"), u_offset
@@ -298,12 +261,14 @@ def _estimate(
     }
 
 
-def _level_flags(
-    recording: Recording,
-    level: Level,
-    used: dict[int, list[StrokeFriction]],
-    bins: NDArray[np.bool_],
-) -> tuple[str, ...]:
+def _window_entry(profile: Profile, found: ReducedStrokes) -> BudgetEntry:
+    """Return the entry of the window; a single direction has its balance for both friction and half the sum."""
+    only = profile.up_n if 1 in found.sides else profile.down_n
+    both = (profile.friction_n, profile.offset_n) if len(found.sides) == 2 else (only, only)
+    return window_entry(*(values[found.bins] for values in both), float(found.bins.mean()))
+
+
+def _level_flags(recording: Recording, level: Level, *, covers_window: bool) -> tuple[str, ...]:
     """Return the flags of a speed class."""
     flags = [kind for kind, count in recording.flags.items() if count]
     slips = level.stick_slip
@@ -311,13 +276,13 @@ def _level_flags(
     stick_slip = bool(slips) and float(np.mean([s.found for s in slips])) > 0.5
     ripple = bool(slips) and float(np.median([s.ripple for s in slips])) > RIPPLE_LIMIT
     seen = {
-        "unpaired": len(used) < 2,
+        "unpaired": len(level.sides) < 2,
         "negative_friction": level.friction_n < -2 * level.expanded_n,
-        "single_stroke": min(len(members) for members in used.values()) == 1,
+        "single_stroke": min(side.strokes for side in level.sides.values()) == 1,
         "trend": any(s.has_trend for s in level.spreads.values()),
         "stick_slip": stick_slip,
         "speed_ripple": ripple and not stick_slip,
-        "window_not_covered": bins.sum() < 0.9 * level.profile.in_window.sum(),
+        "window_not_covered": not covers_window,
         "pressure_moves": any(c.pressure_moves_n > 0.5 * abs(level.friction_n) for c in level.sides.values()),
         "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
     }

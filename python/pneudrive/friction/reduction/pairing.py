@@ -20,6 +20,7 @@ MAXIMUM_BINS = 100
 MINIMUM_BINS = 5
 SAMPLES_PER_BIN = 4
 ALTERNATIONS, CONVERGED = 50, 1e-9
+MIDDLE = (0.2, 0.8)  # of the way: the window, if the layout does not state it
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,9 @@ class Grid:
         Number of bins of the window.
     first, stop : int
         Number of the first bin, below the window negative, and of the one behind the last.
+    whole : bool
+        Whether bins that lie only partly in the settled part of a stroke are left out: bins that cycles share have
+        equal positions.
     """
 
     low_m: float
@@ -41,11 +45,18 @@ class Grid:
     in_window: int
     first: int
     stop: int
+    whole: bool = False
 
     @property
     def edges_m(self) -> Array:
         """Edges of the bins."""
         return np.asarray(self.low_m + self.width_m * np.arange(self.first, self.stop + 1), dtype=np.float64)
+
+    @property
+    def is_in_window(self) -> NDArray[np.bool_]:
+        """Whether each bin is in the window."""
+        number = np.arange(self.first, self.stop)
+        return (number >= 0) & (number < self.in_window)
 
 
 @dataclass(frozen=True, eq=False)  # holds arrays: equal only to itself
@@ -95,6 +106,13 @@ def grid_over(
     return Grid(low, float(width), core.size - 1, -below, core.size - 1 + above)
 
 
+def grid_of(edges_m: Array) -> Grid:
+    """Return the bins of all cycles as a grid, whose window is the middle of the way."""
+    bins = edges_m.size - 1
+    first, stop = (round(share * bins) for share in MIDDLE)
+    return Grid(float(edges_m[first]), float(edges_m[1] - edges_m[0]), stop - first, -first, bins - first, whole=True)
+
+
 def bin_means(
     position_m: Array, values: Array, edges_m: Array, parts: Sequence[slice], chosen: NDArray[np.bool_] | None = None
 ) -> Array:
@@ -124,7 +142,6 @@ def pair(grid: Grid, strokes_n: dict[int, Array]) -> Profile:
     """
     edges = grid.edges_m
     up, down = mean_profile(strokes_n[1]), mean_profile(strokes_n[-1])
-    number = np.arange(grid.first, grid.stop)
     return Profile(
         position_m=(edges[:-1] + edges[1:]) / 2,
         up_n=up,
@@ -133,7 +150,7 @@ def pair(grid: Grid, strokes_n: dict[int, Array]) -> Profile:
         offset_n=(up + down) / 2,
         up_strokes_n=strokes_n[1],
         down_strokes_n=strokes_n[-1],
-        in_window=(number >= 0) & (number < grid.in_window),
+        in_window=grid.is_in_window,
     )
 
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from pneudrive.friction.friction_map import Row
+    from pneudrive.friction.reduction.spread import Spread
+    from pneudrive.signals.motion import Stroke
 
 
 @dataclass(frozen=True)
@@ -23,22 +25,41 @@ class DirectionMeans:
 
 @dataclass(frozen=True, eq=False)
 class Side(DirectionMeans):
-    """The strokes of one direction.
+    """The strokes of one direction of a speed level or a cycle.
 
     Attributes
     ----------
     samples, strokes, strokes_recorded : int
         Used samples, used strokes, and all strokes of the direction.
+    used : tuple of Stroke
+    spread : Spread
+        Of the means of the used strokes at equal positions.
+    pressure_moves_n : float
+        Usual range of the pressure force within a stroke.
     breakaway_n, dwell_s, loading_rate_n_s : float
         Excess of the preceding reversals. NaN without a usable peak.
+    ripple, period_s, step_m, swing_n : float
+        Standard deviation of speed over its mean; period, travel and swing of the balance in stick-slip (NaN without).
+    piston_ripple : float
+        The same for the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
+    stick_slip : bool
     """
 
     samples: int
     strokes: int
     strokes_recorded: int
+    used: tuple[Stroke, ...]
+    spread: Spread
+    pressure_moves_n: float
     breakaway_n: float
     dwell_s: float
     loading_rate_n_s: float
+    ripple: float
+    period_s: float
+    step_m: float
+    swing_n: float
+    piston_ripple: float
+    stick_slip: bool
 
 
 class RowValue(NamedTuple):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.estimate.autocorrelation import stderr_of_mean, stderrs_of_means
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
@@ -101,8 +102,7 @@ def pair_stderr(up: Spread, down: Spread) -> float:
 def profile_stderr(profile_n: NDArray[np.float64]) -> float:
     """Estimate the standard error of a profile's mean for a single stroke, from the profile alone.
 
-    A straight line is removed, because the pattern over position is not random, in particular its coarse part. The
-    correlation of neighbouring bins is summed until it first falls below zero.
+    A straight line is removed, because the pattern over position is not random, in particular its coarse part.
     """
     values = profile_n[np.isfinite(profile_n)]
     n = values.size
@@ -110,8 +110,7 @@ def profile_stderr(profile_n: NDArray[np.float64]) -> float:
         return float("nan")
     x = np.arange(n, dtype=np.float64)
     slope, intercept = straight_line(x, values)
-    rest = values - (intercept + slope * x)
-    return _stderr_of_mean(rest[None, :], n - 2)
+    return stderr_of_mean(values - (intercept + slope * x)) * float(np.sqrt((n - 1) / (n - 2)))
 
 
 def within_stderr(strokes_n: NDArray[np.float64]) -> float:
@@ -128,20 +127,6 @@ def within_stderr(strokes_n: NDArray[np.float64]) -> float:
     strokes, bins = strokes_n.shape
     if strokes < 2 or bins < 4:
         return 0.0
+    # The mean of the strokes in each bin takes its share of their noise.
     rest = strokes_n - strokes_n.mean(axis=0) - strokes_n.mean(axis=1, keepdims=True) + strokes_n.mean()
-    return _stderr_of_mean(rest, (strokes - 1) * (bins - 1)) / float(np.sqrt(strokes))
-
-
-def _stderr_of_mean(rest: NDArray[np.float64], freedom: int) -> float:
-    """Estimate the standard error of the mean of one row of residuals, neighbours being correlated; shape (rows, n)."""
-    n = rest.shape[1]
-    power = float((rest * rest).sum())
-    if power == 0:
-        return 0.0
-    factor = 1.0
-    for lag in range(1, n // 2):
-        r = float((rest[:, lag:] * rest[:, :-lag]).sum()) / power
-        if r <= 0:
-            break
-        factor += 2 * r * (1 - lag / n)
-    return float(np.sqrt(power / freedom / n * factor))
+    return float(np.sqrt(np.mean(stderrs_of_means(rest) ** 2) / (strokes - 1)))

@@ -90,8 +90,11 @@ def find_stick_slip(
         raise RecordingError("time and position must be one-dimensional and of one length", where="find_stick_slip")
     velocity = None if velocity_m_s is None else np.asarray(velocity_m_s, dtype=float)
     strokes = find_strokes("motion", time_s, position_m)
-    found = [stick_slip_of(stroke, time_s, position_m, velocity, trim) for stroke in strokes]
-    return [slips for slips in found if slips is not None]
+    parts = [part for stroke in strokes if (part := middle_of(stroke, position_m, trim)) is not None]
+    return [
+        measure_stick_slip(time_s[part], position_m[part], None if velocity is None else velocity[part])
+        for part in parts
+    ]
 
 
 def middle_of(stroke: Stroke, position_m: NDArray[np.float64], trim: float = 0.1) -> slice | None:
@@ -101,20 +104,6 @@ def middle_of(stroke: Stroke, position_m: NDArray[np.float64], trim: float = 0.1
     if inside.size < FEWEST_SAMPLES:
         return None
     return slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)
-
-
-def stick_slip_of(
-    stroke: Stroke,
-    time_s: NDArray[np.float64],
-    position_m: NDArray[np.float64],
-    velocity_m_s: NDArray[np.float64] | None = None,
-    trim: float = 0.1,
-) -> StickSlip | None:
-    """Measure stick-slip in the middle of a stroke; None with too few samples."""
-    part = middle_of(stroke, position_m, trim)
-    if part is None:
-        return None
-    return measure_stick_slip(time_s[part], position_m[part], None if velocity_m_s is None else velocity_m_s[part])
 
 
 def measure_stick_slip(
@@ -197,30 +186,54 @@ def _slips(
     return onsets, [float(speed[a:b].max()) for a, b in zip(onsets, ends, strict=True)]
 
 
-def ripple_of(
-    recording: Recording, balance_n: NDArray[np.float64], strokes: Sequence[Stroke]
-) -> tuple[bool, dict[str, Any]]:
-    """Return the stick-slip in the middle 80 % of the strokes, on evenly spaced samples.
+@dataclass(frozen=True)
+class StrokeSlip:
+    """Stick-slip in the middle 80 % of a stroke, on evenly spaced samples.
 
     The axis may run evenly while the piston behind a soft force sensor does not. If the stiffness is known, the
     piston's position is the axis position minus the deflection.
+
+    Attributes
+    ----------
+    axis : StickSlip
+    piston : StickSlip or None
+        None if the stiffness of the rig is unknown.
+    swing_n : float
+        Range of the balance without its lowest and highest 2 %.
     """
-    found, behind, swings = [], [], []
-    for part in [part for stroke in strokes if (part := middle_of(stroke, recording.position_m)) is not None]:
+
+    axis: StickSlip
+    piston: StickSlip | None
+    swing_n: float
+
+    @classmethod
+    def of(cls, recording: Recording, balance_n: NDArray[np.float64], stroke: Stroke) -> StrokeSlip | None:
+        """Measure one stroke; None with too few samples."""
+        part = middle_of(stroke, recording.position_m)
+        if part is None:
+            return None
         time, position, force = _even(recording.time_s[part], recording.position_m[part], recording.force_n[part])
-        found.append(measure_stick_slip(time, position))
-        if recording.stiffness_n_m:
-            behind.append(measure_stick_slip(time, position - force / recording.stiffness_n_m))
+        stiffness = recording.stiffness_n_m
         low, high = quantiles(balance_n[part], 0.02, 0.98)
-        swings.append(high - low)
-    seen = max((found, behind), key=lambda slips: sum(s.found for s in slips))
+        return cls(
+            axis=measure_stick_slip(time, position),
+            piston=measure_stick_slip(time, position - force / stiffness) if stiffness else None,
+            swing_n=high - low,
+        )
+
+
+def sliding_of(slips: Sequence[StrokeSlip]) -> dict[str, Any]:
+    """Return the evenness of sliding of some strokes by the fields of `Side`: axis or piston, where more is found."""
+    axis, piston = [s.axis for s in slips], [s.piston for s in slips if s.piston is not None]
+    seen = max((axis, piston), key=lambda some: sum(s.found for s in some))
     slipping = bool(seen) and sum(s.found for s in seen) > 0.5 * len(seen)
-    return slipping, {
-        "ripple": median([s.ripple for s in found]),
+    return {
+        "ripple": median([s.ripple for s in axis]),
         "period_s": median([s.period_s for s in seen if slipping]),
         "step_m": median([s.step_m for s in seen if slipping]),
-        "swing_n": median(swings),
-        "piston_ripple": median([s.ripple for s in behind]),
+        "swing_n": median([s.swing_n for s in slips]),
+        "piston_ripple": median([s.ripple for s in piston]),
+        "stick_slip": slipping,
     }
 
 

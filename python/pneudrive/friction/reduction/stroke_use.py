@@ -24,7 +24,7 @@ class StrokeUse:
     ----------
     recorded, used : int
     left_out : dict
-        Reason -> number of strokes: ``window`` (less than half of the window is crossed), ``unsettled`` (too few
+        Reason -> number of strokes: ``window`` (less than a quarter of the window is crossed), ``unsettled`` (too few
         settled samples in the window), ``apart`` (the speed class has no position common to both directions).
     """
 

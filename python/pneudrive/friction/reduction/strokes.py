@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.friction.reduction.budget import CLOCK_S
 from pneudrive.friction.reduction.motion import mean_speed
-from pneudrive.friction.reduction.pairing import Grid, bin_means, grid_over, pair
+from pneudrive.friction.reduction.pairing import Grid, Profile, bin_means, grid_over, pair, stroke_means
 from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway, find_reversal_peaks
-from pneudrive.friction.reduction.side import DirectionMeans
-from pneudrive.friction.reduction.stick_slip import StickSlip, stick_slip_of
+from pneudrive.friction.reduction.side import DirectionMeans, Side
+from pneudrive.friction.reduction.spread import spread_of
+from pneudrive.friction.reduction.stick_slip import StrokeSlip, sliding_of
 from pneudrive.signals.motion import thinned
 
 if TYPE_CHECKING:
@@ -26,8 +27,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# A stroke counts in the window if it has settled samples in at least this fraction of its bins.
-COVERED_SHARE = 0.5
+# Least share of the window's bins with settled samples for a stroke to count. Missing bins are filled from the profile.
+COVERED_SHARE = 0.25
+CUT_SHARE = 0.1  # of a bin: largest part of it that may lie outside the settled part
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,9 @@ class StrokeFriction:
         Mean balance of all chosen samples.
     inside : StrokeMeans or None
         None if it does not cover the window.
+    slip : StrokeSlip or None
     peak : ReversalPeak or None
-    stick_slip : StickSlip or None
+        After the reversal before it.
     """
 
     stroke: Stroke
@@ -65,61 +68,51 @@ class StrokeFriction:
     balance_n: Array
     mean_n: float
     inside: StrokeMeans | None
-    peak: ReversalPeak | None
-    stick_slip: StickSlip | None
+    slip: StrokeSlip | None
+    peak: ReversalPeak | None = None
 
 
 def stroke_frictions(
-    motion: RecordedMotion, strokes: Sequence[Stroke], window: tuple[float, float], bins: int | None = None
-) -> tuple[Grid, list[StrokeFriction]]:
-    """Return the results of strokes for their speed class.
+    motion: RecordedMotion, strokes: Sequence[Stroke], window: tuple[float, float], grid: Grid
+) -> list[StrokeFriction]:
+    """Return the results of the strokes of one speed level or cycle.
 
     Parameters
     ----------
     motion : RecordedMotion
     strokes : sequence of Stroke
-        Strokes of one speed class.
     window : tuple of float
-        Positions between which friction is averaged, m.
-    bins : int, optional
-        Bins of the window; None: by the number of samples.
+        Positions between which speed, force and pressures are averaged, m.
+    grid : Grid
+        A stroke counts if it has settled in a quarter of the bins in its window.
 
     Returns
     -------
-    Grid
     list of StrokeFriction
-        Empty if no stroke covers the window.
+        Empty if no stroke counts.
     """
-    recording, balance = motion.recording, motion.balance_n
-    grid = stroke_grid(recording.position_m, strokes, window, bins)
-    rows = stroke_rows(recording.position_m, balance, motion.settled, strokes, grid)
+    recording, settled = motion.recording, motion.settled
     window_bins = slice(-grid.first, -grid.first + grid.in_window)
-    covers = [bool(np.isfinite(row[window_bins]).mean() >= COVERED_SHARE) for row in rows]
-    if not any(covers):
-        return grid, []
-    both = len({s.direction for s, ok in zip(strokes, covers, strict=True) if ok}) == 2
-    peaks = (
-        find_reversal_peaks(recording, strokes, motion.raw_balance_n, pair(grid, by_direction(strokes, rows)))
-        if both
-        else []
-    )
-    peak_of = {peak.stroke: peak for peak in peaks}
     found = []
-    for stroke, row, ok in zip(strokes, rows, covers, strict=True):
-        counts = balance[stroke.samples][motion.settled[stroke.samples]]
+    for stroke, row in zip(strokes, stroke_rows(motion, strokes, grid), strict=True):
+        counts = np.isfinite(row[window_bins]).mean() >= COVERED_SHARE
+        chosen = motion.balance_n[stroke.samples][settled[stroke.samples]]
         found.append(
             StrokeFriction(
                 stroke=stroke,
                 time_s=float(recording.time_s[stroke.start]),
                 first=grid.first,
                 balance_n=row,
-                mean_n=float(counts.mean()) if ok else float("nan"),
-                inside=window_means(recording, stroke, motion.settled, window) if ok else None,
-                peak=peak_of.get(stroke.index),
-                stick_slip=stick_slip_of(stroke, recording.time_s, recording.position_m) if ok else None,
+                mean_n=float(chosen.mean()) if counts else float("nan"),
+                inside=window_means(recording, stroke, settled, window) if counts else None,
+                slip=StrokeSlip.of(recording, motion.balance_n, stroke) if counts else None,
             )
         )
-    return grid, found
+    if len({one.stroke.direction for one in found if one.inside}) < 2:
+        return found if any(one.inside for one in found) else []
+    peaks = find_reversal_peaks(recording, strokes, motion.raw_balance_n, profile_of(grid, found))
+    peak_of = {peak.stroke: peak for peak in peaks}
+    return [replace(one, peak=peak_of.get(one.stroke.index)) for one in found]
 
 
 def stroke_grid(
@@ -131,21 +124,17 @@ def stroke_grid(
     return grid_over(window, ends, float(np.median(inside)), bins)
 
 
-def stroke_rows(
-    position_m: Array, balance_n: Array, settled: NDArray[np.bool_], strokes: Sequence[Stroke], grid: Grid
-) -> list[Array]:
-    """Average the balance of each stroke in each bin, over the chosen samples."""
-    edges = grid.edges_m
-    return [bin_means(position_m, balance_n, edges, [stroke.samples], settled) for stroke in strokes]
-
-
-def by_direction(strokes: Sequence[Stroke], rows: Sequence[Array]) -> dict[int, Array]:
-    """Stack the rows of the strokes of each direction, shape (strokes, bins)."""
-    bins = rows[0].size
-    return {
-        d: np.array([row for s, row in zip(strokes, rows, strict=True) if s.direction == d]).reshape(-1, bins)
-        for d in (1, -1)
-    }
+def stroke_rows(motion: RecordedMotion, strokes: Sequence[Stroke], grid: Grid) -> list[Array]:
+    """Average the balance of the settled samples of each stroke in each bin; NaN in bins that do not count."""
+    edges, rows = grid.edges_m, []
+    slack = CUT_SHARE * grid.width_m
+    for stroke in strokes:
+        row = bin_means(motion.position_m, motion.balance_n, edges, [stroke.samples], motion.settled)
+        reached = motion.position_m[stroke.samples][motion.settled[stroke.samples]]
+        if grid.whole and reached.size:
+            row[(edges[:-1] < reached.min() - slack) | (edges[1:] > reached.max() + slack)] = np.nan
+        rows.append(row)
+    return rows
 
 
 def window_means(
@@ -179,17 +168,89 @@ def _gas_rate(recording: Recording, index: NDArray[np.intp]) -> float:
     return float(np.diff(gas)[0]) / seconds if seconds > 0.0 else 0.0
 
 
-def side_values(
-    means: Sequence[StrokeMeans], peaks: Sequence[ReversalPeak], strokes: Sequence[Stroke]
-) -> dict[str, Any]:
-    """Return the values of one direction by the fields of `Side`: its strokes have equal weight."""
+@dataclass(frozen=True, eq=False)
+class ReducedStrokes:
+    """The strokes of one speed level or cycle by direction, over the bins of a grid.
+
+    Attributes
+    ----------
+    used : dict of list of StrokeFriction
+        Direction -> strokes that count.
+    rows : dict of ndarray, shape (strokes, bins)
+        Direction -> balance of these strokes.
+    bins : ndarray of bool, shape (bins,)
+        Bins of the window that all present directions have: means are over equal positions.
+    sides : dict of Side
+    means_n : dict of ndarray, shape (strokes,)
+        Direction -> mean balance of each stroke.
+    """
+
+    used: dict[int, list[StrokeFriction]]
+    rows: dict[int, Array]
+    bins: NDArray[np.bool_]
+    sides: dict[int, Side]
+    means_n: dict[int, Array]
+
+    @classmethod
+    def of(cls, grid: Grid, frictions: Sequence[StrokeFriction], *, uses_window: bool) -> ReducedStrokes | None:
+        """Combine the strokes of each direction; None if none counts, or the directions have no common bin.
+
+        Parameters
+        ----------
+        grid : Grid
+        frictions : sequence of StrokeFriction
+        uses_window : bool
+            Whether means are over the bins of the window, not over all chosen samples.
+        """
+        ways = _by_direction(frictions)
+        used = {d: [s for s in some if s.inside] for d, some in ways.items() if any(s.inside for s in some)}
+        rows = {d: rows_over(grid, some) for d, some in used.items()}
+        bins = grid.is_in_window
+        for matrix in rows.values():
+            bins &= np.isfinite(matrix).any(axis=0)
+        if not used or not bins.any():
+            return None
+        means = {
+            d: stroke_means(rows[d], bins) if uses_window else np.array([s.mean_n for s in some])
+            for d, some in used.items()
+        }
+        sides = {d: _side(some, means[d], len(ways[d])) for d, some in used.items()}
+        return cls(used, rows, bins, sides, means)
+
+
+def profile_of(grid: Grid, frictions: Sequence[StrokeFriction]) -> Profile:
+    """Pair both directions of all strokes at equal position."""
+    return pair(grid, {d: rows_over(grid, some) for d, some in _by_direction(frictions).items()})
+
+
+def _by_direction(frictions: Sequence[StrokeFriction]) -> dict[int, list[StrokeFriction]]:
+    return {d: [one for one in frictions if one.stroke.direction == d] for d in (1, -1)}
+
+
+def rows_over(grid: Grid, strokes: Sequence[StrokeFriction]) -> Array:
+    """Map the bins of some strokes to one grid, shape (strokes, bins)."""
+    rows = np.full((len(strokes), grid.stop - grid.first), np.nan)
+    for row, stroke in zip(rows, strokes, strict=True):
+        at = stroke.first - grid.first
+        row[at : at + stroke.balance_n.size] = stroke.balance_n
+    return rows
+
+
+def _side(used: Sequence[StrokeFriction], means_n: Array, recorded: int) -> Side:
+    """Combine the used strokes of one direction, which have equal weight."""
+    inside, strokes = [s.inside for s in used if s.inside], tuple(s.stroke for s in used)
     names = [one.name for one in fields(DirectionMeans)]
-    return {
-        **{name: float(np.mean([getattr(s, name) for s in means])) for name in names},
-        "samples": sum(s.samples for s in means),
-        "strokes": len(strokes),
-        **breakaway(peaks, strokes),
-    }
+    return Side(
+        **{name: float(np.mean([getattr(s, name) for s in inside])) for name in names},
+        samples=sum(s.samples for s in inside),
+        strokes=len(strokes),
+        strokes_recorded=recorded,
+        used=strokes,
+        spread=spread_of(means_n),
+        pressure_moves_n=float(np.median([s.pressure_moves_n for s in inside])),
+        **breakaway([s.peak for s in used if s.peak], strokes),
+        **sliding_of([s.slip for s in used if s.slip]),
+    )
 
 
 def _usual_range(values: Array) -> float:

@@ -47,7 +47,7 @@ def test_strokes_that_miss_the_window_are_counted_with_their_reason(partial):
     assert (use.recorded, use.used) == (16, 9)
     assert use.left_out == {"window": 6, "unsettled": 1}
     assert any(
-        note == "partial: 9 of 16 strokes are used; not used: 6 across less than half of the window, "
+        note == "partial: 9 of 16 strokes are used; not used: 6 across less than a quarter of the window, "
         "1 with too few settled samples in the window."
         for note in found.notes
     )
@@ -73,11 +73,11 @@ def test_terminal_map_and_report_say_the_same(partial, tmp_path, capsys):
     assert run(["characterise", str(tmp_path / "partial.csv"), "--out", str(out)]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "9 of 16" in said
-    assert "6 across less than half of the window" in said
+    assert "6 across less than a quarter of the window" in said
     assert read_map(out / "map.csv")["strokes_recorded"].to_numpy().tolist() == [8, 8]
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "9 of 16 strokes are used" in page
-    assert "6 across less than half of the window" in page
+    assert "6 across less than a quarter of the window" in page
 
 
 def test_many_partial_recordings_have_one_sentence_for_the_rest():

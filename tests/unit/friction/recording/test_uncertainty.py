@@ -1,9 +1,12 @@
 """Uncertainty: spread between strokes, trend, the GUM budget, and U that covers the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pneudrive.characterise import characterise_recordings
+from pneudrive.friction.campaign.characteristics import recorded_characteristics
 from pneudrive.friction.reduction.spread import pair_stderr, profile_stderr, spread_of
 
 
@@ -96,3 +99,35 @@ def test_two_strokes_that_agree_by_chance_keep_the_error_of_their_noise(make):
     noise = np.std(deviations)
     assert min(stated) > 0.5 * noise, "the spread of two stroke means alone would be ten times too small now and then"
     assert np.median(stated) == pytest.approx(noise, rel=0.4)
+
+
+def test_friction_that_varies_over_position_makes_the_choice_of_the_window_uncertain(make):
+    def entry(slope, window):
+        recording = make(friction=lambda x: 5.0 * (1.0 + slope * (x - 0.02)), window_m=window)
+        (found,) = (
+            e for e in characterise_recordings(recording).levels[0].budget if e.source == "choice of the window"
+        )
+        return found.friction_n
+
+    whole, half = (0.002, 0.038), (0.01, 0.03)
+    assert entry(0.0, half) < 0.02
+    # The deviation of a straight line over a length L is slope * L / sqrt(12); half of the travel is not seen.
+    assert entry(20.0, half) == pytest.approx(100.0 * 0.02 / np.sqrt(12) * (1 - 0.5 * 0.95), rel=0.1)
+    assert entry(20.0, whole) < 0.6 * entry(20.0, half)
+
+
+@pytest.mark.parametrize(
+    ("gauges", "is_said"), [((0.0, 3e5), True), ((3e5, 0.0), True), ((0.0, 0.0), False), ((2e5, 3e5), False)]
+)
+def test_one_side_is_under_pressure_only_if_the_other_one_is_not(make, gauges, is_said):
+    """A sensor that never changes may be that of a vented chamber, or of one at constant pressure."""
+    made = make(gauge_b=gauges[1])
+    recording = replace(made, pressure_a_pa=np.full(len(made), made.ambient_pressure_pa + gauges[0]))
+    notes = characterise_recordings(recording).notes
+    assert any("one side is under pressure" in note for note in notes) == is_said
+
+
+def test_a_cycle_has_the_scatter_of_its_strokes_as_a_speed_level_has(make):
+    found = characterise_recordings(make(stroke_spread=0.3, strokes=20, seed=5))
+    (level,), (cycle,) = found.levels, recorded_characteristics(found).cycles
+    assert cycle.stderr_n == pytest.approx(level.stderr_n, rel=1e-6)

@@ -198,9 +198,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     gain = float(np.mean([d.u_gain_n for d in data])) / max(abs(level), 1e-12)
     spread = float(np.std(fits.friction.drift))
     static = float(np.mean([d.u_offset_n for d in data]))
-    pattern = points.reduced.offset_pattern_n[points.reduced.common]
-    place = points.reduced.unseen * float(np.std(pattern)) if pattern.size else 0.0
-    zero = np.full(friction_n.size, np.hypot(static, place))
+    zero = np.full(friction_n.size, np.hypot(static, points.reduced.u_position_offset_n))
     if not fits.has_zero:
         zero = np.hypot(zero, np.abs(half_sum_n))
     return SharedTerms(
