@@ -28,6 +28,18 @@ def test_recordings_become_map_fit_and_report(tmp_path, capsys):
     assert "! The effect of pressure cannot be determined" in out  # in the words of a campaign
 
 
+def test_a_folder_of_recordings_is_all_files_that_its_layout_describes(tmp_path, capsys):
+    folder = tmp_path / "bench"
+    folder.mkdir()
+    (folder / "layout.toml").write_text((DATA / "layout.toml").read_text())
+    (folder / "notes.md").write_text("two seals")
+    for name in ("PK_1bar", "NAPN_1bar"):
+        (folder / f"{name}.csv.xz").write_bytes((DATA / "friction" / f"{name}.csv.xz").read_bytes())
+    assert run(["characterise", str(folder), "--out", str(tmp_path / "out")]) == 0
+    assert read_map(tmp_path / "out" / "map.csv")["seal"].to_numpy().tolist() == ["NAPN", "NAPN", "PK", "PK"]
+    assert "PK_1bar" in capsys.readouterr().out
+
+
 def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):
     foreign = tmp_path / "bench.txt"
     foreign.write_bytes(lzma.decompress((DATA / "friction" / "NAPN_3bar.csv.xz").read_bytes()))

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
 HASHED_ROWS, HASHED_BYTES = 1 << 18, 1 << 20  # of a long file at a time
+NO_RECORDING = frozenset({"", ".toml", ".md", ".json", ".html"})  # suffixes of texts beside recordings
 MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
 
 
@@ -85,6 +86,14 @@ def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | N
             beside[file.parent] = layout_beside(file)
         found.append(RecordingFile(file, given or beside[file.parent], name))
     return found
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """Return the recordings of a folder with a layout, by name. Empty without a layout, and for a campaign folder."""
+    if not (folder / "layout.toml").is_file() or (folder / "rig.json").exists():
+        return []
+    files = (one for one in folder.iterdir() if one.is_file() and not one.name.startswith("."))
+    return sorted(one for one in files if one.suffix.lower() not in NO_RECORDING)
 
 
 def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[Recording]:

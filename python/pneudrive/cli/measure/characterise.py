@@ -29,8 +29,8 @@ def characterise(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Recordings, also compressed (.gz, .xz, .bz2); or a campaign folder.",
-            metavar="RECORDING...|CAMPAIGN",
+            help="Recordings, also compressed (.gz, .xz, .bz2); their folder with layout.toml; or a campaign folder.",
+            metavar="RECORDING...|FOLDER|CAMPAIGN",
         ),
     ],
     layout: Annotated[
@@ -56,10 +56,12 @@ def characterise(
     from pneudrive.identify.static.fit import LAWS
     from pneudrive.identify.static.seals import fit_characterisation
     from pneudrive.report import write_report
+    from pneudrive.signals.load import recordings_in
     from pneudrive.validate.closure import close_balance
 
     choice = one_of("--protocol", protocol, SAMPLE_CHOICES)()
     one_of("--law", law, dict.fromkeys(LAWS))
+    recordings = [file for path in recordings for file in (path.is_dir() and recordings_in(path)) or [path]]
     if any(path.is_dir() for path in recordings):
         _campaign(recordings, layout, out, choice, law)
         return

@@ -31,6 +31,7 @@ from pneudrive.friction.campaign.table import friction_map
 from pneudrive.friction.reduction.loop import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.reduction.settling import SAMPLE_CHOICES, Settled
 from pneudrive.progress import Watch
+from pneudrive.signals.load import recordings_in
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -104,7 +105,8 @@ def characterise(
     Parameters
     ----------
     recordings
-        Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them; or the folder of a campaign.
+        Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them; a folder with recordings and
+        ``layout.toml``; or the folder of a campaign.
     layout
         Layout or its file for the reading of recordings. None: ``layout.toml`` next to each recording. Not used for a
         campaign.
@@ -122,10 +124,13 @@ def characterise(
     RecordingError, LayoutError, CampaignError
         If a file, recording or folder cannot be used.
     """
-    if isinstance(recordings, str | Path) and Path(recordings).is_dir():
-        return campaign_friction(recordings, protocol).friction_map
     from pneudrive.friction.recording.characterisation import characterise_recordings
 
+    if isinstance(recordings, str | Path) and Path(recordings).is_dir():
+        files = recordings_in(Path(recordings))
+        if not files:
+            return campaign_friction(recordings, protocol).friction_map
+        recordings = files
     return characterise_recordings(recordings, layout, protocol).friction_map
 
 

@@ -65,7 +65,7 @@ def draw_position(found: CampaignCharacteristics, shown: list[PositionPattern]) 
         draw.tinted(axis, x, (low, high))
         axis.plot(x, middle, color=style.BLUE, lw=1.0)
         draw.zero_line(axis, 0.6)
-        axis.set_title(f"{_place(found, p)} ({plural(p.cycles, 'cycle')})")
+        axis.set_title(f"{_place(found, p)}\n({plural(p.cycles, 'cycle')})")
     return figure
 
 

@@ -67,7 +67,7 @@ def draw_curves(shown: Sequence[ShownCurve]) -> Figure:
     """Draw curves with bands in one picture, a colour for each group if there are several."""
     figure = style.new_figure(3.8)
     axis = figure.subplots()
-    groups = list(dict.fromkeys(c.group for c in shown))
+    groups = sorted({c.group for c in shown})
     (x_size, x_unit), (size, unit) = readable(shown[0].x_unit), readable(shown[0].unit)
     for index, c in enumerate(shown):
         look, x, y = style.look(index), c.x / x_size, c.y / size

@@ -59,7 +59,7 @@ def draw(closures: Sequence[ClosureFit]) -> Figure:
     panels = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1)) if has_spare else [figure.subplots()]
     above, below = panels[0], panels[-1]
     one_chamber = _is_one_chamber(closures)
-    for index, fit in enumerate(closures):
+    for index, fit in enumerate(sorted(closures, key=lambda fit: fit.group)):
         look = style.look(index)
         force, rest = fit.half_sum_force_n, fit.residual_n
         x = fit.pressure_pa / 1e5 if one_chamber else force - rest

@@ -118,7 +118,7 @@ class Group:
 
 def groups_of(found: Characterisation) -> list[Group]:
     """Group points by seal, or by the pressures of both chambers if there is one seal."""
-    seals = list(dict.fromkeys(p.seal for p in found.points))
+    seals = sorted({p.seal for p in found.points})  # the order, and so the colours, of all figures
     if len(seals) > 1:
         return [Group(s, tuple(p for p in found.points if p.seal == s), s, None) for s in seals]
     gauges = _gauges(found)
