@@ -77,6 +77,7 @@ class ServoResult(TypedDict):
 class Shooting(TypedDict):
     times: Sequence[float] | NDArray[float64]
     commands: Sequence[float] | NDArray[float64]
+    others: NotRequired[Sequence[tuple[str, Sequence[float], Sequence[float]]]]
     sample_times: Sequence[float] | NDArray[float64]
     starts: Sequence[int]
     initial: NDArray[float64]

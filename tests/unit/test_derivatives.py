@@ -75,5 +75,5 @@ def test_what_cannot_be_differentiated_is_said():
         Differentiator(REFERENCE, ["friction.coulom"], "0.6")
     with pytest.raises(CommandError, match="known in advance"):
         Differentiator(REFERENCE, ["friction.coulomb"], lambda _t: 0.5)
-    with pytest.raises(CommandError, match="circuit"):
-        Differentiator(pn.Circuit.load("examples/two_cylinders.toml"), ["left.bore"], "0.6")
+    with pytest.raises(CommandError, match="not a number of this circuit"):
+        Differentiator(pn.Circuit.load("examples/two_cylinders.toml"), ["left.bor"], {"valve_l": 0.6})

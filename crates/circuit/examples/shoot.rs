@@ -11,6 +11,7 @@ fn main() {
     let run = |parameters: &[&str], with_initial: bool| {
         let asked = Shooting {
             commands: times.iter().map(|t| 0.08 * (9.0 * t).sin() + 0.03 * (31.0 * t).cos()).collect(),
+            others: Vec::new(),
             sample_times: times.clone(),
             times: times.clone(),
             starts: vec![0],

@@ -24,7 +24,7 @@ pub use drive::Drive;
 pub use driven::{Driven, Servo};
 pub use evaluate::along::{ALONG, Record, Restart};
 pub use evaluate::foresight::Foresight;
-pub use evaluate::shoot::{ByStart, DIRECTIONS, Shooting, Shot};
+pub use evaluate::shoot::{ByStart, DIRECTIONS, InputPlan, Shooting, Shot};
 pub use friction::{friction_law, steady_sensitivity};
 pub use members::Members;
 pub use names::Names;

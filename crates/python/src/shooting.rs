@@ -1,7 +1,7 @@
 //! Request for running segments of a record, and the result.
 
 use crate::convert::Numbers;
-use circuit::{ByStart, Shooting, Shot};
+use circuit::{ByStart, InputPlan, Shooting, Shot};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use ode::Options;
 use pyo3::prelude::*;
@@ -29,6 +29,8 @@ impl From<WithInitial> for ByStart {
 pub struct Asked<'py> {
     times: Numbers<'py>,
     commands: Numbers<'py>,
+    #[pyo3(default)]
+    others: Vec<(String, Vec<f64>, Vec<f64>)>,
     sample_times: Numbers<'py>,
     starts: Vec<usize>,
     initial: PyReadonlyArray2<'py, f64>,
@@ -47,6 +49,11 @@ impl From<Asked<'_>> for Shooting {
         Shooting {
             times: asked.times.into(),
             commands: asked.commands.into(),
+            others: asked
+                .others
+                .into_iter()
+                .map(|(input, times, values)| InputPlan { input, times, values })
+                .collect(),
             sample_times: asked.sample_times.into(),
             starts: asked.starts,
             initial: asked.initial.as_array().iter().copied().collect(),

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.describe.parameters import parameter_quantities
-from pneudrive.describe.tables.starts import start_mark, start_values
-from pneudrive.ensemble.variation import (
-    COUPLED,
-    INITIAL,
-    CoreMembers,
-    Variation,
-    Varied,
-    chosen_numbers,
-    field_marks,
-    mark_unit,
-)
+from pneudrive.describe.tables.starts import start_values
+from pneudrive.ensemble.variation import COUPLED, CoreMembers, Variation, chosen_numbers
 from pneudrive.errors import DescriptionError
+from pneudrive.free.circuit import AMBIENT, circuit_numbers, core_numbers, core_path
+from pneudrive.free.varied import INITIAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -32,34 +23,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Path of a parameter of a friction law in a component of the core's form.
-FRICTION = "friction.parameters."
 #: What follows from a number is found by moving it by this share, or by so much if it is 0.
 NUDGE = 1e-3
-#: Names in a design -> keys of the circuit file.
-_AMBIENT = {"ambient.pressure": "ambient.pressure_pa", "ambient.temperature": "ambient.temperature_k"}
-
-
-def circuit_numbers(circuit: Circuit) -> dict[str, Varied]:
-    """Return every number of a circuit and of its start state that may vary, by name.
-
-    Names are those of components and their keys, ``left.bore``, ``left.friction.coulomb``. Further names are
-    ``ambient.pressure``, ``ambient.temperature`` and ``initial.left.position``.
-    """
-    found = {}
-    for name, one in circuit.components.items():
-        written = field_marks(type(one))
-        for key in one.numbers(circuit.ambient.pressure_pa):
-            found[f"{name}.{key}"] = written[key]
-        friction = getattr(one, "friction", None)
-        if friction is not None:
-            quantities = parameter_quantities(friction.entry)
-            found |= {f"{name}.friction.{key}": quantities[key] for key in friction.parameters}
-    ambient = field_marks(type(circuit.ambient))
-    found |= {name: ambient[name.partition(".")[2]] for name in _AMBIENT}
-    starts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
-    found |= {f"{INITIAL}{key}": start_mark(last)[1] for key, last in starts.items() if last != "contact_age_s"}
-    return {name: Varied(name, mark_unit(mark), mark) for name, mark in found.items()}
 
 
 class CircuitVariation(Variation):
@@ -96,7 +61,7 @@ class CircuitVariation(Variation):
             if number.name.startswith(INITIAL):
                 start[number.name.removeprefix(INITIAL)] = written
             else:
-                changes[number.name if number.name in _AMBIENT else f"components.{number.name}"] = written
+                changes[number.name if number.name in AMBIENT else f"components.{number.name}"] = written
         return changes, start
 
     def single(self, row: Array) -> tuple[Circuit, dict[str, Any]]:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -135,17 +100,17 @@ class CircuitVariation(Variation):
     def _leaves(self, row: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Return the numbers of a member in the core's form by their paths, and its start values."""
         circuit, start = self.single(row)
-        return dict(_numbers(json.loads(circuit.core_json()))), circuit.core_initial(start)
+        return dict(core_numbers(json.loads(circuit.core_json()))), circuit.core_initial(start)
 
     @cached_property
     def _nominal(self) -> Array:
-        numbers, starts = dict(_numbers(json.loads(self.drive.core_json()))), self.drive.core_initial(self.initial)
+        numbers, starts = dict(core_numbers(json.loads(self.drive.core_json()))), self.drive.core_initial(self.initial)
         names = self.drive.start_names
         return np.array(
             [
                 starts[names[one.name.removeprefix(INITIAL)]]
                 if one.name.startswith(INITIAL)
-                else numbers[_path(one.name)]
+                else numbers[core_path(one.name)]
                 for one in self.numbers
             ]
         )
@@ -154,7 +119,7 @@ class CircuitVariation(Variation):
     def _moved(self) -> tuple[list[str], list[str], bool]:
         """Return dependent paths and start values, and whether each number changes only its own path."""
         base, starts = self._leaves(self._nominal)
-        paths = [_path(one.name) for one in self.numbers if not one.name.startswith(INITIAL)]
+        paths = [core_path(one.name) for one in self.numbers if not one.name.startswith(INITIAL)]
         names = self.drive.start_names
         begun = [names[one.name.removeprefix(INITIAL)] for one in self.numbers if one.name.startswith(INITIAL)]
         own = {*paths, *begun}
@@ -198,26 +163,3 @@ class CircuitVariation(Variation):
         values = np.array([[numbers[path] for path in paths] for numbers, _ in each]).reshape(len(rows), len(paths))
         starts |= {name: np.array([own[name] for _, own in each], dtype=np.float64) for name in begun}
         return CoreMembers(paths, values, starts)
-
-
-def _path(name: str) -> str:
-    """Return the path of a number in the core's form.
-
-    Examples
-    --------
-    >>> _path("left.friction.coulomb"), _path("left.bore"), _path("ambient.pressure")
-    ('left.friction.parameters.coulomb', 'left.bore', 'ambient.pressure_pa')
-    """
-    of, _, key = name.partition(".")
-    if name in _AMBIENT:
-        return _AMBIENT[name]
-    return f"{of}.{FRICTION}{key.removeprefix('friction.')}" if key.startswith("friction.") else name
-
-
-def _numbers(form: dict[str, Any]) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of the core's form in which members may differ, by their paths."""
-    yield from ((path, form["ambient"][path.partition(".")[2]]) for path in _AMBIENT.values())
-    for one in form["components"]:
-        yield from ((f"{one['name']}.{key}", value) for key, value in one["numbers"].items() if math.isfinite(value))
-        for key, value in ((one["friction"] or {}).get("parameters") or {}).items():
-            yield f"{one['name']}.{FRICTION}{key}", value

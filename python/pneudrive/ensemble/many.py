@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.ensemble.circuit_variation import CircuitVariation, circuit_numbers
+from pneudrive.ensemble.circuit_variation import CircuitVariation
 from pneudrive.ensemble.design import EnsembleDesign, design_of
 from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.executors import InProcess
@@ -19,8 +19,10 @@ from pneudrive.ensemble.plans import member_plans, parted_starts
 from pneudrive.ensemble.rows import WiderRows
 from pneudrive.ensemble.store import ChunkStore
 from pneudrive.ensemble.study import Chunk, ChunkResult, EnsembleStudy
-from pneudrive.ensemble.variation import INITIAL, Variation, Varied, all_numbers
+from pneudrive.ensemble.variation import Variation, all_numbers
 from pneudrive.errors import CommandError, SimulationError, warn
+from pneudrive.free.circuit import circuit_numbers
+from pneudrive.free.varied import INITIAL, Varied
 from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import SOLVER, require
 from pneudrive.simulation.start import check_tolerance, ready, start

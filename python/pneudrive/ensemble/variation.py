@@ -8,25 +8,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.describe.base import Quantity, StatedPressure
+from pneudrive.describe.base import StatedPressure
 from pneudrive.describe.files.provenance import marks
 from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, nearest
 from pneudrive.free.parameters import family_of, numbers_of
+from pneudrive.free.varied import INITIAL, Varied, field_marks, mark_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.describe.base import Described
     from pneudrive.describe.drive import Drive
 
     Array = NDArray[np.float64]
 
-#: Names of the start state in a design begin so.
-INITIAL = "initial."
 #: Numbers the first of which must not exceed the second: of a design, the row that comes nearest is looked at.
 COUPLED = (
     ("cylinder.rod_diameter", "cylinder.bore"),
@@ -38,25 +36,6 @@ COUPLED = (
 STARTS_FROM = ("cylinder.stroke", "ambient.pressure", "ambient.temperature")
 #: Rows that are looked at together.
 CHECKED_ROWS = 65536
-
-
-class Varied(NamedTuple):
-    """A number that varies: its name in the drive file, its SI unit, and its written form."""
-
-    name: str
-    unit: str
-    mark: Quantity | StatedPressure | None
-
-    @property
-    def file_name(self) -> str:
-        """Name of its column in a file, which carries the unit."""
-        return units.column_name(self.name, self.unit)
-
-    def written(self, si: float) -> str | float:
-        """Write a value in the form of the drive file."""
-        if self.unit == "Pa" and isinstance(self.mark, StatedPressure):
-            return f"{si!r} Pa abs"
-        return si if self.unit in ("1", "") else units.write(si, self.unit)
 
 
 def all_numbers(drive: Drive) -> dict[str, Varied]:
@@ -304,18 +283,6 @@ def _of_row(place: int, numbers: Sequence[Varied], row: Array) -> Iterator[None]
         )
         what = f"row {place} of the design: {error.what}"
         raise CommandError(what, value=shown, rule=error.rule, remedy=error.remedy) from None
-
-
-def field_marks(kind: type[Described]) -> dict[str, Quantity | StatedPressure]:
-    """Return the written form of each quantity of a table, by its key."""
-    fields = zip(kind.keys(), kind.model_fields.values(), strict=True)
-    marked = ((key, mark) for key, field in fields for mark in field.metadata)
-    return {key: mark for key, mark in marked if isinstance(mark, Quantity | StatedPressure)}
-
-
-def mark_unit(mark: Quantity | StatedPressure) -> str:
-    """Return the SI unit for a written form."""
-    return "Pa" if isinstance(mark, StatedPressure) else mark.si_unit or "1"
 
 
 def check_lengths(columns: Mapping[str, Array]) -> None:

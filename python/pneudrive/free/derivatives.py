@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pneudrive.errors import CommandError, SimulationError
+from pneudrive.free.circuit import CircuitFamily
 from pneudrive.free.parameters import family_of, find
 from pneudrive.progress import UNWATCHED
 from pneudrive.simulation import command as commands
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
-    from pneudrive.free.parameters import Parameter
+    from pneudrive.free.parameters import DriveFamily, Parameter
     from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]
@@ -53,9 +54,9 @@ class Differentiator:
 
     Parameters
     ----------
-    drive : Drive
+    drive : Drive or Circuit
     names : sequence of str
-        Names in the drive file, ``"friction.coulomb"``.
+        Names in the file, ``"friction.coulomb"``; in a circuit ``"left.friction.coulomb"``.
     command : as for `pneudrive.simulate`
         A function of time is not accepted, because the steps must be known in advance.
     initial : as for `pneudrive.simulate`
@@ -65,8 +66,7 @@ class Differentiator:
     Raises
     ------
     CommandError
-        A name is unknown or repeated, the drive is a circuit, the command is a function, or the contact at the start
-        has an age.
+        A name is unknown or repeated, the command is a function, or the contact at the start has an age.
     """
 
     def __init__(
@@ -77,19 +77,26 @@ class Differentiator:
         initial: Initial | Mapping[str, object] | str | None = None,
         rtol: float = 1e-6,
     ) -> None:
-        if not hasattr(drive, "valve"):
-            raise CommandError("derivatives of a circuit are not available", remedy="Describe it as a drive.")
-        drive = cast("Drive", drive)
         if callable(command):
             raise CommandError(
                 "derivatives of a run need a command known in advance, not a function of time",
                 remedy='Give steps, "0 s: 0.6, 1 s: -0.6", or pairs.',
             )
-        self.parameters = find(drive, [names] if isinstance(names, str) else names)
-        self._family = family_of(drive, self.parameters)
-        self._steps = commands.steps(command, None, drive.valve.command)  # pyright: ignore[reportArgumentType]
-        _, start = ready(drive, initial)
-        if start.pop("contact_age_s", 0.0):
+        names = [names] if isinstance(names, str) else names
+        self._family: DriveFamily | CircuitFamily
+        if drive.system.names is None:
+            self._family = CircuitFamily(drive.circuit, names)
+            self.parameters = self._family.parameters
+        else:
+            self.parameters = find(cast("Drive", drive), names)
+            self._family = family_of(cast("Drive", drive), self.parameters)
+        self._commands = commands.inputs(command, drive.commandable)
+        core, start = ready(drive, initial)
+        if not self._commands:  # a run has one command
+            self._commands = [
+                (next(name for name, *_ in core.inputs if name.endswith("load_force_n")), ((0.0,), (0.0,)))
+            ]
+        if any(value for name, value in start.items() if name.endswith("contact_age_s")):
             raise CommandError("derivatives of a run that starts with an aged contact are not available")
         self._start = start
         self._rtol = rtol
@@ -126,10 +133,11 @@ class Differentiator:
         family, numbers = self._family, np.asarray(values, dtype=float)
         try:
             core = family.core(numbers)
-            begun, held = self._steps
+            (first, (begun, held)), *others = self._commands
             asked: Shooting = {
                 "times": list(begun),
                 "commands": list(held),
+                "others": [(name, list(times), list(steps)) for name, (times, steps) in others],
                 "sample_times": times,
                 "starts": [0],
                 "initial": np.array([[self._start.get(name, 0.0) for name in core.segment_names]]),
@@ -137,7 +145,7 @@ class Differentiator:
                 "outputs": list(columns),
                 "rtol": self._rtol,
             }
-            found = family.shoot(core, asked, lambda _: watch.look())
+            found = core.shoot(first, asked, lambda _: watch.look())
         except ValueError as error:
             raise SimulationError(str(error)) from None
         if found["failures"][0] is not None:

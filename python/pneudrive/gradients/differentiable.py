@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.outputs import Output, Reduction
@@ -38,11 +39,11 @@ class Differentiable:
 
     Parameters
     ----------
-    drive : Drive
+    drive : Drive or Circuit
     command, duration, initial, rtol
         As for `pneudrive.simulate`. The start is fixed.
     vary : sequence of str
-        Numbers of the drive file: the arguments of the function.
+        Numbers of the file: the arguments of the function. In a circuit they have names such as ``"left.bore"``.
     outputs : sequence of str or Output
         Its results: ``"final(position)"``, ``"max(pressure_a)"``, ``"integral(mass_flow_a)"``,
         ``"time_when(position > 0.45 m)"``, ``"samples(position)"``; see `pneudrive.ensemble.outputs`.
@@ -74,7 +75,7 @@ class Differentiable:
 
     def __init__(
         self,
-        drive: Drive,
+        drive: Drive | Circuit,
         command: Commands,
         duration: str | float,
         *,

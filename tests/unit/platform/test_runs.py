@@ -91,6 +91,33 @@ def test_laws_with_a_stick_mode_act_through_couplings(law):
     assert abs(ledger["energy_error"]) < 1e-9 * ledger["energy_turnover_j"]
 
 
+@pytest.mark.parametrize("law", STICKING)
+def test_shut_valves_hold_a_tilted_platform(law):
+    session = jointed(1e7, STICKING[law]).start({"tripod.tilt_1": "4 deg"})
+    places = []
+    for until in (10.0, 70.0):
+        session.advance(until)
+        places.append([session.read(f"leg_{i}.position_m") for i in (1, 2, 3)])
+    assert max(places[0]) - min(places[0]) > 15e-3
+    assert places[1] == pytest.approx(places[0], abs=1e-6)
+
+
+def test_sensitivities_are_those_of_differences():
+    names = ["tripod.mass", "tripod.centre_z", "tripod.frame_1_x", "leg_1.bore", "leg_2.friction.coulomb"]
+    radius = 'platform_radius = "200 mm"'
+    joint = 'frame_1 = { x = "255 mm", y = "-3 mm", z = "12 mm" }'
+    circuit = pn.Circuit.load(TRIPOD.read_text("utf-8").replace(radius, f"{radius}\n{joint}"))
+    start = {"tripod.heave": "440 mm", "tripod.tilt_1": "3 deg"}
+    asked = {"vary": names, "outputs": ["final(tripod.heave)", "final(tripod.tilt_1)"], "initial": start, "rtol": 1e-10}
+    of = pn.Differentiable(circuit, COMMANDS, "0.3 s", sample_rate="100 Hz", **asked)
+    slopes = of.jacobian(of.start)
+    for k, value in enumerate(of.start):
+        step = np.zeros(len(names))
+        step[k] = 1e-4 * value
+        expected = (of(of.start + step) - of(of.start - step)) / (2e-4 * value)
+        assert slopes[:, k] == pytest.approx(expected, rel=1e-5)
+
+
 def test_a_restored_session_has_the_same_bits_and_hits_are_reported():
     circuit = pn.Circuit.load(TRIPOD)
     full = {"valve_1": [(0.0, 1.0)], "valve_2": [(0.0, 1.0)], "valve_3": [(0.0, 1.0)]}

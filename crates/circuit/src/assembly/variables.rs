@@ -226,8 +226,16 @@ impl<P: Lane> Assembly<P> {
 
     /// Returns the equations under a command, and their state from the start values.
     pub fn begin(&self, start: &[P], u: P) -> (Circuit<P>, Vec<P>) {
+        self.begin_under(start, u, &[])
+    }
+
+    /// Does the same with values of further inputs.
+    pub fn begin_under(&self, start: &[P], u: P, others: &[(usize, P)]) -> (Circuit<P>, Vec<P>) {
         let mut circuit = Circuit::clone(&self.circuit);
         self.set_command(&mut circuit, 0, u);
+        for &(input, value) in others {
+            self.set(&mut circuit, input, 0, value);
+        }
         let (mut gas, mut axes, mut inner, mut signals) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut rest = start;
         for (starting, names) in &self.variables.starts {

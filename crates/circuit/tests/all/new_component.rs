@@ -75,6 +75,7 @@ fn a_table_and_its_equations_are_all_that_a_component_takes() {
     let asked = Shooting {
         times: vec![0.0],
         commands: vec![opening],
+        others: Vec::new(),
         sample_times: vec![0.0, 1.0],
         starts: vec![0],
         initial: vec![AMBIENT, ROOM],

@@ -154,6 +154,7 @@ fn a_run_is_differentiated_by_numbers_of_components() {
         let asked = Shooting {
             times: vec![0.0],
             commands: vec![0.8],
+            others: Vec::new(),
             sample_times: vec![0.0, 0.02, 0.05],
             starts: vec![0],
             initial: names.iter().map(value).collect(),
@@ -210,6 +211,7 @@ fn a_tank_behind_merged_restrictions_is_differentiated_by_their_numbers() {
         let asked = Shooting {
             times: vec![0.0],
             commands: vec![7e5],
+            others: Vec::new(),
             sample_times: vec![0.0, 0.2],
             starts: vec![0],
             initial: vec![101_300.0, ROOM],
@@ -256,6 +258,7 @@ fn a_motor_gives_the_mean_force_at_a_velocity_its_slope_and_the_work() {
     let asked = Shooting {
         times: vec![0.0],
         commands: vec![0.0],
+        others: Vec::new(),
         sample_times: vec![0.0, 0.2, 0.4],
         starts: vec![0],
         initial: initial.collect(),

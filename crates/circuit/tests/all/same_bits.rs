@@ -92,6 +92,7 @@ fn multiple_shooting() {
         let times: Vec<f64> = (0..50).map(|k| 0.01 * f64::from(k)).collect();
         let asked = Shooting {
             commands: (0..50).map(|k| 0.4 * math::elementary::sin(0.3 * f64::from(k))).collect(),
+            others: Vec::new(),
             sample_times: times.clone(),
             times,
             starts: vec![0, 25],
@@ -126,6 +127,7 @@ fn tank() {
     let asked = Shooting {
         times: vec![0.0, 1.5, 3.0],
         commands: vec![1.0, 0.0, 0.5],
+        others: Vec::new(),
         sample_times: times,
         starts: vec![0],
         initial: vec![1.2e5, ROOM],

@@ -21,6 +21,7 @@ fn asked(seconds: f64, inner: &[f64], parameters: &[&str], with_initial: bool) -
     let command = |t: &f64| 0.35 * (9.0 * t).sin() + 0.1 * (31.0 * t).cos();
     Shooting {
         commands: times.iter().map(command).collect(),
+        others: Vec::new(),
         sample_times: times.clone(),
         times,
         starts: vec![0],

@@ -25,6 +25,7 @@ fn pressures(heat: f64, parameters: &[&str]) -> (Vec<f64>, Shot) {
     let asked = Shooting {
         times: vec![0.0],
         commands: vec![1.0],
+        others: Vec::new(),
         sample_times: times.clone(),
         starts: vec![0],
         initial: vec![8e5, T_A],

@@ -102,7 +102,7 @@ class Starts:
                 known[name] = self._read(key, name, value)
         problems.tell()
         notes: list[str] = []
-        for leg, x in poses.positions(lambda leg: self._otherwise(leg, POSITION), self._stroke).items():
+        for leg, x in poses.positions(lambda leg: self._moved(leg, POSITION, {}), self._stroke_of_leg).items():
             known |= {name: x for own in self._moves_with(leg) if (name := f"{own}.{POSITION}") in self.names}
         out = dict(known)
         for name in self.names:
@@ -134,6 +134,10 @@ class Starts:
 
     def _stroke(self, of: str) -> float | None:
         return getattr(self.components.get(of), "stroke_m", None)
+
+    def _stroke_of_leg(self, leg: str) -> float | None:
+        """Return the stroke of the cylinder at a leg, which a coupling may join to it."""
+        return next((stroke for name in self._moves_with(leg) if (stroke := self._stroke(name)) is not None), None)
 
     def _otherwise(self, of: str, last: str) -> float:
         """Return the default: mid stroke, at rest, ambient temperature, a fresh contact."""

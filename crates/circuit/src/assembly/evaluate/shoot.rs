@@ -48,6 +48,17 @@ impl ByStart {
     }
 }
 
+/// Values of an input, each constant from its time, s, to the next.
+#[derive(Clone, Debug)]
+pub struct InputPlan {
+    /// Name of the input.
+    pub input: String,
+    /// Times, increasing.
+    pub times: Vec<f64>,
+    /// A value for each time.
+    pub values: Vec<f64>,
+}
+
 /// A request: segments of a record, each from its own start.
 #[derive(Clone, Debug)]
 pub struct Shooting {
@@ -55,6 +66,8 @@ pub struct Shooting {
     pub times: Vec<f64>,
     /// The command from each of these times on, in the unit of the first input.
     pub commands: Vec<f64>,
+    /// Commands of further inputs.
+    pub others: Vec<InputPlan>,
     /// s, increasing; the first is the start of the first segment, the last the end of the last one.
     pub sample_times: Vec<f64>,
     /// Sample index at which each segment starts.
@@ -150,11 +163,14 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
     if n < 2 || !increasing(&asked.sample_times) {
         return refuse("sample_times must be two or more increasing times".into());
     }
-    if asked.times.len() != asked.commands.len() || !increasing(&asked.times) {
-        return refuse("times must increase, and there must be one command for each".into());
-    }
-    if asked.times.first().is_none_or(|&first| first > asked.sample_times[0]) {
-        return refuse(format!("the first command must come at or before {} s", asked.sample_times[0]));
+    let others = asked.others.iter().map(|plan| (&plan.times, &plan.values));
+    for (times, values) in others.chain([(&asked.times, &asked.commands)]) {
+        if times.len() != values.len() || !increasing(times) {
+            return refuse("times must increase, and there must be one command for each".into());
+        }
+        if times.first().is_none_or(|&first| first > asked.sample_times[0]) {
+            return refuse(format!("the first command must come at or before {} s", asked.sample_times[0]));
+        }
     }
     let ordered = asked.starts.windows(2).all(|pair| pair[0] < pair[1]);
     if asked.starts.first() != Some(&0) || !ordered || asked.starts.last().is_some_and(|&last| last + 1 >= n)
@@ -186,6 +202,8 @@ fn check(asked: &Shooting, of: &Assembly) -> Result<usize, Error> {
 /// All runs of a request.
 pub(in crate::assembly) struct All<'a> {
     asked: &'a Shooting,
+    /// Index of each further input.
+    others: Vec<usize>,
     columns: Vec<usize>,
     states: usize,
     by_start: Vec<usize>,
@@ -206,10 +224,16 @@ impl<'a> All<'a> {
         let states = check(asked, plain)?;
         let columns = asked.outputs.iter().map(|name| column(plain.columns(), name));
         let columns = columns.collect::<Result<Vec<_>, _>>()?;
+        let inputs = &plain.variables.inputs;
+        let input = |plan: &InputPlan| match inputs.iter().position(|own| own.name == plan.input) {
+            Some(place) => Ok(place),
+            None => refuse(format!("there is no input \"{}\"", plan.input)),
+        };
+        let others = asked.others.iter().map(input).collect::<Result<Vec<_>, _>>()?;
         let n_parameters = asked.parameters.len();
         let by_start = asked.with_initial.places(states)?;
         let directions = n_parameters + by_start.len();
-        Ok(All { asked, columns, states, by_start, n_parameters, directions })
+        Ok(All { asked, others, columns, states, by_start, n_parameters, directions })
     }
 
     pub fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
@@ -289,14 +313,22 @@ impl<'a> All<'a> {
         let start: Vec<P> = (0..self.states)
             .map(|i| P::from_parts(|part| if part == 0 { row[i] } else { seed(i, first + part - 1) }))
             .collect();
-        let at = asked.times.partition_point(|&time| time <= from) - 1;
-        let begun = drive.begin(&start, P::c(asked.commands[at]));
+        let at = |times: &[f64]| times.partition_point(|&time| time <= from) - 1;
+        let others = self.others.iter().zip(&asked.others);
+        let held: Vec<(usize, P)> =
+            others.clone().map(|(&input, plan)| (input, P::c(plan.values[at(&plan.times)]))).collect();
+        let begun = drive.begin_under(&start, P::c(asked.commands[at(&asked.times)]), &held);
         let mut tracker = Tracker::new(drive, &self.columns, &asked.sample_times[samples], begun.0.work());
-        let commands = asked.times.partition_point(|&time| time < end) - at;
+        let changes = |times: &[f64]| times.partition_point(|&time| time < end) - at(times);
+        let commands =
+            asked.others.iter().fold(changes(&asked.times), |sum, plan| sum + changes(&plan.times));
         let work = budget(end - from, commands, begun.0.n_states());
         let options = Options { max_attempts: asked.options.max_attempts.min(work), ..asked.options };
         let mut session = Session::new(drive, from, begun, options);
         session.plan(0, later(&asked.times, &asked.commands, from, end));
+        for (&input, plan) in others {
+            session.plan(input, later(&plan.times, &plan.values, from, end));
+        }
         let mut stopped = |_| stop.load(Ordering::Relaxed);
         match session.advance(end, &mut tracker, &mut Look::new(&mut stopped)) {
             Ok(()) => {
