@@ -426,14 +426,13 @@ def control_feasibility(
 def control_run(
     circuit: Circuit,
     start: Mapping[str, float],
-    spec: str,
-    motion: str,
-    setup: str,
+    axes: list[tuple[str, str, str]],
+    outputs: list[str],
     duration: float,
     rtol: float,
     look: Callable[[float], object] | None = None,
     own: tuple[Callable[[tuple[float, ...]], float], list[str]] | None = None,
-) -> tuple[dict[str, Any], float]: ...
+) -> tuple[list[dict[str, Any]], NDArray[float64], float]: ...
 def control_signals() -> list[tuple[str, str, str]]: ...
 def dwell_growth(growth: str, age: NDArray[float64], time: float, exponent: float) -> NDArray[float64]: ...
 def friction_laws() -> list[dict[str, Any]]: ...

@@ -110,6 +110,8 @@ impl Band {
 pub struct Adaptation {
     /// The described model, before any learning.
     described: Model,
+    /// Load of that model at first, N.
+    load: f64,
     /// Factors of Coulomb and viscous friction, the constant force, and the factor of the mass.
     friction: Fit<4>,
     /// Factor of the mass in the band of a swing.
@@ -139,6 +141,7 @@ impl Adaptation {
         let d = model.valve.overlap;
         Adaptation {
             described: model.clone(),
+            load: model.load,
             friction: Fit::new([1.0, 1.0, 0.0, 1.0]),
             mass: Fit::new([1.0]),
             valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
@@ -153,6 +156,13 @@ impl Adaptation {
             slid: [0.0; 2],
             calm: 0.0,
         }
+    }
+
+    /// Takes over another described mass, kg, and load, N. The learned factor of the mass stays.
+    pub fn expect(&mut self, model: &mut Model, mass: f64, load: f64) {
+        model.mass *= mass / self.described.mass;
+        model.load = load;
+        self.described.mass = mass;
     }
 
     /// Learns from a state that follows measured pressures, and from position and speed of the spool of a 5/3 valve.
@@ -203,7 +213,7 @@ impl Adaptation {
     fn balance(&mut self, [coulomb, viscous, inertia]: [f64; 3], force: f64, level: f64, factor: f64) {
         let area = 0.5 * self.described.sides.iter().map(|side| side.area).sum::<f64>();
         let least = LEARN_FORCE_DEVIATION.max(LEARN_PRESSURE_DEVIATION * area);
-        let weight = self.described.load.abs();
+        let weight = self.load.abs();
         let (deviation, offset) = (least * factor, LEARN_OFFSET * (least / LEARN_FORCE_DEVIATION) + weight);
         let most = (level + (LEARN_MASS_WITHIN[1] - 1.0) * weight) / offset;
         let phi = [coulomb, viscous, offset, inertia].map(|own| own / deviation);
@@ -261,7 +271,8 @@ impl Adaptation {
         }
         let v = state.velocity;
         let [level, viscous] = model.friction_levels([state.position, v], state.pressures);
-        let force = model.gas_force(state.pressures) - state.friction - viscous * v;
+        let growth = model.load - self.load;
+        let force = model.gas_force(state.pressures) - state.friction - viscous * v + growth;
         let [force, a] = self.band.follow([force, v], period);
         let inertia = self.described.mass * a;
         if self.band.effective(inertia, period) < LEARN_SWINGS * level || speed < LEARN_SLIDES {

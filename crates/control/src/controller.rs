@@ -9,7 +9,7 @@ use crate::model::Model;
 use crate::number::{Memory, Number};
 use crate::observer::{Noise, Observer};
 use crate::own::{Own, Seen};
-use crate::reference::{Reference, Wanted, blend};
+use crate::reference::{Effort, Reference, Wanted, blend};
 use crate::supervisor::{Rules, Supervisor};
 use crate::thresholds::{COUNT_DEVIATIONS, FARTHEST, LEAST_UNKNOWN, PUSH_BOUND, PUSH_SLIPS, TAKEOVER_TIME};
 use crate::types::{Edges, Moment, Plant, Sample, State};
@@ -238,6 +238,12 @@ impl Controller {
     /// Returns the command for a sample along a reference; [`Controller::give`] comes next. Without a supervisor, a
     /// sample that is not a number gives a command that is not a number.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
+        if let Some(Effort { mass, load, .. }) = reference.effort(sample.time) {
+            match &mut self.adaptation {
+                Some(adaptation) => adaptation.expect(&mut self.model, mass, load),
+                None => (self.model.mass, self.model.load) = (mass, load),
+            }
+        }
         if let Some(mut supervisor) = self.supervisor.take() {
             let answer = supervisor.decide(self, sample, reference);
             self.supervisor = Some(supervisor);
@@ -479,6 +485,12 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
         let stands = S::select(S::zero().lt(ahead.stands), grown, fallen);
         self.push = S::select(holds, fallen, stands);
         state.disturbance -= self.push;
+        let mut force_rate = rate + viscous * wanted.acceleration;
+        let [growth, load_rate] = ahead.preview.load_growth(sample.time, acts);
+        if growth != 0.0 || load_rate != 0.0 {
+            state.disturbance += S::c(growth);
+            force_rate -= S::c(load_rate);
+        }
         let tick = Tick {
             model,
             plant: &self.plant,
@@ -486,10 +498,7 @@ impl<S: Number, L: Law<S>> Controller<L, S> {
             acceleration: state.acceleration(model),
             state,
             wanted,
-            friction: [
-                *along + rate.times(model.stick_damping_time) + viscous * wanted.velocity,
-                rate + viscous * wanted.acceleration,
-            ],
+            friction: [*along + rate.times(model.stick_damping_time) + viscous * wanted.velocity, force_rate],
             now: (sample.position, ahead.now),
             acts,
             spool: &spool,

@@ -192,6 +192,16 @@ impl<'a> Course<'a> {
         }
     }
 
+    /// Returns the growth of the load from one time to another, s, and the rate of the load then: N and N/s.
+    pub fn load_growth(&self, from: f64, to: f64) -> [f64; 2] {
+        let Some(reference) = self.reference else { return [0.0; 2] };
+        let at = |t: f64| {
+            let [time, rate, ..] = self.clock.map_or([t, 1.0, 0.0, 0.0], |own| own.at(t));
+            reference.effort(time).map(|own| [own.load, rate * own.load_rate])
+        };
+        at(from).zip(at(to)).map_or([0.0; 2], |([before, _], [load, rate])| [load - before, rate])
+    }
+
     /// Returns whether the course is at rest for `span` s from a time on.
     pub fn stands(&self, t: f64, span: f64) -> bool {
         let time = self.clock.map_or(t, |own| own.at(t)[0]);

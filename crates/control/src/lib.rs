@@ -34,7 +34,7 @@ pub use model::{Held, Model, Openings, Side, Slip, Valve};
 pub use number::{Memory, Number};
 pub use observer::{Noise, Observer};
 pub use own::{Own, OwnLaw, SIGNALS, Seen, Signal};
-pub use reference::{COEFFICIENTS, Move, Piece, Reference, Wanted, blend};
+pub use reference::{COEFFICIENTS, Effort, Efforts, Move, Piece, Reference, Wanted, blend};
 pub use supervisor::{Event, EventKind, Inputs, Log, MotionRules, Reaction, Rules, Supervisor};
 pub use types::{Armature, Arrangement, Edges, Plant, Sample, State};
 pub use valves::{Commands, MOST_VALVES, Pair, Pulses, Seven, Three, Valves};

@@ -92,7 +92,50 @@ pub enum Reference {
         start: f64,
         /// In the order of their times.
         pieces: Vec<Piece>,
+        /// Moving mass and load along them; `None`: those of the model.
+        efforts: Option<Efforts>,
     },
+}
+
+/// Moving mass and load of a drive at times at equal distances. The first one is at time zero.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Efforts {
+    /// Distance of the times, s.
+    pub period: f64,
+    /// One entry for each time.
+    pub rows: Vec<Effort>,
+}
+
+/// Moving mass and load of a drive at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    /// kg.
+    pub mass: f64,
+    /// Force in +x that neither gas nor friction gives, N.
+    pub load: f64,
+    /// Its rate, N/s.
+    pub load_rate: f64,
+}
+
+impl Efforts {
+    /// Returns mass and load at a time, s: between two entries the mass is linear and the load cubic. Outside, the
+    /// nearest entry holds.
+    fn at(&self, t: f64) -> Option<Effort> {
+        let place = (t / self.period).clamp(0.0, self.rows.len() as f64 - 1.0);
+        let one = self.rows.get(place as usize)?;
+        let Some(next) = self.rows.get(place as usize + 1) else {
+            return Some(Effort { load_rate: 0.0, ..*one });
+        };
+        let (s, h) = (place.fract(), self.period);
+        let chord = next.load - one.load;
+        let (bend, twist) = (h * one.load_rate - chord, chord - h * next.load_rate);
+        let r = 1.0 - s;
+        Some(Effort {
+            mass: one.mass + s * (next.mass - one.mass),
+            load: one.load + s * chord + s * r * (r * bend + s * twist),
+            load_rate: (chord + (r - s) * (r * bend + s * twist) + s * r * (twist - bend)) / h,
+        })
+    }
 }
 
 /// Number of coefficients of a polynomial.
@@ -151,7 +194,7 @@ impl Reference {
                 let from = begun.checked_sub(2).map_or(*start, |before| moves[before].to);
                 between([from, own.to], blend((t - own.begin) / own.duration), 1.0 / own.duration)
             }
-            Reference::Pieces { start, pieces } => {
+            Reference::Pieces { start, pieces, .. } => {
                 let begun = pieces.partition_point(|own| own.begin <= t);
                 match begun.checked_sub(1) {
                     Some(last) => pieces[last].at(t),
@@ -216,8 +259,18 @@ impl Reference {
                 moves.iter().all(|own| own.begin + own.duration <= t || own.begin >= t + span)
             }
             Reference::Sine { .. } => false,
-            Reference::Pieces { pieces, .. } => (pieces.iter())
-                .all(|own| own.stands() || own.begin + own.duration <= t || own.begin >= t + span),
+            Reference::Pieces { pieces, .. } => {
+                let ended = pieces.partition_point(|own| own.begin + own.duration <= t);
+                pieces[ended..].iter().take_while(|own| own.begin < t + span).all(Piece::stands)
+            }
+        }
+    }
+
+    /// Returns mass and load at a time, s; `None`: those of the model.
+    pub fn effort(&self, t: f64) -> Option<Effort> {
+        match self {
+            Reference::Pieces { efforts, .. } => efforts.as_ref().and_then(|own| own.at(t)),
+            _ => None,
         }
     }
 }

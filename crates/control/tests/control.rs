@@ -98,7 +98,7 @@ fn derivatives_of_references_are_their_slopes() {
     }
     let mut straight = Piece { begin: 0.8, duration: 0.7, coefficients: [0.0; COEFFICIENTS] };
     straight.coefficients[..2].copy_from_slice(&[0.3, 0.1]);
-    let pieces = Reference::Pieces { start: 0.2, pieces: vec![piece, straight] };
+    let pieces = Reference::Pieces { start: 0.2, pieces: vec![piece, straight], efforts: None };
     assert!(pieces.stands(0.6, 0.1) && !pieces.stands(0.3, 0.01) && !pieces.stands(0.6, 0.3));
     assert_abs_diff_eq!(pieces.at(9.0).position, 0.4, epsilon = 1e-12);
     for reference in [Reference::Moves { start: 0.22, moves }, sine, pieces] {

@@ -13,7 +13,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use servo::specification::{Controller, Motion, Setup};
-use servo::{COLUMNS, Encoder, Loop, Turn, controller};
+use servo::{COLUMNS, Encoder, Led, Loop, Servo, Turn, controller, run_together};
 use std::collections::BTreeMap;
 
 /// Keys of the controllers.
@@ -244,7 +244,7 @@ impl PyReference {
 fn columns<'py>(
     py: Python<'py>,
     rows: &[[f64; COLUMNS.len()]],
-    under: &Loop,
+    under: &Servo,
 ) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     for (i, name) in COLUMNS.into_iter().enumerate() {
@@ -335,7 +335,7 @@ impl PyLoop {
 
     /// Returns the columns of the run so far.
     fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        columns(py, &self.rows, &self.under)
+        columns(py, &self.rows, self.under.servo())
     }
 }
 
@@ -345,43 +345,65 @@ pub fn control_events() -> Vec<(&'static str, &'static str, &'static str)> {
     EventKind::ALL.iter().map(|own| (own.key(), own.unit(), own.text())).collect()
 }
 
-/// Runs a circuit from a start under a controller along a reference. Returns columns by name, SI units, and
-/// `events`: time, key and value of each event of the supervisor. `own` is a custom controller: a callable of
-/// a tuple of the signals that are named with it.
+/// Controller, reference and instrumentation of an axis, each in the form of JSON.
+type AxisForm = (String, String, String);
+
+/// Runs axes of a circuit from a start, each under its controller along its reference. Returns for each axis its
+/// columns by name, SI units, and `events`: time, key and value of each event of its supervisor. Then these outputs
+/// of the circuit at each sample, and the drawn air, kg. `own` is a custom controller of the first axis: a
+/// callable of a tuple of the signals that are named with it.
 #[pyfunction]
-#[pyo3(signature = (circuit, start, spec, motion, setup, duration, rtol, look = None, own = None))]
+#[pyo3(signature = (circuit, start, axes, outputs, duration, rtol, look = None, own = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn control_run<'py>(
     py: Python<'py>,
     circuit: &PyCircuit,
     start: BTreeMap<String, f64>,
-    spec: &str,
-    motion: &str,
-    setup: &str,
+    axes: Vec<AxisForm>,
+    outputs: Vec<String>,
     duration: f64,
     rtol: f64,
     look: Teller<'py>,
     own: Option<(Py<PyAny>, Vec<String>)>,
-) -> PyResult<(Bound<'py, PyDict>, f64)> {
-    let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
-    let reference = Reference::from(&parse::<Motion>(motion)?);
-    let own = own.map(|(call, names)| places(&names).map(|places| Called { call, places })).transpose()?;
-    let (rows, air, events, under) = watched(py, look, move |interrupted| {
-        let (mut controller, axis) = controller(&spec, Encoder::from(setup.position).deviation())?;
-        if let Some(own) = own {
-            controller.law = AnyLaw::Own(Own::new(own));
-        }
+) -> PyResult<(Vec<Bound<'py, PyDict>>, Table<'py>, f64)> {
+    let read = |(spec, motion, setup): &AxisForm| -> PyResult<(Controller, Reference, Setup)> {
+        Ok((parse(spec)?, Reference::from(&parse::<Motion>(motion)?), parse(setup)?))
+    };
+    let axes = axes.iter().map(read).collect::<PyResult<Vec<_>>>()?;
+    let mut own =
+        own.map(|(call, names)| places(&names).map(|places| Called { call, places })).transpose()?;
+    let shape = outputs.len();
+    let ((rows, others), air, led) = watched(py, look, move |interrupted| {
         let mut session = circuit.network().session(&start, Options { rtol, ..Options::default() })?;
         session.follow_drawn();
-        let mut under = Loop::new(session, &axis, &setup)?;
-        let rows = under.run(&mut controller, &reference, duration, &mut Look::new(interrupted))?;
-        let told = controller.supervisor.map_or(vec![], |own| own.log().events().to_vec());
-        Ok((rows, under.air_drawn().unwrap_or(f64::NAN), told, under))
+        let mut led = vec![];
+        for (spec, reference, setup) in axes {
+            let (mut controller, axis) = controller(&spec, Encoder::from(setup.position).deviation())?;
+            if let Some(own) = own.take() {
+                controller.law = AnyLaw::Own(Own::new(own));
+            }
+            led.push((Servo::new(&mut session, &axis, &setup)?, controller, reference));
+        }
+        let place = |name: &String| match session.columns().iter().position(|own| own == name) {
+            Some(place) => Ok(place),
+            None => Err(Error::Specification(format!("the circuit has no output {name}"))),
+        };
+        let places = outputs.iter().map(place).collect::<Result<Vec<_>, _>>()?;
+        let mut each: Vec<_> = (led.iter_mut())
+            .map(|(servo, controller, reference)| Led { servo, controller, reference })
+            .collect();
+        let look = &mut Look::new(interrupted);
+        let rows = run_together(&mut session, &mut each, &places, duration, look)?;
+        Ok((rows, session.drawn().unwrap_or(f64::NAN), led))
     })?;
-    let out = columns(py, &rows, &under)?;
-    out.set_item(
-        "events",
-        events.iter().map(|own| (own.time, own.kind.key(), own.value)).collect::<Vec<_>>(),
-    )?;
-    Ok((out, air))
+    let mut out = vec![];
+    for (rows, (servo, controller, _)) in rows.iter().zip(&led) {
+        let own = columns(py, rows, servo)?;
+        let events = controller.supervisor.as_ref().map_or(&[][..], |own| own.log().events());
+        let told: Vec<_> = events.iter().map(|own| (own.time, own.kind.key(), own.value)).collect();
+        own.set_item("events", told)?;
+        out.push(own);
+    }
+    let others = PyArray1::from_vec(py, others.concat()).reshape([rows[0].len(), shape])?;
+    Ok((out, others, air))
 }

@@ -14,7 +14,7 @@ mod valves;
 pub use belief::{Axis, belief};
 pub use horizon::ByCircuit;
 pub use noise::{Noise, philox};
-pub use run::{COLUMNS, Loop, Turn, controller};
+pub use run::{COLUMNS, Led, Loop, Rows, Servo, Turn, controller, run_together};
 pub use sensor::{Encoder, Sensor};
 
 fn refuse<T>(message: impl Into<String>) -> Result<T, circuit::Error> {

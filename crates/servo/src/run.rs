@@ -137,11 +137,17 @@ const LATEST: f64 = 0.999;
 /// A session under a controller.
 pub struct Loop {
     session: Session,
+    servo: Servo,
+}
+
+/// The sampled loop of one axis of a session: its sensors, converters, commands and faults.
+pub struct Servo {
     encoder: Encoder,
     pressures: Option<[Sensor; 2]>,
     command_bits: u32,
     computing_time: f64,
     seed: u64,
+    member: u32,
     /// Times that each step is run; the least time of them is that of the processor undisturbed.
     repeats: u32,
     /// Columns of position, velocity and both pressures.
@@ -176,9 +182,112 @@ pub struct Turn {
     pub least: f64,
 }
 
+/// An axis with its controller and reference.
+pub struct Led<'a> {
+    /// Its loop.
+    pub servo: &'a mut Servo,
+    /// Its controller.
+    pub controller: &'a mut Controller,
+    /// Its reference.
+    pub reference: &'a Reference,
+}
+
+/// Rows of a run.
+pub type Rows = Vec<[f64; COLUMNS.len()]>;
+
+/// Runs several axes of one session for a time, s. All commands of a sample come after all its readings. Returns the
+/// [`COLUMNS`] of each axis, and these columns of the session at each sample. A fault that stops an axis ends the run
+/// with an error.
+pub fn run_together(
+    session: &mut Session,
+    axes: &mut [Led<'_>],
+    columns: &[usize],
+    duration: f64,
+    look: &mut Look<'_>,
+) -> Result<(Vec<Rows>, Vec<Vec<f64>>), Error> {
+    let mut ticks = 0;
+    for own in &*axes {
+        ticks = own.servo.check(own.controller, own.reference, duration)?;
+        if own.controller.period != axes[0].controller.period {
+            return refuse("period: all controllers of one run have the same period");
+        }
+    }
+    let (mut rows, mut others) = (vec![Rows::new(); axes.len()], vec![]);
+    let mut turns = Vec::with_capacity(axes.len());
+    for tick in 0..=ticks {
+        turns.clear();
+        for Led { servo, controller, reference } in &mut *axes {
+            turns.push(servo.observe(session, tick, controller, reference, look)?);
+        }
+        others.push(columns.iter().map(|&column| session.now(column)).collect());
+        for ((own, turn), rows) in axes.iter_mut().zip(&turns).zip(&mut rows) {
+            rows.push(own.servo.give(session, own.controller, turn, turn.answer.command)?);
+        }
+    }
+    Ok((rows, others))
+}
+
 impl Loop {
     /// A session that has these components.
     pub fn new(mut session: Session, axis: &Axis, setup: &specification::Setup) -> Result<Self, Error> {
+        let servo = Servo::new(&mut session, axis, setup)?;
+        Ok(Loop { session, servo })
+    }
+
+    /// Checks the requests of a run for a time, s, and returns the number of its last sample.
+    pub fn check(&self, controller: &Controller, reference: &Reference, duration: f64) -> Result<u64, Error> {
+        self.servo.check(controller, reference, duration)
+    }
+
+    /// Runs for a time, s: the [`COLUMNS`], sample by sample. A fault that stops the drive ends the run with an
+    /// error.
+    pub fn run(
+        &mut self,
+        controller: &mut Controller,
+        reference: &Reference,
+        duration: f64,
+        look: &mut Look<'_>,
+    ) -> Result<Rows, Error> {
+        let mut axes = [Led { servo: &mut self.servo, controller, reference }];
+        let (mut rows, _) = run_together(&mut self.session, &mut axes, &[], duration, look)?;
+        Ok(rows.remove(0))
+    }
+
+    /// Mass of air that reservoirs and compressors gave, kg, where the session follows it.
+    pub fn air_drawn(&self) -> Option<f64> {
+        self.session.drawn()
+    }
+
+    /// Advances to a sample, by its number, and calls the law; [`Loop::give`] comes next.
+    pub fn observe(
+        &mut self,
+        tick: u64,
+        controller: &mut Controller,
+        reference: &Reference,
+        look: &mut Look<'_>,
+    ) -> Result<Turn, Error> {
+        self.servo.observe(&mut self.session, tick, controller, reference, look)
+    }
+
+    /// The loop of its axis.
+    pub fn servo(&self) -> &Servo {
+        &self.servo
+    }
+
+    /// Gives a command, which may be another one than the law's: the [`COLUMNS`] of this sample.
+    pub fn give(
+        &mut self,
+        controller: &mut Controller,
+        turn: &Turn,
+        command: f64,
+    ) -> Result<[f64; COLUMNS.len()], Error> {
+        self.servo.give(&mut self.session, controller, turn, command)
+    }
+}
+
+impl Servo {
+    /// The loop of an axis of a session that has these components.
+    pub fn new(session: &mut Session, axis: &Axis, setup: &specification::Setup) -> Result<Self, Error> {
         let input = |session: &Session, name: String| match session
             .inputs()
             .iter()
@@ -199,33 +308,33 @@ impl Loop {
             *column = found;
         }
         if !setup.forces.is_empty() {
-            let force = input(&session, format!("{}.load_force_n", axis.cylinder))?;
+            let force = input(session, format!("{}.load_force_n", axis.cylinder))?;
             let (times, values): (Vec<f64>, Vec<f64>) = setup.forces.iter().map(|&[t, f]| (t, f)).unzip();
             session.schedule(force, &times, &values)?;
         }
         let faults = Faults::new(setup.faults.clone(), setup.switches_m);
         if faults.falls() {
-            let supply = input(&session, format!("{}.pressure_pa", axis.supply))?;
+            let supply = input(session, format!("{}.pressure_pa", axis.supply))?;
             let changes = faults.supply(session.input(supply));
             let (times, values): (Vec<f64>, Vec<f64>) = changes.into_iter().unzip();
             session.schedule(supply, &times, &values)?;
         }
-        Ok(Loop {
+        Ok(Servo {
             faults,
             factors: setup.factors.clone(),
             jitter: setup.jitter_s,
             commands: (axis.valves.iter())
-                .map(|valve| input(&session, format!("{valve}.command")))
+                .map(|valve| input(session, format!("{valve}.command")))
                 .collect::<Result<_, _>>()?,
             valves: axis.valves.clone(),
             switches: axis.switches,
             commanded: vec![],
-            session,
             encoder: setup.position.into(),
             pressures: setup.pressures.map(|own| own.map(Sensor::from)),
             command_bits: setup.command_bits,
             computing_time: setup.computing_time_s,
             seed: setup.seed,
+            member: setup.member,
             repeats: setup.step_repeats,
             columns,
             last: None,
@@ -236,13 +345,17 @@ impl Loop {
     fn late(&self, what: usize, tick: u64) -> f64 {
         let jitter = self.jitter[what];
         let channel = JITTER + what as u32;
-        if jitter > 0.0 { jitter * Noise { seed: self.seed, member: 0, channel }.normal(tick) } else { 0.0 }
+        if jitter > 0.0 {
+            jitter * Noise { seed: self.seed, member: self.member, channel }.normal(tick)
+        } else {
+            0.0
+        }
     }
 
     /// Returns the readings of the sensors. Under jitter, a reading is extrapolated by the slope of the signal.
-    fn sample(&mut self, tick: u64, period: f64, [x, v, a, b]: [f64; 4]) -> Sample {
-        let seed = self.seed;
-        let noise = |channel| Noise { seed, member: 0, channel };
+    fn sample(&mut self, time: f64, tick: u64, period: f64, [x, v, a, b]: [f64; 4]) -> Sample {
+        let (seed, member) = (self.seed, self.member);
+        let noise = |channel| Noise { seed, member, channel };
         let late = [1, 2].map(|what| self.late(what, tick));
         let position = self.encoder.read(x + v * self.late(0, tick), noise(0), tick);
         let pressures = self.pressures.map(|sensors| {
@@ -255,7 +368,7 @@ impl Loop {
                 sensors[i].read(lagged[i] + slope * late[i], noise(1 + i as u32), tick)
             })
         });
-        Sample { time: self.session.time(), position, pressures }
+        Sample { time, position, pressures }
     }
 
     /// Checks the requests of a run for a time, s, and returns the number of its last sample.
@@ -284,43 +397,21 @@ impl Loop {
         Ok(ticks)
     }
 
-    /// Runs for a time, s: the [`COLUMNS`], sample by sample. A fault that stops the drive ends the run with an
-    /// error.
-    pub fn run(
-        &mut self,
-        controller: &mut Controller,
-        reference: &Reference,
-        duration: f64,
-        look: &mut Look<'_>,
-    ) -> Result<Vec<[f64; COLUMNS.len()]>, Error> {
-        let ticks = 0..=self.check(controller, reference, duration)?;
-        let mut rows = Vec::with_capacity(ticks.clone().count());
-        for tick in ticks {
-            let turn = self.observe(tick, controller, reference, look)?;
-            rows.push(self.give(controller, &turn, turn.answer.command)?);
-        }
-        Ok(rows)
-    }
-
-    /// Mass of air that reservoirs and compressors gave, kg, where the session follows it.
-    pub fn air_drawn(&self) -> Option<f64> {
-        self.session.drawn()
-    }
-
-    /// Advances to a sample, by its number, and calls the law; [`Loop::give`] comes next.
+    /// Advances to a sample, by its number, and calls the law; [`Servo::give`] comes next.
     pub fn observe(
         &mut self,
+        session: &mut Session,
         tick: u64,
         controller: &mut Controller,
         reference: &Reference,
         look: &mut Look<'_>,
     ) -> Result<Turn, Error> {
         let period = controller.period;
-        self.session.go_on(tick as f64 * period, look)?;
+        session.go_on(tick as f64 * period, look)?;
         // A command comes after the samples of a valve at this instant.
-        self.session.settle_schedule();
-        let truth = self.columns.map(|column| self.session.now(column));
-        let sample = self.sample(tick, period, truth);
+        session.settle_schedule();
+        let truth = self.columns.map(|column| session.now(column));
+        let sample = self.sample(session.time(), tick, period, truth);
         let t = sample.time;
         if let Some(supervisor) = &mut controller.supervisor {
             supervisor.inputs = Inputs { jitter: self.jitter[0], ..self.faults.inputs(t, truth[0]) };
@@ -362,6 +453,7 @@ impl Loop {
     /// Gives a command, which may be another one than the law's: the [`COLUMNS`] of this sample.
     pub fn give(
         &mut self,
+        session: &mut Session,
         controller: &mut Controller,
         turn: &Turn,
         mut command: f64,
@@ -385,9 +477,9 @@ impl Loop {
         let computing = computing.min(LATEST * controller.period);
         for (&input, &own) in self.commands.iter().zip(acts.values()) {
             if computing > 0.0 {
-                self.session.schedule(input, &[t + computing], &[own])?;
+                session.schedule(input, &[t + computing], &[own])?;
             } else {
-                self.session.set(input, own)?;
+                session.set(input, own)?;
             }
         }
         let Answer { wanted, velocity, disturbance, holds, .. } = turn.answer;

@@ -2,7 +2,7 @@
 
 use crate::sensor::{Encoder, Sensor};
 use circuit::specification::{self, Circuit};
-use control::{COEFFICIENTS, FACTORS, MotionRules, Move, Piece, Reaction, Reference, Rules};
+use control::{COEFFICIENTS, Effort, Efforts, FACTORS, MotionRules, Move, Piece, Reaction, Reference, Rules};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -88,7 +88,20 @@ pub enum Motion {
         start_m: f64,
         /// Begin, s, and duration, s, of each, and its numbers of the powers of the share of the duration, m.
         pieces: Vec<[f64; 2 + COEFFICIENTS]>,
+        /// Moving mass and load along them.
+        #[serde(default)]
+        efforts: Option<MotionEfforts>,
     },
+}
+
+/// Moving mass and load at times at equal distances.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MotionEfforts {
+    /// s.
+    pub period_s: f64,
+    /// Mass, kg, load, N, and its rate, N/s, at each time.
+    pub rows: Vec<[f64; 3]>,
 }
 
 impl From<&Motion> for Reference {
@@ -101,7 +114,7 @@ impl From<&Motion> for Reference {
             Motion::Sine { centre_m, amplitude_m, frequency_hz } => {
                 Reference::Sine { centre: *centre_m, amplitude: *amplitude_m, frequency: *frequency_hz }
             }
-            Motion::Pieces { start_m, pieces } => Reference::Pieces {
+            Motion::Pieces { start_m, pieces, efforts } => Reference::Pieces {
                 start: *start_m,
                 pieces: (pieces.iter())
                     .map(|own| Piece {
@@ -110,6 +123,12 @@ impl From<&Motion> for Reference {
                         coefficients: std::array::from_fn(|i| own[2 + i]),
                     })
                     .collect(),
+                efforts: efforts.as_ref().map(|own| Efforts {
+                    period: own.period_s,
+                    rows: (own.rows.iter())
+                        .map(|&[mass, load, load_rate]| Effort { mass, load, load_rate })
+                        .collect(),
+                }),
             },
         }
     }
@@ -172,6 +191,9 @@ pub struct Setup {
     pub forces: Vec<[f64; 2]>,
     /// Seed of the noise.
     pub seed: u64,
+    /// Number of the axis among those of one run; each has its own noise.
+    #[serde(default)]
+    pub member: u32,
     /// Times that each step of the law is run, for its time.
     #[serde(default = "once")]
     pub step_repeats: u32,

@@ -118,7 +118,7 @@ fn run(spec: &specification::Controller, reference: &Reference, duration: f64) -
     session.follow_drawn();
     let mut under = Loop::new(session, &names, &setup).expect("an axis");
     let rows = under.run(&mut controller, reference, duration, &mut Look::new(&mut |_| false));
-    let (valves, each) = under.commanded();
+    let (valves, each) = under.servo().commanded();
     let commands = each.chunks(valves.len()).map(<[f64]>::to_vec).collect();
     Ran { rows: rows.expect("it runs"), commands, air: under.air_drawn().expect("followed"), controller }
 }

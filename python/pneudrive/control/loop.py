@@ -20,6 +20,7 @@ from pneudrive.control.tuning import Tuning, alone, tune
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, SimulationError, warn
+from pneudrive.platforms import is_platform
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation.simulate import SOLVER, Run, positive, require
 from pneudrive.simulation.start import check_tolerance
@@ -186,6 +187,8 @@ def prepare(
     Arguments and errors are those of `run`.
     """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
+    if is_platform(drive.circuit):
+        raise CommandError(f"{drive.circuit.name} has a platform", remedy="Call pn.control.run_pose.")
     if believes is not None:
         require(believes, "core_json", "believes", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
@@ -232,12 +235,11 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     watch.look()
     own = None if tuning.own is None else tuning.own.begin(tuning.model, motion, tuning.period_s, seconds)
     try:
-        columns, mass_kg = _core.control_run(
+        (columns,), _, mass_kg = _core.control_run(
             compiled(truth.core_json),
             prepared.start | truth.start,
-            json.dumps(tuning.core()),
-            json.dumps(motion),
-            json.dumps(setup),
+            [(json.dumps(tuning.core()), json.dumps(motion), json.dumps(setup))],
+            [],
             seconds,
             prepared.rtol,
             lambda t: watch.tell(t, seconds, "seconds simulated"),

@@ -23,7 +23,7 @@ pub struct Tick<'a, S = f64> {
     pub acceleration: S,
     /// Wanted state at that time.
     pub wanted: Wanted<S>,
-    /// Friction force along the reference, N, and its rate, N/s.
+    /// Friction force along the reference, N, and the rate of friction and load there, N/s.
     pub friction: [S; 2],
     /// Measured position now, m, and wanted state now.
     pub now: (S, Wanted<S>),

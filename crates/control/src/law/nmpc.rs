@@ -98,22 +98,26 @@ fn transitions(tick: &Tick) -> Transitions {
     [1e-3, 2e-3].map(|h| [0.5 * h, h].map(|h| tick.spool.transition(h)))
 }
 
-/// Parts of the horizon that do not depend on the plan: the transitions of the spool, and the wanted state after each
-/// step.
+/// Parts of the horizon that do not depend on the plan: the transitions of the spool, and the wanted state and the
+/// growth of the load in each step.
 struct Horizon {
     transitions: Transitions,
     wanted: [Wanted; HORIZON],
+    growth: [f64; HORIZON],
 }
 
 impl Horizon {
     fn of(tick: &Tick) -> Self {
         let transitions = transitions(tick);
-        let (mut wanted, mut t) = ([Wanted::default(); HORIZON], 0.0);
-        for (wanted, (_, h)) in wanted.iter_mut().zip(steps()) {
+        let (mut wanted, mut growth, mut t) = ([Wanted::default(); HORIZON], [0.0; HORIZON], 0.0);
+        let mut middle = tick.acts;
+        for ((wanted, growth), (_, h)) in wanted.iter_mut().zip(&mut growth).zip(steps()) {
             t += h;
             *wanted = tick.preview.at(tick.acts + t);
+            let before = std::mem::replace(&mut middle, tick.acts + t - 0.5 * h);
+            [*growth, _] = tick.preview.load_growth(before, middle);
         }
-        Horizon { transitions, wanted }
+        Horizon { transitions, wanted, growth }
     }
 }
 
@@ -313,6 +317,9 @@ fn by_model<S: Over<f64>>(
         let open = model.opened_by(middle.max(S::c(-1.0)).min(S::one()));
         // Contacts that may break away or reverse are followed in shorter pieces.
         let pieces = if state.velocity.abs().lt(S::c(NMPC_SLOW)) { STEPS[block] } else { 1 };
+        if horizon.growth[step] != 0.0 {
+            state.disturbance += S::c(horizon.growth[step]);
+        }
         let began = state.advance_in(pieces as u32, model, open, h, None);
         if step > 0 {
             foreseen[step - 1][2] = began;
