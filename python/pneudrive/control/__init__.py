@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pneudrive.control.mismatch import Mismatch, read_mismatch, ready_mismatches
     from pneudrive.control.motion import Reference
     from pneudrive.control.own_law import c_header, signals
+    from pneudrive.control.pose import PosePath, PoseScore, pose_path, run_pose
     from pneudrive.control.references import reference
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
@@ -38,6 +39,8 @@ __all__ = [
     "LawModel",
     "Mismatch",
     "Plant",
+    "PosePath",
+    "PoseScore",
     "Reference",
     "Score",
     "Setup",
@@ -51,12 +54,14 @@ __all__ = [
     "feasibility",
     "iso230",
     "laws",
+    "pose_path",
     "read_comparison",
     "read_mismatch",
     "read_setup",
     "ready_mismatches",
     "reference",
     "run",
+    "run_pose",
     "score",
     "signals",
     "standard",
@@ -72,6 +77,7 @@ __getattr__ = lazy(
         "controller": ["Controller"],
         "source_code": ["export"],
         "own_law": ["c_header", "signals"],
+        "pose": ["PosePath", "PoseScore", "pose_path", "run_pose"],
         "demand": ["Feasibility", "feasibility"],
         "loop": ["run"],
         "measures": ["Score", "iso230", "score"],

@@ -141,18 +141,29 @@ def reference(given: Reference | str | Path) -> Reference:
         raise CommandError("the reference is empty", remedy=f"Give {FORMS}.")
     if text.lower().startswith("sine"):
         return _sine_of(text)
-    ordered = _ORDER.match(text)
-    order = int(ordered[1]) if ordered else 7
-    if order not in paths.BLENDS:
-        raise CommandError(f"reference: there is no blend of order {order}", value=text, rule="7 or 9")
     if _STANDARD.fullmatch(text):
         remedy = f'Take it from those of the drive: pn.control.standard(drive)["{text}"].'
         raise CommandError(f"{text} is a standard reference, which is made for a drive", remedy=remedy)
     if text.isidentifier():
         raise CommandError(f'there is no reference "{text}"', remedy=f"Give R1 to R8, the standard ones, {FORMS}.")
+    return moves_of_text(text, "m")
+
+
+def moves_of_text(text: str, si_unit: str) -> Reference:
+    """Read a start and moves, ``"220 mm; 1 s: 280 mm in 0.3 s"``, of a coordinate with this unit.
+
+    Raises
+    ------
+    CommandError
+        The text is not valid, or a move begins before the one before it ends.
+    """
+    ordered = _ORDER.match(text)
+    order = int(ordered[1]) if ordered else 7
+    if order not in paths.BLENDS:
+        raise CommandError(f"reference: there is no blend of order {order}", value=text, rule="7 or 9")
     first, *rest = (entry.strip() for entry in text[ordered.end() if ordered else 0 :].split(";"))
-    start = _quantity(first, "m", text)
-    return _checked(text, start, [_move_of(entry, text) for entry in rest if entry], order)
+    start = _quantity(first, si_unit, text)
+    return _checked(text, start, [_move_of(entry, text, si_unit) for entry in rest if entry], order)
 
 
 def _sine_of(text: str) -> Reference:
@@ -169,7 +180,7 @@ def _sine_of(text: str) -> Reference:
     return Reference(text, centre, amplitude_m=amplitude, frequency_hz=frequency)
 
 
-def _move_of(entry: str, text: str) -> ReferenceMove:
+def _move_of(entry: str, text: str, si_unit: str) -> ReferenceMove:
     begin, colon, rest = entry.partition(":")
     to, within, duration = rest.rpartition(" in ")  # the last one: "12 in in 0.3 s"
     if not colon or not within:
@@ -179,7 +190,7 @@ def _move_of(entry: str, text: str) -> ReferenceMove:
         )
     times = (_quantity(one.strip(), "s", text) for one in (begin, duration))
     begin_s, duration_s = times
-    return ReferenceMove(begin_s, duration_s, _quantity(to.strip(), "m", text))
+    return ReferenceMove(begin_s, duration_s, _quantity(to.strip(), si_unit, text))
 
 
 def _quantity(given: str, si_unit: str, text: str) -> float:

@@ -1,5 +1,5 @@
-"""Platforms on legs: kinematics and workspace."""
+"""Platforms on legs: kinematics, dynamics and workspace."""
 
-from pneudrive.platforms.kinematics import Platform, PoseLimits, platform, platforms
+from pneudrive.platforms.kinematics import LegDynamics, Platform, PoseLimits, is_platform, platform, platforms
 
-__all__ = ["Platform", "PoseLimits", "platform", "platforms"]
+__all__ = ["LegDynamics", "Platform", "PoseLimits", "is_platform", "platform", "platforms"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -64,6 +64,25 @@ class Leg:
         areas = tuple(0.25 * np.pi * (bore**2 - of**2) for of in (through, rod))
         dead = tuple(own.get(f"dead_volume_{end}_m3", np.nan) for end in "ab")
         return cls(name, own.get("stroke_m", np.nan), areas, dead)
+
+
+class LegDynamics(NamedTuple):
+    """Motion, force and mass of each leg, shape (m, n), along a motion of the platform.
+
+    Attributes
+    ----------
+    positions_m, velocities_m_s, accelerations_m_s2 : ndarray
+    forces_n : ndarray
+        Force of each leg in +x without friction.
+    masses_kg : ndarray
+        Mass that a leg moves while the others do not.
+    """
+
+    positions_m: Array
+    velocities_m_s: Array
+    accelerations_m_s2: Array
+    forces_n: Array
+    masses_kg: Array
 
 
 class Platform(Shown):
@@ -221,6 +240,33 @@ class Platform(Shown):
         transposed = np.swapaxes(own["jacobian"], -1, -2)
         held = np.asarray(np.linalg.solve(transposed, own["forces"][..., None])[..., 0], dtype=float)
         return held.reshape(pose.shape)
+
+    def dynamics(self, pose: Pose, rates: ArrayLike, accelerations: ArrayLike) -> LegDynamics:
+        """Return motion, force and moving mass of each leg along a motion of the platform: the inverse dynamics.
+
+        F = J^-T (M q'' + h) and m_i = (J^-T M J^-1)_ii. Rods and barrels are in M, friction is not in F.
+
+        Parameters
+        ----------
+        pose : mapping or array
+        rates, accelerations : array
+            First and second derivatives of the coordinates of the pose by time.
+        """
+        rows = np.atleast_2d(self.pose(pose))
+        rates, accelerations = (np.atleast_2d(np.asarray(one, dtype=float)) for one in (rates, accelerations))
+        slopes = self._slopes(rows)
+        own = self.core.evaluate(coordinates(self.core, rows), slopes * rates)
+        turns = np.array([unit == "rad" for unit in self.units])
+        second = slopes * accelerations - turns * 0.25 * np.sin(0.5 * rows) * rates**2
+        inverse = np.linalg.inv(own["jacobian"])
+        needed = np.einsum("nab,nb->na", own["mass"], second) + own["forces"]
+        return LegDynamics(
+            own["positions"],
+            own["velocities"],
+            own["accelerations"] + np.einsum("nia,na->ni", own["jacobian"], second),
+            np.einsum("nai,na->ni", inverse, needed),
+            np.einsum("nai,nab,nbi->ni", inverse, own["mass"], inverse),
+        )
 
     def singular_values(self, pose: Pose) -> Array:
         """Return the singular values of the pose Jacobian, largest first, without a unit.
@@ -386,6 +432,11 @@ def _reason(platform: Platform, pose: np.ndarray, least: float) -> str:
         if x < 0.0 or x > leg.stroke_m:
             return f"{leg.name} {'in' if x < 0.0 else 'out'}"
     return "singular pose" if platform.singular_values(pose)[-1] < least else ""
+
+
+def is_platform(circuit: Circuit) -> bool:
+    """Return whether a circuit has a platform."""
+    return any(str(one.entry["kind"]).startswith("platform/") for one in circuit.components.values())
 
 
 def platform(circuit: Circuit, name: str | None = None) -> Platform:

@@ -40,7 +40,8 @@ Law = Annotated[
 Along = Annotated[
     str,
     typer.Option(
-        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.',
+        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file. '
+        "Of a platform: a TOML file with a line for each coordinate.",
         metavar="REF",
     ),
 ]
@@ -155,29 +156,49 @@ def run(
     initial: Annotated[
         str | None, typer.Option(help='Start state, e.g. "pressure_a = 3 bar abs"; default: on the reference.')
     ] = None,
+    payload: Annotated[
+        str | None,
+        typer.Option(help='Platform: mass that no controller knows, "2 kg"; the spread of several: "0 kg, 2 kg".'),
+    ] = None,
+    dynamics: Annotated[
+        Literal["full", "constant"],
+        typer.Option(help="Platform: mass and load of the legs along the path, or those at its start."),
+    ] = "full",
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-5,
-    out: Annotated[Path | None, typer.Option(help="Run: .parquet, .csv or .nc.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Run: .parquet, .csv or .nc; of a platform a folder.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
     allow_code: AllowCode = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Run a drive under control along a reference, and score it. Thresholds of its supervisor are assumed."""
+    """Run a drive, or a platform, under control along a reference, and score it. Supervisor thresholds are assumed."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.loop import prepare, run_prepared
     from pneudrive.describe.files.load import load_described
     from pneudrive.errors import CommandError
+    from pneudrive.platforms import is_platform
     from pneudrive.report.written import PICTURES
     from pneudrive.simulation.trajectory import check_target, save
 
+    is_file = controller is not None and controller.endswith(".toml")
+    if law and controller and not is_file and law != controller:
+        raise CommandError(f"--law {law} and --controller {controller} are given", remedy="Give one.")
+    described = load_described(drive)
+    if is_platform(described.circuit):
+        from pneudrive.cli.control.pose import run_platform
+
+        law, file = (law, controller) if is_file else (law or controller, None)
+        options: dict[str, Any] = {"law": law, "controller": file, "setup": setup, "duration": duration, "seed": seed}
+        options |= {"mismatch": mismatch, "dynamics": dynamics, "rtol": rtol}
+        run_platform(described.circuit, reference, payload, out, plot, options)
+        return
+    if payload is not None:
+        raise CommandError(f"--payload {payload}", rule="for a platform", remedy="Give a mismatch, such as mass+30.")
     if out is not None:
         check_target(out)
     if plot is not None:
         check_target(plot, PICTURES)
-    is_file = controller is not None and controller.endswith(".toml")
-    if law and controller and not is_file and law != controller:
-        raise CommandError(f"--law {law} and --controller {controller} are given", remedy="Give one.")
     prepared = prepare(
-        load_described(drive),
+        described,
         law if is_file or law else controller,
         reference,
         setup=setup,

@@ -66,7 +66,7 @@ def plot_reference(reference: Reference, plant: Plant, path: str | Path | None =
     return drawn(lambda: _reference(reference, plant), path)
 
 
-def _panels(count: int) -> tuple[Figure, list[Axes]]:
+def panels(count: int) -> tuple[Figure, list[Axes]]:
     """Return a figure of panels below each other, on one time axis."""
     figure = style.new_figure(1.2 * count + 0.5)
     axes = list(figure.subplots(count, 1, sharex=True))
@@ -84,7 +84,7 @@ def _error_unit(errors_m: Sequence[Any]) -> tuple[float, str]:
 
 def _run(run: xr.Dataset) -> Figure:
     check_si(run)
-    figure, (track, error, pressure, command, force) = _panels(5)
+    figure, (track, error, pressure, command, force) = panels(5)
     part = style.thin(run.time, MOST_DRAWN)
     time = run.time.to_numpy()[part]
     known = {str(name): run[name].to_numpy()[part] for name in run.data_vars}
@@ -112,7 +112,7 @@ def _run(run: xr.Dataset) -> Figure:
 
 
 def _reference(reference: Reference, plant: Plant) -> Figure:
-    figure, (position, velocity, acceleration) = _panels(3)
+    figure, (position, velocity, acceleration) = panels(3)
     end_s = 4.0 / reference.frequency_hz if reference.is_sine else reference.duration_s
     time = np.linspace(0.0, end_s, MOST_DRAWN)
     x, v, a, _ = reference.at(time).T

@@ -1,0 +1,226 @@
+"""Paths of a pose: one line for each coordinate, as sine, circle, square or moves."""
+
+from __future__ import annotations
+
+import math
+import re
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove
+from pneudrive.control.references import moves_of_text
+from pneudrive.describe.base import wrong
+from pneudrive.describe.files import toml
+from pneudrive.errors import DescriptionError, PneudriveError, nearest
+from pneudrive.repr_tables import Card, Shown
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from pneudrive.platforms import Platform
+
+    Array = NDArray[np.float64]
+
+FORMS = (
+    '"sine 30 mm 0.5 Hz around 470 mm", "circle 5 deg 0.5 Hz", "square 20 mm 0.5 Hz in 0.2 s", or moves, '
+    '"450 mm; 1 s: 470 mm in 0.3 s; 2 s: 450 mm in 0.3 s; every 3 s"'
+)
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*[A-Za-zµ]+"
+_WAVE = re.compile(
+    rf"(sine|circle|square)\s+({_NUMBER})\s+({_NUMBER})(?:\s+in\s+({_NUMBER}))?(?:\s+around\s+({_NUMBER}))?",
+    re.IGNORECASE,
+)
+_EVERY = re.compile(rf";\s*every\s+({_NUMBER})\s*$", re.IGNORECASE)
+
+
+class Line(NamedTuple):
+    """Motion of one coordinate.
+
+    Attributes
+    ----------
+    kind : str
+        sine, circle, square or moves.
+    centre, amplitude : float
+        m or rad.
+    period_s : float
+        Infinite for moves that are not repeated.
+    edge_s : float
+        Duration of an edge of a square.
+    leads : bool
+        It is the first coordinate of a circle or a square, a quarter of a period ahead of the second one.
+    moves : tuple of ReferenceMove
+    """
+
+    kind: str
+    centre: float
+    amplitude: float = 0.0
+    period_s: float = math.inf
+    edge_s: float = 0.0
+    leads: bool = False
+    moves: tuple[ReferenceMove, ...] = ()
+
+    def at(self, times_s: Array) -> Array:
+        """Return the coordinate and two derivatives, shape (3, n). A sine grows within its first period."""
+        if self.kind in ("square", "moves"):
+            start = self.centre
+            moves = self._until(float(times_s.max(initial=0.0)))
+            return Reference("", start, tuple(moves)).at(times_s).T[:3]
+        b, b1, b2, _ = Reference("", 0.0, (ReferenceMove(0.0, self.period_s, 1.0),)).at(times_s).T
+        w = 2.0 * math.pi / self.period_s
+        angle = w * times_s + (0.5 * math.pi if self.leads else 0.0)
+        s, s1, s2 = np.sin(angle), w * np.cos(angle), -w * w * np.sin(angle)
+        grown = np.stack([b * s, b1 * s + b * s1, b2 * s + 2.0 * b1 * s1 + b * s2])
+        return self.amplitude * grown + np.array([[self.centre], [0.0], [0.0]])
+
+    def _until(self, end_s: float) -> list[ReferenceMove]:
+        """Return the moves that begin until a time."""
+        if self.kind == "moves":
+            rounds = 1 if math.isinf(self.period_s) else int(end_s / self.period_s) + 1
+            own = [
+                move._replace(begin_s=move.begin_s + k * self.period_s) for k in range(rounds) for move in self.moves
+            ]
+            return own if rounds > 1 else list(self.moves)
+        # Corners at (1, -1), (1, 1), (-1, 1), (-1, -1): each coordinate turns at every second one.
+        quarters = range(int(4.0 * end_s / self.period_s) + 1)
+        signs = [1, 1, -1, -1] if self.leads else [-1, 1, 1, -1]
+        corners = [(k, signs[k % 4]) for k in quarters if k == 0 or signs[k % 4] != signs[(k - 1) % 4]]
+        quarter = 0.25 * self.period_s
+        return [ReferenceMove(k * quarter, self.edge_s, self.centre + sign * self.amplitude) for k, sign in corners]
+
+
+@dataclass(frozen=True, repr=False)
+class PosePath(Shown):
+    """Path of the pose of a platform over time.
+
+    Attributes
+    ----------
+    text : str
+        File, or the lines.
+    coordinates : tuple of str
+    units : tuple of str
+        m or rad of each coordinate.
+    lines : tuple of Line
+    """
+
+    text: str
+    coordinates: tuple[str, ...]
+    units: tuple[str, ...]
+    lines: tuple[Line, ...]
+
+    @property
+    def period_s(self) -> float | None:
+        """Longest period of a coordinate, or None if nothing is repeated."""
+        periods = [line.period_s for line in self.lines if not math.isinf(line.period_s)]
+        return max(periods, default=None)
+
+    @property
+    def duration_s(self) -> float:
+        """Default duration of a run: 16 s or four periods, or 2 s after the last move."""
+        if self.period_s is not None:
+            return max(SINE_S, SINE_PERIODS * self.period_s)
+        return max((line.moves[-1].end_s for line in self.lines if line.moves), default=0.0) + REST_S
+
+    def at(self, times_s: Array) -> Array:
+        """Return coordinates and two derivatives at times, s: shape (3, m, n), m and rad."""
+        times = np.ascontiguousarray(times_s, dtype=float)
+        return np.stack([line.at(times) for line in self.lines], axis=-1)
+
+    def _card(self) -> Card:
+        return Card(f"Path of a pose, {self.text}", rows=[(key, str(line)) for key, line in self._each()])
+
+    def _each(self) -> list[tuple[str, Line]]:
+        return list(zip(self.coordinates, self.lines, strict=True))
+
+
+def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platform) -> PosePath:
+    """Read the path of a pose.
+
+    Parameters
+    ----------
+    given : PosePath, mapping, str or path-like
+        A TOML file or a mapping with one text for each coordinate: a sine ``"sine 30 mm 0.5 Hz around 470 mm"``; a
+        circle of two coordinates, ``"circle 5 deg 0.5 Hz"`` at each; a square of two coordinates with blended edges,
+        ``"square 20 mm 0.5 Hz in 0.2 s"`` at each; moves, ``"450 mm; 1 s: 470 mm in 0.3 s; every 2 s"``. A coordinate
+        that is left out, and a centre that is left out, are those of half strokes.
+    platform : Platform
+
+    Raises
+    ------
+    DescriptionError
+        The file or a line is not valid; the message gives file, line, value, rule and remedy.
+    """
+    if isinstance(given, PosePath):
+        return given
+    tables: dict[str, Any]
+    if isinstance(given, (str, Path)):
+        tables, text = toml.read(str(given), start='For instance heave = "sine 30 mm 0.5 Hz around 470 mm".')
+        name = str(given)
+    else:
+        tables, text, name = dict(given), "", "; ".join(f"{key}: {line}" for key, line in given.items())
+    with toml.locating(name, text) if text else nullcontext():
+        tables.pop("schema", None)
+        unknown = next((key for key in tables if key not in platform.coordinates), None)
+        if unknown is not None:
+            rule = f"coordinates of {platform.name}: {', '.join(platform.coordinates)}"
+            raise wrong(
+                unknown, f"{unknown} is not a coordinate", rule=rule, remedy=nearest(unknown, platform.coordinates)
+            )
+        lines = []
+        pairs: dict[str, list[str]] = {"circle": [], "square": []}
+        for k, key in enumerate(platform.coordinates):
+            try:
+                line = _line(tables.get(key), platform.units[k], float(platform.home[k]))
+            except PneudriveError as error:
+                raise wrong(key, f"{key}: {error.what}", rule=error.rule, remedy=f"Give {FORMS}.") from None
+            if line.kind in pairs:
+                line = line._replace(leads=not pairs[line.kind])
+                pairs[line.kind].append(key)
+            lines.append(line)
+        for kind, keys in pairs.items():
+            if len(keys) not in (0, 2):
+                what = f"{keys[0]}: a {kind} of {len(keys)} coordinates"
+                raise wrong(keys[0], what, rule="two coordinates", remedy=f"Write the {kind} at two coordinates.")
+        return PosePath(name, platform.coordinates, platform.units, tuple(lines))
+
+
+def _line(given: object, unit: str, home: float) -> Line:
+    """Read the text of one coordinate, m or rad."""
+    from pneudrive import units
+
+    if given is None:
+        return Line("moves", home)
+    if not isinstance(given, str):
+        raise DescriptionError(f"{given!r} is not a text")
+    text = given.strip()
+    wave = _WAVE.fullmatch(text)
+    if wave is not None:
+        kind = wave[1].lower()
+        amplitude, frequency = units.parse(wave[2], unit), units.parse(wave[3], "1/s")
+        for name, value in (("amplitude", amplitude), ("frequency", frequency)):
+            if not value > 0.0:
+                raise DescriptionError(f"the {name} is {value:g}", rule="greater than 0")
+        centre = home if wave[5] is None else units.parse(wave[5], unit)
+        edge = 0.0 if wave[4] is None else units.parse(wave[4], "s")
+        longest = 0.25 / frequency
+        if (kind == "square") != (wave[4] is not None) or (kind == "square" and not 0.0 < edge <= longest):
+            rule = f'"in DURATION" for a square alone, of at most a quarter of the period, here {longest:.4g} s'
+            raise DescriptionError(f'"{text}" has no valid duration of its edges', rule=rule)
+        return Line(kind, centre, amplitude, 1.0 / frequency, edge)
+    every, period = _EVERY.search(text), math.inf
+    if every is not None:
+        text, period = text[: every.start()], units.parse(every[1], "s")
+    moves = moves_of_text(text, unit)
+    if moves.pieces:
+        raise DescriptionError(f'"{text}" has an order', rule="moves of a pose have blends of order 7")
+    if every is not None:
+        last = moves.moves[-1] if moves.moves else None
+        if last is None or last.end_s > period or abs(last.to_m - moves.start_m) > 0.0:
+            raise DescriptionError(f'"{given}" cannot be repeated', rule="the last move ends in time, at the start")
+        return Line("moves", moves.start_m, period_s=period, moves=moves.moves)
+    return Line("moves", moves.start_m, moves=moves.moves)
