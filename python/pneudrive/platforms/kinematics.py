@@ -254,11 +254,9 @@ class Platform(Shown):
         """
         rows = np.atleast_2d(self.pose(pose))
         rates, accelerations = (np.atleast_2d(np.asarray(one, dtype=float)) for one in (rates, accelerations))
-        slopes = self._slopes(rows)
-        own = self.core.evaluate(coordinates(self.core, rows), slopes * rates)
-        turns = np.array([unit == "rad" for unit in self.units])
-        second = slopes * accelerations - turns * 0.25 * np.sin(0.5 * rows) * rates**2
-        inverse = np.linalg.inv(own["jacobian"])
+        q, u, second = self.core_motion(rows, rates, accelerations)
+        own = self.core.evaluate(q, u)
+        inverse = np.linalg.pinv(own["jacobian"])
         needed = np.einsum("nab,nb->na", own["mass"], second) + own["forces"]
         return LegDynamics(
             own["positions"],
@@ -267,6 +265,13 @@ class Platform(Shown):
             np.einsum("nai,na->ni", inverse, needed),
             np.einsum("nai,nab,nbi->ni", inverse, own["mass"], inverse),
         )
+
+    def core_motion(self, rows: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:
+        """Return the coordinates of the core and two derivatives by time, from those of poses, shape (m, n)."""
+        slopes = self._slopes(rows)
+        is_angle = np.array([unit == "rad" for unit in self.units])
+        second = slopes * accelerations - np.where(is_angle, 0.25 * np.sin(0.5 * rows) * rates**2, 0.0)
+        return coordinates(self.core, rows), slopes * rates, second
 
     def singular_values(self, pose: Pose) -> Array:
         """Return the singular values of the pose Jacobian, largest first, without a unit.

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
-from pneudrive.describe.tables.poses import coordinates
 from pneudrive.errors import CommandError
 from pneudrive.simulation.trajectory import columns as columns_of
 from pneudrive.simulation.trajectory import meaning
@@ -105,18 +104,10 @@ def with_platform_outputs(platform: Platform, run: xr.Dataset) -> xr.Dataset:
 
 
 def _outputs(platform: Platform, pose: Array, rate: Array, acceleration: Array) -> Array:
-    core = platform.core
-    q = coordinates(core, pose)
-    is_angle = np.array([unit != "m" for unit in platform.units])
-    slope = np.where(is_angle, 0.5 * np.cos(0.5 * pose), 1.0)
-    u = slope * rate
-    du = slope * acceleration - np.where(is_angle, 0.25 * np.sin(0.5 * pose) * rate**2, 0.0)
-    own = core.evaluate(q, u)
-    needed = np.einsum("mab,mb->ma", own["mass"], du) + own["forces"]
-    force = np.einsum("mba,mb->ma", np.linalg.pinv(own["jacobian"]), needed)
-    body = MovingPlatform.of(platform, q, u, du)
-    moved = np.einsum("mab,mb->ma", own["jacobian"], du) + own["accelerations"]
-    side = _guides(body, own["positions"], moved, force) if platform.is_delta else _legs(body)
+    own = platform.dynamics(pose, rate, acceleration)
+    x, moved, force = own.positions_m, own.accelerations_m_s2, own.forces_n
+    body = MovingPlatform.of(platform, *platform.core_motion(pose, rate, acceleration))
+    side = _guides(body, x, moved, force) if platform.is_delta else _legs(body)
     return np.column_stack([platform.singular_values(pose)[:, -1], force, np.linalg.norm(side, axis=2)])
 
 

@@ -39,7 +39,7 @@ _WAVE = re.compile(
 _EVERY = re.compile(rf";\s*every\s+({_NUMBER})\s*$", re.IGNORECASE)
 
 
-class Line(NamedTuple):
+class CoordinatePath(NamedTuple):
     """Motion of one coordinate.
 
     Attributes
@@ -105,13 +105,13 @@ class PosePath(Shown):
     coordinates : tuple of str
     units : tuple of str
         m or rad of each coordinate.
-    lines : tuple of Line
+    lines : tuple of CoordinatePath
     """
 
     text: str
     coordinates: tuple[str, ...]
     units: tuple[str, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[CoordinatePath, ...]
 
     @property
     def period_s(self) -> float | None:
@@ -134,7 +134,7 @@ class PosePath(Shown):
     def _card(self) -> Card:
         return Card(f"Path of a pose, {self.text}", rows=[(key, str(line)) for key, line in self._each()])
 
-    def _each(self) -> list[tuple[str, Line]]:
+    def _each(self) -> list[tuple[str, CoordinatePath]]:
         return list(zip(self.coordinates, self.lines, strict=True))
 
 
@@ -189,12 +189,12 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         return PosePath(name, platform.coordinates, platform.units, tuple(lines))
 
 
-def _line(given: object, unit: str, home: float) -> Line:
+def _line(given: object, unit: str, home: float) -> CoordinatePath:
     """Read the text of one coordinate, m or rad."""
     from pneudrive import units
 
     if given is None:
-        return Line("moves", home)
+        return CoordinatePath("moves", home)
     if not isinstance(given, str):
         raise DescriptionError(f"{given!r} is not a text")
     text = given.strip()
@@ -211,7 +211,7 @@ def _line(given: object, unit: str, home: float) -> Line:
         if (kind == "square") != (wave[4] is not None) or (kind == "square" and not 0.0 < edge <= longest):
             rule = f'"in DURATION" for a square alone, of at most a quarter of the period, here {longest:.4g} s'
             raise DescriptionError(f'"{text}" has no valid duration of its edges', rule=rule)
-        return Line(kind, centre, amplitude, 1.0 / frequency, edge)
+        return CoordinatePath(kind, centre, amplitude, 1.0 / frequency, edge)
     every, period = _EVERY.search(text), math.inf
     if every is not None:
         text, period = text[: every.start()], units.parse(every[1], "s")
@@ -222,5 +222,5 @@ def _line(given: object, unit: str, home: float) -> Line:
         last = moves.moves[-1] if moves.moves else None
         if last is None or last.end_s > period or abs(last.to_m - moves.start_m) > 0.0:
             raise DescriptionError(f'"{given}" cannot be repeated', rule="the last move ends in time, at the start")
-        return Line("moves", moves.start_m, period_s=period, moves=moves.moves)
-    return Line("moves", moves.start_m, moves=moves.moves)
+        return CoordinatePath("moves", moves.start_m, period_s=period, moves=moves.moves)
+    return CoordinatePath("moves", moves.start_m, moves=moves.moves)

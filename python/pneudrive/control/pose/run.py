@@ -20,6 +20,7 @@ from pneudrive.control.supervision import told
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.platforms import platform as platform_of
+from pneudrive.platforms.outputs import pose_columns
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.simulate import SOLVER, Run, positive
@@ -331,7 +332,7 @@ class _Legs:
             form = motion.core() | ({"efforts": efforts} if self.is_full else {})
             own_setup = setup.core(seed, ambient_pa) | {"step_repeats": 1, "member": i}
             axes.append((json.dumps(tuning.core()), json.dumps(form), json.dumps(own_setup)))
-        outputs = [f"{self.platform.name}.{key}_{unit}" for key, unit in self._coordinates()]
+        outputs = [name for names in pose_columns(self.platform) for name in names]
         try:
             each, poses, mass_kg = _core.control_run(
                 compiled(core_json),
@@ -348,10 +349,10 @@ class _Legs:
         except RuntimeError as error:
             raise SimulationError(str(error)) from None
         columns = {"time_s": each[0]["time_s"]}
+        columns |= {name: np.ascontiguousarray(poses[:, k]) for k, name in enumerate(outputs)}
         wanted = self.path.at(columns["time_s"])[0]
         for k, (key, unit) in enumerate(self._coordinates()):
             name = f"{self.platform.name}.{key}"
-            columns[f"{name}_{unit}"] = np.ascontiguousarray(poses[:, k])
             columns[f"{name}_reference_{unit}"] = np.ascontiguousarray(wanted[:, k])
         events = []
         for i, (leg, tuning, own) in enumerate(zip(self.platform.legs, self.tunings, each, strict=True)):
