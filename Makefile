@@ -48,7 +48,7 @@ test-python: setup
 test-page: setup $(VENV)/.page  ## the page in a browser: PNEUDRIVE_CHROMIUM, else one on the path, else that of page/browser's lock
 	$(PY) -m pytest -n $(PYTEST_WORKERS) tests/page
 
-test-extras: setup $(EXTRAS)/.deps  ## a Dask cluster whose workers are killed, JAX, PyTorch; in an environment of its own
+test-extras: setup $(EXTRAS)/.deps  ## a Dask cluster whose workers are killed, JAX, PyTorch, MuJoCo; in an environment of its own
 	PYTHONPATH=python $(EXTRAS)/bin/python -m pytest --confcutdir=tests/extras tests/extras
 
 check: setup  ## what CI runs before the tests: format, lint, types, layers, repetition, stub, spelling, locks

@@ -44,7 +44,8 @@ def fingerprint(name: str) -> str:
         wanted = {"uv": UV, "python": PYTHON}
     else:
         wanted |= {
-            extra: extras[extra] for extra in [*EXTRAS[name], "dask", "formats", "gym", "linear", "pdf", "rig", "web"]
+            extra: extras[extra]
+            for extra in [*EXTRAS[name], "dask", "formats", "gym", "linear", "mujoco", "pdf", "rig", "web"]
         }
     return hashlib.sha256(json.dumps(wanted, sort_keys=True).encode()).hexdigest()
 

@@ -23,6 +23,7 @@ require_processor()
 
 if TYPE_CHECKING:
     from pneudrive import control as control
+    from pneudrive import mujoco as mujoco
     from pneudrive import report as report
     from pneudrive.datasheet.characteristics.energy import energy_balance as energy_balance
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
@@ -140,7 +141,7 @@ UPPER.update(
     Reproduction="pneudrive.studies.bracha.reproduction",
     reproduce="pneudrive.studies.bracha.reproduction",
 )
-_SUBMODULES = ("control", "ensemble", "report", "rig", "errors", "units")
+_SUBMODULES = ("control", "ensemble", "mujoco", "report", "rig", "errors", "units")
 
 __all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 # pyright: ignore[reportUnsupportedDunderAll]
 

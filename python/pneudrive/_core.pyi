@@ -12,6 +12,7 @@ __all__ = [
     "Column",
     "ControlLoop",
     "ControlReference",
+    "ControlSensors",
     "Ensemble",
     "Members",
     "Platform",
@@ -19,6 +20,7 @@ __all__ = [
     "Tank",
     "bin_means",
     "choked_flow_factor",
+    "close_step",
     "components",
     "constants",
     "control_choices",
@@ -167,6 +169,11 @@ class ControlLoop:
     def columns(self) -> dict[str, NDArray[float64]]: ...
 
 @final
+class ControlSensors:
+    def __new__(cls, setup: str) -> ControlSensors: ...
+    def sample(self, tick: int, period: float, truth: Sequence[float]) -> tuple[float, tuple[float, float] | None]: ...
+
+@final
 @type_check_only
 class Linear(TypedDict):
     a: NDArray[float64]
@@ -208,6 +215,18 @@ class Session:
     def save(self) -> bytes: ...
     def restore(self, saved: bytes) -> None: ...
     def linearise(self, inputs: Sequence[str]) -> Linear: ...
+    def try_velocity(self, velocity: float, until: float) -> float: ...
+    def velocity_slope(self, velocity: float, until: float) -> tuple[float, float]: ...
+    def accept(self) -> None: ...
+
+def close_step(
+    sessions: Sequence[Session],
+    until: float,
+    mechanics: Sequence[Sequence[float]],
+    velocities: Sequence[float],
+    slopes: Sequence[float],
+    known: Sequence[float] = (),
+) -> tuple[list[float], list[float], list[float], int]: ...
 
 @type_check_only
 class Port(TypedDict):

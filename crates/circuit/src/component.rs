@@ -482,6 +482,7 @@ components! {
     crate::mechanism::Platform3Upu,
     crate::mechanism::Platform6Ups,
     crate::mechanism::PlatformLinearDelta,
+    crate::mechanism::PlatformDriven,
     mechanics::force_sensor::ForceSensor,
     mechanics::piston::Bare,
     mechanics::table_force::OverPosition,

@@ -23,9 +23,9 @@ mod part;
 mod run;
 
 pub use assembly::{
-    ALONG, Assembly, ByStart, DIRECTIONS, Drive, Driven, Foresight, InputPlan, Linear, Members, Names,
-    Network, Quantity, Record, Restart, Servo, Session, Settable, Shooting, Shot, Starting, Tank, Target,
-    Variables, friction_law, own_law, steady_sensitivity, valve_openings,
+    ALONG, Assembly, ByStart, DIRECTIONS, Drive, Driven, Foresight, InputPlan, Linear, Mechanics, Members,
+    Names, Network, Prescribed, Quantity, Record, Restart, Servo, Session, Settable, Shooting, Shot,
+    Starting, Tank, Target, Variables, close, friction_law, own_law, steady_sensitivity, valve_openings,
 };
 pub use circuit::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide};
 pub use component::{

@@ -68,6 +68,7 @@ mechanisms! {
         "tilt_1" "tilt_1_rate_1_s", "tilt_2" "tilt_2_rate_1_s", "tilt_3" "tilt_3_rate_1_s"
     ];
     LinearDelta: 3, ["x_m" "x_rate_m_s", "y_m" "y_rate_m_s", "z_m" "z_rate_m_s"];
+    Rail: 1, ["position_m" "impulse_n_s"];
 }
 
 // After the macro that they use.
@@ -79,7 +80,7 @@ mod kinematics;
 mod part;
 
 pub use component::*;
-pub use geometry::{Geometry, LinearDelta, Rps3, Ups6, Upu3};
+pub use geometry::{Geometry, LinearDelta, Rail, Rps3, Ups6, Upu3};
 pub use jet::Smooth;
 pub use kinematics::Evaluated;
 pub(crate) use kinematics::Unreached;

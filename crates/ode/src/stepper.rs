@@ -184,6 +184,24 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         &self.y.as_flattened()[..self.structure.n()]
     }
 
+    /// Returns the present state, to change it between two steps. The next step keeps the step size.
+    pub fn state_mut(&mut self) -> &mut [R] {
+        self.fresh = false;
+        &mut self.y.as_flattened_mut()[..self.structure.n()]
+    }
+
+    /// Continues from time, state and step size of another stepper whose system is equal.
+    pub fn follow(&mut self, other: &Self) {
+        self.lanes.clone_from(&other.lanes);
+        self.t.copy_from_slice(&other.t);
+        self.y.copy_from_slice(&other.y);
+        self.scale.copy_from_slice(&other.scale);
+        self.started.copy_from_slice(&other.started);
+        self.allowed.copy_from_slice(&other.allowed);
+        self.event_shift = other.event_shift;
+        self.fresh = false;
+    }
+
     /// Changes the method of the next steps.
     pub fn use_method(&mut self, method: Method) {
         self.options.method = method;

@@ -13,7 +13,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use servo::specification::{Controller, Motion, Setup};
-use servo::{COLUMNS, Encoder, Led, Loop, Servo, Turn, controller, run_together};
+use servo::{COLUMNS, Encoder, Led, Loop, Sensors, Servo, Turn, controller, run_together};
 use std::collections::BTreeMap;
 
 /// Keys of the controllers.
@@ -406,4 +406,22 @@ pub fn control_run<'py>(
     }
     let others = PyArray1::from_vec(py, others.concat()).reshape([rows[0].len(), shape])?;
     Ok((out, others, air))
+}
+
+/// Sensors of an axis, sample by sample.
+#[pyclass(name = "ControlSensors")]
+pub struct PySensors(Sensors);
+
+#[pymethods]
+impl PySensors {
+    #[new]
+    fn new(setup: &str) -> PyResult<Self> {
+        Ok(PySensors((&parse::<Setup>(setup)?).into()))
+    }
+
+    /// Returns the readings of a position, m, and of both pressures, Pa, if there are sensors for them. Arguments are the
+    /// number of the sample, its period, s, and the true position, velocity and pressures.
+    fn sample(&mut self, tick: u64, period: f64, truth: [f64; 4]) -> (f64, Option<[f64; 2]>) {
+        self.0.sample(tick, period, truth)
+    }
 }

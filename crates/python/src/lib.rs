@@ -69,6 +69,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<tank::PyTank>()?;
     m.add_class::<table::PyColumn>()?;
     m.add_function(wrap_pyfunction!(table::write_parquet, m)?)?;
+    m.add_function(wrap_pyfunction!(session::close_step, m)?)?;
     m.add_function(wrap_pyfunction!(signals::turning_points, m)?)?;
     m.add_function(wrap_pyfunction!(signals::bin_means, m)?)?;
     m.add_function(wrap_pyfunction!(kinds::components, m)?)?;
@@ -91,6 +92,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::control_feasibility, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_tune, m)?)?;
     m.add_class::<control::PyLoop>()?;
+    m.add_class::<control::PySensors>()?;
     m.add_class::<control::PyReference>()?;
     m.add_function(wrap_pyfunction!(control::reference_at, m)?)?;
     m.add_function(wrap_pyfunction!(flow_ratio, m)?)?;

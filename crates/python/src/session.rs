@@ -1,7 +1,7 @@
 //! `Session`: a running drive.
 
 use crate::convert::{Numbers, Teller, run_to_dict, statistics, to_python, watched};
-use circuit::{Look, Session};
+use circuit::{Look, Mechanics, Prescribed, Session, close};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -11,16 +11,34 @@ use pyo3::types::{PyBytes, PyDict};
 #[pyclass(name = "Session")]
 pub struct PySession {
     session: Session,
+    /// Its axis at a prescribed velocity, from the first trial on.
+    axis: Option<Box<Prescribed>>,
 }
 
 impl PySession {
     pub fn new(session: Session) -> Self {
-        PySession { session }
+        PySession { session, axis: None }
     }
 
     fn input(&self, name: &str) -> PyResult<usize> {
         let place = self.session.inputs().iter().position(|input| input.name == name);
         place.ok_or_else(|| PyValueError::new_err(format!("there is no input \"{name}\"")))
+    }
+
+    fn prescribed(&mut self) -> PyResult<(&Session, &mut Prescribed)> {
+        if self.axis.is_none() {
+            self.axis = Prescribed::of(&self.session).map(Box::new);
+        }
+        let none = || PyValueError::new_err("no axis of this session has a prescribed velocity");
+        Ok((&self.session, self.axis.as_deref_mut().ok_or_else(none)?))
+    }
+
+    /// Returns the session, to change it. The next trial takes the change over.
+    fn changed(&mut self) -> &mut Session {
+        if let Some(axis) = &mut self.axis {
+            axis.renew();
+        }
+        &mut self.session
     }
 
     fn column(&self, name: &str) -> Option<usize> {
@@ -68,18 +86,20 @@ impl PySession {
 
     /// Sets an input from now on.
     fn set(&mut self, name: &str, value: f64) -> PyResult<()> {
-        self.session.set(self.input(name)?, value).map_err(to_python)
+        let input = self.input(name)?;
+        self.changed().set(input, value).map_err(to_python)
     }
 
     /// Sets an input at future times.
     fn schedule(&mut self, name: &str, times: Vec<f64>, values: Vec<f64>) -> PyResult<()> {
-        self.session.schedule(self.input(name)?, &times, &values).map_err(to_python)
+        let input = self.input(name)?;
+        self.changed().schedule(input, &times, &values).map_err(to_python)
     }
 
     /// Continues until a time, s.
     #[pyo3(signature = (until, look=None))]
     fn advance(&mut self, py: Python<'_>, until: f64, look: Teller<'_>) -> PyResult<()> {
-        let session = &mut self.session;
+        let session = self.changed();
         watched(py, look, |interrupted| session.go_on(until, &mut Look::new(interrupted)))
     }
 
@@ -96,7 +116,7 @@ impl PySession {
         let unknown = |name: &String| PyValueError::new_err(format!("there is no column \"{name}\""));
         let places = columns.iter().map(|name| self.column(name).ok_or_else(|| unknown(name)));
         let places = places.collect::<PyResult<Vec<_>>>()?;
-        let (session, times) = (&mut self.session, times.into());
+        let (session, times) = (self.changed(), times.into());
         let run = watched(py, look, |interrupted| {
             session.record(until, times, &places, &mut Look::new(interrupted))
         })?;
@@ -122,7 +142,26 @@ impl PySession {
     }
 
     fn restore(&mut self, saved: &[u8]) -> PyResult<()> {
-        self.session.restore(saved).map_err(to_python)
+        self.changed().restore(saved).map_err(to_python)
+    }
+
+    /// Tries a step to a time, s, at a constant velocity of the prescribed axis, m/s. Returns the mean force, N.
+    fn try_velocity(&mut self, velocity: f64, until: f64) -> PyResult<f64> {
+        let (session, axis) = self.prescribed()?;
+        axis.step(session, velocity, until).map_err(to_python)
+    }
+
+    /// Returns the mean force of such a step, N, and its derivative by the velocity, N s/m.
+    fn velocity_slope(&mut self, velocity: f64, until: f64) -> PyResult<[f64; 2]> {
+        let (session, axis) = self.prescribed()?;
+        session.drive_slope(axis, velocity, until).map_err(to_python)
+    }
+
+    /// Continues from the end of the last trial.
+    fn accept(&mut self) {
+        if let Some(axis) = &mut self.axis {
+            axis.accept(&mut self.session);
+        }
     }
 
     /// Returns A, B, C and D by name, with the state, its rates and the outputs at the point of
@@ -143,4 +182,35 @@ impl PySession {
         out.set_item("outputs", array(linear.outputs))?;
         Ok(out)
     }
+}
+
+/// Velocities, m/s, mean forces, N, their derivatives, N s/m, and the number of trials of a step.
+type Closed = (Vec<f64>, Vec<f64>, Vec<f64>, usize);
+
+/// Finds the step to a time, s, of a mechanism under sessions with a prescribed axis, from velocities and derivatives of
+/// the forces. `mechanics`: positions at the beginning, positions at the end under some forces, these forces, and the
+/// accelerations by the forces, row by row. `known` are the forces of the last trial, if it was made at these velocities.
+/// The sessions can accept the step.
+#[pyfunction]
+#[pyo3(signature = (sessions, until, mechanics, velocities, slopes, known=Vec::new()))]
+pub fn close_step(
+    mut sessions: Vec<PyRefMut<'_, PySession>>,
+    until: f64,
+    mechanics: [Vec<f64>; 4],
+    mut velocities: Vec<f64>,
+    mut slopes: Vec<f64>,
+    known: Vec<f64>,
+) -> PyResult<Closed> {
+    let n = sessions.len();
+    let [begin, end, forces, mobility] = &mechanics;
+    let lengths = [begin.len(), end.len(), forces.len(), velocities.len(), slopes.len()];
+    if lengths.iter().any(|length| *length != n) || mobility.len() != n * n || ![0, n].contains(&known.len())
+    {
+        return Err(PyValueError::new_err("there is one number for each session"));
+    }
+    let mut axes = sessions.iter_mut().map(|own| own.prescribed()).collect::<PyResult<Vec<_>>>()?;
+    let mechanics = Mechanics { begin, end, forces, mobility };
+    let closed = close(&mut axes, until, &mechanics, &mut velocities, &mut slopes, known);
+    let (forces, trials) = closed.map_err(to_python)?;
+    Ok((velocities, forces, slopes, trials))
 }

@@ -8,6 +8,7 @@ mod horizon;
 mod noise;
 mod run;
 mod sensor;
+mod sensors;
 pub mod specification;
 mod valves;
 
@@ -16,6 +17,7 @@ pub use horizon::ByCircuit;
 pub use noise::{Noise, philox};
 pub use run::{COLUMNS, Led, Loop, Rows, Servo, Turn, controller, run_together};
 pub use sensor::{Encoder, Sensor};
+pub use sensors::Sensors;
 
 fn refuse<T>(message: impl Into<String>) -> Result<T, circuit::Error> {
     Err(circuit::Error::Specification(message.into()))

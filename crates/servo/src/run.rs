@@ -3,9 +3,8 @@
 use crate::belief::{Axis, belief};
 use crate::faults::Faults;
 use crate::horizon::ByCircuit;
-use crate::noise::Noise;
 use crate::refuse;
-use crate::sensor::{Encoder, Sensor};
+use crate::sensors::Sensors;
 use crate::specification;
 use circuit::{Error, Look, Session};
 use control::{
@@ -129,8 +128,6 @@ pub const COLUMNS: [&str; 12] = [
     "least_step_time_s",
 ];
 
-/// Channels of the noise of times, from this one on.
-const JITTER: u32 = 16;
 /// Latest time of a command as a fraction of the period.
 const LATEST: f64 = 0.999;
 
@@ -142,12 +139,9 @@ pub struct Loop {
 
 /// The sampled loop of one axis of a session: its sensors, converters, commands and faults.
 pub struct Servo {
-    encoder: Encoder,
-    pressures: Option<[Sensor; 2]>,
+    sensors: Sensors,
     command_bits: u32,
     computing_time: f64,
-    seed: u64,
-    member: u32,
     /// Times that each step is run; the least time of them is that of the processor undisturbed.
     repeats: u32,
     /// Columns of position, velocity and both pressures.
@@ -160,9 +154,6 @@ pub struct Servo {
     faults: Faults,
     /// Times, s, from which on a user has other factors.
     factors: Vec<(f64, [f64; FACTORS.len()])>,
-    jitter: [f64; 4],
-    /// Both pressures at the last sample, as they were and behind the sensors' lag.
-    last: Option<[[f64; 2]; 2]>,
 }
 
 /// A sample whose command has not been given yet.
@@ -322,53 +313,18 @@ impl Servo {
         Ok(Servo {
             faults,
             factors: setup.factors.clone(),
-            jitter: setup.jitter_s,
+            sensors: setup.into(),
             commands: (axis.valves.iter())
                 .map(|valve| input(session, format!("{valve}.command")))
                 .collect::<Result<_, _>>()?,
             valves: axis.valves.clone(),
             switches: axis.switches,
             commanded: vec![],
-            encoder: setup.position.into(),
-            pressures: setup.pressures.map(|own| own.map(Sensor::from)),
             command_bits: setup.command_bits,
             computing_time: setup.computing_time_s,
-            seed: setup.seed,
-            member: setup.member,
             repeats: setup.step_repeats,
             columns,
-            last: None,
         })
-    }
-
-    /// Returns the delay of a sample of a sensor, or of a command, s.
-    fn late(&self, what: usize, tick: u64) -> f64 {
-        let jitter = self.jitter[what];
-        let channel = JITTER + what as u32;
-        if jitter > 0.0 {
-            jitter * Noise { seed: self.seed, member: self.member, channel }.normal(tick)
-        } else {
-            0.0
-        }
-    }
-
-    /// Returns the readings of the sensors. Under jitter, a reading is extrapolated by the slope of the signal.
-    fn sample(&mut self, time: f64, tick: u64, period: f64, [x, v, a, b]: [f64; 4]) -> Sample {
-        let (seed, member) = (self.seed, self.member);
-        let noise = |channel| Noise { seed, member, channel };
-        let late = [1, 2].map(|what| self.late(what, tick));
-        let position = self.encoder.read(x + v * self.late(0, tick), noise(0), tick);
-        let pressures = self.pressures.map(|sensors| {
-            let [before, behind] = self.last.unwrap_or([[a, b]; 2]);
-            let now = [a, b];
-            let lagged = [0, 1].map(|i| sensors[i].follow(behind[i], [before[i], now[i]], period));
-            self.last = Some([now, lagged]);
-            [0, 1].map(|i| {
-                let slope = (lagged[i] - behind[i]) / period;
-                sensors[i].read(lagged[i] + slope * late[i], noise(1 + i as u32), tick)
-            })
-        });
-        Sample { time, position, pressures }
     }
 
     /// Checks the requests of a run for a time, s, and returns the number of its last sample.
@@ -411,10 +367,11 @@ impl Servo {
         // A command comes after the samples of a valve at this instant.
         session.settle_schedule();
         let truth = self.columns.map(|column| session.now(column));
-        let sample = self.sample(session.time(), tick, period, truth);
+        let (position, pressures) = self.sensors.sample(tick, period, truth);
+        let sample = Sample { time: session.time(), position, pressures };
         let t = sample.time;
         if let Some(supervisor) = &mut controller.supervisor {
-            supervisor.inputs = Inputs { jitter: self.jitter[0], ..self.faults.inputs(t, truth[0]) };
+            supervisor.inputs = Inputs { jitter: self.sensors.jitter[0], ..self.faults.inputs(t, truth[0]) };
         }
         let (begin, end) = (t - 0.5 * period, t + 0.5 * period);
         for &(_, factors) in self.factors.iter().filter(|own| (begin..end).contains(&own.0)) {
@@ -473,7 +430,7 @@ impl Servo {
         if !matches!(controller.valves, Valves::One) {
             self.commanded.extend(acts.values());
         }
-        let computing = self.computing_time + self.late(3, turn.tick).abs();
+        let computing = self.computing_time + self.sensors.late(3, turn.tick).abs();
         let computing = computing.min(LATEST * controller.period);
         for (&input, &own) in self.commands.iter().zip(acts.values()) {
             if computing > 0.0 {

@@ -135,3 +135,12 @@ def test_a_restored_session_has_the_same_bits_and_hits_are_reported():
     session.restore(saved)
     session.advance(0.2)
     assert session.read("leg_1.position_m") == first
+
+
+@pytest.mark.parametrize("name", ["published_3rps", "published_linear_delta"])
+def test_the_arrangements_of_published_machines_run_and_mark_every_number(name):
+    circuit = pn.Circuit.load(TRIPOD.with_name(f"{name}.toml"))
+    run = circuit.simulate({"valve_1": [(0.0, 0.3)], "valve_2": [(0.0, -0.2)]}, "0.2 s", ledger=True)
+    assert abs(run.attrs["ledger"]["energy_error"]) < 1e-9
+    plain = [key for key, value in circuit.origin_of.items() if not value.assumed]
+    assert plain == []

@@ -52,7 +52,7 @@ pub struct Session<R: Lane = f64> {
     /// Whether `row` belongs to the present state and inputs.
     pub(super) is_read: bool,
     failed: Option<String>,
-    rtol: f64,
+    pub(super) rtol: f64,
     /// Hash of the description and the tolerance.
     mark: u64,
     /// Gas drawn from outside, if it is followed.

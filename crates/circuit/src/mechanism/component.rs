@@ -4,7 +4,7 @@ use super::{Geometry, MechanismKind, Platform};
 use crate::assembly::Quantity;
 use crate::circuit::AxisId;
 use crate::component::{
-    Brings, Build, Component, Instance, Kind, Row, Stroke, Symbol, Terminals, axis, count, join,
+    Acts, Brings, Build, Component, Instance, Kind, Row, Stroke, Symbol, Terminals, axis, count, join,
 };
 use crate::part::mechanics::axis::largest_scales;
 use crate::run::Error;
@@ -221,6 +221,43 @@ platform! {
     ["1", "2", "3"]
 }
 
+/// An axis at a prescribed velocity.
+pub struct PlatformDriven;
+
+impl Component for PlatformDriven {
+    const KIND: Kind = Kind {
+        key: "platform/driven",
+        title: "Axis at a prescribed velocity",
+        text: "A program that owns the mass moves the axis: x' = v, an input. The force F of the axis gives the impulse \
+               p, p' = F, so that p/t is the mean force over a time t, and v p the work on the program. The masses of \
+               cylinder and load only design the default end stops.",
+        ports: &[axis("1", false)],
+        inputs: &[("velocity_m_s", "m/s", "prescribed velocity")],
+        outputs: &[
+            ("position_m", "m", "position"),
+            ("impulse_n_s", "N s", "time integral of the force"),
+            ("force_n", "N", "force of the axis in +x: gas, springs, end stops and load, minus friction"),
+        ],
+        symbol: Symbol {
+            strokes: &[
+                Stroke::Line(&[[0.0, 0.5], [0.0, 2.0], [3.0, 2.0], [3.0, 0.5], [0.0, 0.5]]),
+                Stroke::Line(&[[3.0, 1.0], [4.0, 1.0]]),
+            ],
+            when: &[],
+            ports: &[[4.0, 1.0]],
+        },
+        ..Kind::PLAIN
+    };
+
+    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Guide { mass: P::zero() }
+    }
+
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+        compose(own, MechanismKind::Rail, at, build);
+    }
+}
+
 fn vector<P: Lane>(own: &Instance<P>, what: &str, leg: usize) -> Option<[P; 3]> {
     let [x, y, z] = ["x", "y", "z"].map(|axis| own.given(&format!("{what}_{}_{axis}", leg + 1)));
     Some([x?, y?, z?])
@@ -233,9 +270,9 @@ fn on_circle<P: Lane>(radius: P, angle: P) -> [P; 3] {
 
 /// Returns the geometry of a platform whose legs move these masses, kg.
 fn geometry<P: Lane>(own: &Instance<P>, kind: MechanismKind, rods: Vec<P>) -> Geometry<P> {
-    let n = kind.count();
-    let (third, zero) = (P::c(TAU / 3.0), P::zero());
     let has = |key: &str| own.kind().parameters.iter().any(|row| row.key == key);
+    let n = if kind == MechanismKind::Rail { 0 } else { kind.count() };
+    let (third, zero) = (P::c(TAU / 3.0), P::zero());
     let number = |key: &str| if has(key) { own.number(key) } else { zero };
     let place = |what: &str, radius: &str, angle: &dyn Fn(usize) -> P| -> Vec<[P; 3]> {
         let one = |i| vector(own, what, i).unwrap_or_else(|| on_circle(own.number(radius), angle(i)));
@@ -274,10 +311,10 @@ fn geometry<P: Lane>(own: &Instance<P>, kind: MechanismKind, rods: Vec<P>) -> Ge
         platform,
         directions,
         lengths: (0..n).map(length).collect(),
-        mass: own.number("mass"),
+        mass: if has("mass") { own.number("mass") } else { rods[0] },
         centre: three("centre"),
         inertia: three("inertia"),
-        payload: own.number("payload"),
+        payload: number("payload"),
         payload_at: three("payload_at"),
         rods,
         rod_centre: number("rod_centre"),
@@ -366,11 +403,15 @@ fn compose<P: Lane>(own: &Instance<P>, kind: MechanismKind, at: &Terminals, buil
         inertia,
         largest_scales: contacts.iter().map(|own| own.as_ref().map_or(Vec::new(), largest_scales)).collect(),
         contacts,
+        velocity: (kind == MechanismKind::Rail).then(P::zero),
     };
     let id = build.circuit.add(part);
     let n = kind.count();
     for k in 0..3 * n {
         build.column(own, k, Quantity::Pose(id, k));
+    }
+    if kind == MechanismKind::Rail {
+        return build.input(own, 0, Acts::On(id.input(1)));
     }
     for (i, axis) in axes.iter().enumerate() {
         build.column(own, 3 * n + i, Quantity::Position(*axis));

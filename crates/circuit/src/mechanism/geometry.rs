@@ -324,3 +324,22 @@ impl Mechanism<3> for LinearDelta {
         p
     }
 }
+
+/// One axis at a prescribed velocity: `PlatformDriven`. Coordinate: its position.
+pub struct Rail;
+
+impl Mechanism<1> for Rail {
+    fn see<P: Real, T: Smooth<P>>(
+        g: &Geometry<P>,
+        q: &[T; 1],
+        point: &mut impl FnMut([P; 2], [T; 3]),
+    ) -> [T; 1] {
+        let zero = T::of(P::zero());
+        point([g.mass, P::zero()], [q[0], zero, zero]);
+        *q
+    }
+
+    fn near<P: Real>(_g: &Geometry<P>, x: &[P; 1]) -> [P; 1] {
+        *x
+    }
+}

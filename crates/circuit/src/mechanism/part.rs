@@ -42,6 +42,8 @@ pub struct Platform<P> {
     pub inner: Vec<usize>,
     /// Largest error scale of each inner state of each leg.
     pub(crate) largest_scales: Vec<Vec<f64>>,
+    /// Prescribed velocity of the one axis, m/s: an input. The second state is then the impulse of its force, N s.
+    pub velocity: Option<P>,
 }
 
 impl<R: Lane> Platform<R> {
@@ -62,6 +64,7 @@ impl<R: Lane> Platform<R> {
             moved: legs.map(|leg| R::from_lanes(|lane| each[lane].moved[leg])).collect(),
             inner: first.inner.clone(),
             largest_scales: first.largest_scales.clone(),
+            velocity: first.velocity.map(|_| R::from_lanes(|lane| each[lane].velocity.unwrap_or(0.0))),
         }
     }
 
@@ -94,7 +97,7 @@ impl<R: Lane> Platform<R> {
             *x = state(first + k);
         }
         Map::<R>::at(&Places(self.kind, &self.geometry), &x[..2 * n], &mut out[..2 * n]);
-        [out[leg], out[n + leg]]
+        [out[leg], self.velocity.unwrap_or(out[n + leg])]
     }
 
     /// Adds the work on the damping of bristles in a step to the balances: see `Axis::damped_in`.
@@ -209,6 +212,7 @@ impl<P: Real> Part<P> for Platform<P> {
     fn states(&self) -> Vec<State> {
         let unit = |name: &str| match name {
             _ if name.ends_with("_m_s") => "m/s",
+            _ if name.ends_with("_n_s") => "N s",
             _ if name.ends_with("_m") => "m",
             _ if name.ends_with("_1_s") => "1/s",
             _ => "1",
@@ -228,22 +232,33 @@ impl<P: Real> Part<P> for Platform<P> {
 
     fn inputs(&self) -> &'static [Input] {
         const FORCE: Input = Input { name: "external force", unit: "N", bounds: physics::any() };
-        &(const { &[FORCE; MOST] })[..self.n()]
+        const VELOCITY: Input = Input { name: "velocity", unit: "m/s", bounds: physics::any() };
+        match self.velocity {
+            Some(_) => const { &[FORCE, VELOCITY] },
+            None => &(const { &[FORCE; MOST] })[..self.n()],
+        }
     }
 
     fn input(&self, input: usize) -> P {
-        self.external[input]
+        self.velocity.filter(|_| input == 1).unwrap_or_else(|| self.external[input])
     }
 
     fn input_mut(&mut self, input: usize) -> &mut P {
-        &mut self.external[input]
+        match &mut self.velocity {
+            Some(velocity) if input == 1 => velocity,
+            _ => &mut self.external[input],
+        }
     }
 
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
         let n = self.n();
         let mut out = [S::zero(); 2 * MOST];
         let memory = &mut net.known[2 * self.nodes[0]];
-        S::mapped(&Places(self.kind, &self.geometry), &y.after(0)[..2 * n], &mut out[..2 * n], memory);
+        if let Some(velocity) = self.velocity {
+            [out[0], out[1]] = [y.after(0)[0], S::from(velocity)];
+        } else {
+            S::mapped(&Places(self.kind, &self.geometry), &y.after(0)[..2 * n], &mut out[..2 * n], memory);
+        }
         for (i, &node) in self.nodes.iter().enumerate() {
             let node = &mut net.axis[node];
             (node.x, node.v) = (out[i], out[n + i]);
@@ -269,6 +284,11 @@ impl<P: Real> Part<P> for Platform<P> {
             });
             x[2 * n + i] = node.force - node.friction;
         }
+        if let Some(velocity) = self.velocity {
+            own.copy_from_slice(&[S::from(velocity), x[2]]);
+            net.axis[self.nodes[0]].a = S::zero();
+            return;
+        }
         let mut out = [S::zero(); 2 * MOST];
         let rates = Rates { kind: self.kind, geometry: &self.geometry, inertia: &self.moved };
         S::mapped(&rates, &x[..3 * n], &mut out[..2 * n], &mut net.known[2 * self.nodes[0] + 1]);
@@ -282,7 +302,7 @@ impl<P: Real> Part<P> for Platform<P> {
     }
 
     fn stored<S: Over<P>>(&self, y: Own<S>, _net: &Net<S>, _common: &Common<P>) -> [S; 3] {
-        let mut energy = self.energy(y.after(0));
+        let mut energy = if self.velocity.is_some() { S::zero() } else { self.energy(y.after(0)) };
         for (i, contact) in self.contacts.iter().enumerate() {
             if let Some(contact) = contact {
                 energy += contact.stored(self.inner(i, &y));
@@ -310,6 +330,9 @@ impl<P: Real> Part<P> for Platform<P> {
             });
             let own = &mut out[CHANNELS.len() * i..];
             own[0] = S::from(self.external[i]) * node.v;
+            if self.velocity.is_some() {
+                own[0] -= (node.force - node.friction) * node.v;
+            }
             own[1] = -heat;
             own[2] = heat / S::from(common.ambient_temperature);
         }
@@ -321,6 +344,9 @@ impl<P: Real> Part<P> for Platform<P> {
             self.nodes.iter().map(|node| given.axis(*node).unwrap_or([P::zero(); 2])).collect();
         let (own, inner) = y.split(2 * n);
         own.copy_from_slice(&self.forward(&starts));
+        if self.velocity.is_some() {
+            own[1] = P::zero();
+        }
         for (leg, node) in self.nodes.iter().enumerate() {
             let range = self.inner_range(leg);
             let z = &mut inner[range.start - 2 * n..range.end - 2 * n];

@@ -1,0 +1,5 @@
+"""Pneumatic drives at the actuators of a MuJoCo model. Extra ``mujoco``."""
+
+from pneudrive.mujoco.actuators import Actuators, StepReport
+
+__all__ = ["Actuators", "StepReport"]

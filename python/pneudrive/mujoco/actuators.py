@@ -1,0 +1,359 @@
+"""Drives at the actuators of a MuJoCo model."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive import units
+from pneudrive._core import ControlSensors, close_step
+from pneudrive.control.setup import Setup, read_setup
+from pneudrive.describe.system import PISTON, compiled
+from pneudrive.errors import CommandError, SimulationError, nearest, warn
+from pneudrive.mujoco.response import Response, mujoco
+from pneudrive.repr_tables import Card, Shown
+from pneudrive.simulation.session import Session
+from pneudrive.simulation.start import check_tolerance
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from pneudrive.describe import Circuit, Drive
+
+    Array = NDArray[np.float64]
+    Described = Drive | Circuit
+
+#: Difference between the motion of MuJoCo and that of the chambers at which a step is accepted: m, a fraction of the
+#: motion, and m from the attempt `RENEW_FROM` on. Positions do not drift apart, because the next step begins at those
+#: of MuJoCo. The mean force has small jumps where the solver of the chambers changes its steps.
+CLOSED, SHARE, ENOUGH = 1e-13, 1e-8, 1e-9
+#: Attempts of a step. Usual steps take two. Later ones compute the slopes of the forces by dual numbers.
+MOST_ATTEMPTS, RENEW_FROM = 20, 4
+#: Steps after which the mobility of the mechanism is computed again (assumed: it changes slowly).
+RENEW_AFTER = 20
+#: Residual of the loops above which a run warns, m (assumed).
+WIDE_GAP = 1e-5
+#: Component that moves the axis of a drive, and columns of a run.
+AXIS = "mujoco_axis"
+SIGNALS = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
+
+
+@dataclass(frozen=True, repr=False)
+class StepReport(Shown):
+    """Quality of the steps since the last reset.
+
+    Attributes
+    ----------
+    steps : int
+    timestep_s : float
+        Step of the model. The error is of first order in it.
+    loop_gap_m : float
+        Largest residual of an equality constraint: MuJoCo closes loops by springs.
+    position_gap_m : float
+        Largest difference between a length of MuJoCo and the position of its cylinder at the end of a step.
+    work_j : float
+        Sum of the magnitudes of the work of all steps.
+    work_gap_j : float
+        Work of the cylinders less the work that MuJoCo received.
+    trials : float
+        Mean number of trials of a step: motions for which the forces of all cylinders are computed.
+    """
+
+    steps: int
+    timestep_s: float
+    loop_gap_m: float
+    position_gap_m: float
+    work_j: float
+    work_gap_j: float
+    trials: float
+
+    def _card(self) -> Card:
+        rows = [
+            ("steps", f"{self.steps} of {1e3 * self.timestep_s:g} ms, {self.trials:.2f} trials each"),
+            ("gap of the loops", f"{1e6 * self.loop_gap_m:.3g} um"),
+            ("gap of the positions", f"{1e6 * self.position_gap_m:.3g} um"),
+            ("work", f"{self.work_j:.6g} J, gap {self.work_gap_j:.2g} J"),
+        ]
+        return Card("Drives in MuJoCo", ("quantity", "value"), rows, [])
+
+
+class _Axis:
+    """A drive at one actuator: its circuit with an axis at a prescribed velocity, and its sensors."""
+
+    def __init__(self, name: str, described: Described, initial: Any, setup: Setup) -> None:  # noqa: ANN401
+        self.name, self.described, self.setup = name, described, setup
+        self.form: dict[str, Any] = json.loads(described.system.json)
+        cylinders = [one for one in self.form["components"] if one.get("friction")]
+        if len(cylinders) != 1:
+            raise CommandError(f"{name}: the circuit has {len(cylinders)} cylinders", rule="one at each actuator")
+        self.cylinder = cylinders[0]
+        own = self.cylinder["name"]
+        self.joint = next((one for one in self.form["joints"] if f"{own}.rod" in one), [f"{own}.rod"])
+        if self.joint not in self.form["joints"]:
+            self.form["joints"].append(self.joint)
+        self.joint.append(f"{AXIS}.1")
+        self.form["components"].append({"name": AXIS, "kind": "platform/driven", "numbers": {}})
+        masses = [one for one in self.form["components"] if f"{one['name']}.1" in self.joint and one["kind"] == "load"]
+        for one in masses:
+            one["numbers"]["mass"] = 0.0
+        self.cylinder["numbers"]["incline"] = 0.0
+        self.prefix = "" if own == PISTON and described.system.names else f"{own}."
+        self.given = described.read_start(initial)
+        self.stroke_m = float(self.cylinder["numbers"]["stroke"])
+
+    def start(self, position_m: float, mass_kg: float, rtol: float, seed: int) -> None:
+        """Start at a position; the mass, which MuJoCo moves, designs the default end stops."""
+        self.cylinder["numbers"]["moving_mass"] = mass_kg
+        core = compiled(json.dumps(self.form, sort_keys=True), self.described.system.names)
+        own = {f"{self.prefix}position_m": position_m, f"{self.prefix}velocity_m_s": 0.0}
+        self.core = core.start({**self.given, **own}, rtol)
+        self.session = Session(self.core)
+        ambient_pa = float(self.form["ambient"]["pressure_pa"])
+        self.sensors = ControlSensors(json.dumps(self.setup.core(seed, ambient_pa)))
+        self.samples, self.sampled_s = 0, 0.0
+
+    def column(self, name: str) -> str:
+        """Return the name of the circuit for a name of a drive."""
+        chamber = {f"{key}_{c}_{unit}": f"{c}.{key}_{unit}" for c in "ab" for key, unit in (("pressure", "pa"),)}
+        return name if not self.prefix else f"{self.prefix}{chamber.get(name, name)}"
+
+
+class Actuators:
+    """Pneumatic drives at the actuators of a MuJoCo model.
+
+    MuJoCo owns all masses and the weight. Masses and inclines of the drives are not used. The force of a cylinder over
+    a step is the mean of the force along the motion that this force causes. It is solved for all cylinders at once.
+    The chambers then advance along that motion. An actuator is a plain force: ``<motor joint="slide"/>``. Its length
+    is the position of the cylinder, plus `zero`.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    drives : mapping
+        Actuator, or joint with one actuator -> `Drive`, or `Circuit` with one cylinder. The friction law has no stick
+        mode: lugre, elasto-plastic, ...
+    data : mujoco.MjData, optional
+    zero : mapping of str to str or float, optional
+        Length of an actuator at the cylinder position 0: ``"350 mm"``, or a number in m. Default 0.
+    initial : mapping, optional
+        Start of each drive, as for `pneudrive.simulate`, without the position: that is MuJoCo's.
+    setup : Setup, str or path-like
+        Sensors of `sense`: ``"ideal"``, ``"real"``, ``"cheap"`` or a file.
+    seed : int
+        Of the noise of the sensors.
+    rtol : float
+        Relative tolerance of the chambers.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        MuJoCo is not installed, or a drive does not fit the model.
+    """
+
+    def __init__(
+        self,
+        model: Any,  # noqa: ANN401 - types of an extra
+        drives: Mapping[str, Described],
+        data: Any = None,  # noqa: ANN401
+        *,
+        zero: Mapping[str, str | float] | None = None,
+        initial: Mapping[str, Any] | None = None,
+        setup: Setup | str | Path = "real",
+        seed: int = 0,
+        rtol: float = 1e-6,
+    ) -> None:
+        check_tolerance(rtol)
+        for given in (zero, initial):
+            for name in given or {}:
+                if name not in drives:
+                    raise CommandError(f"there is no drive at {name!r}", remedy=nearest(name, drives))
+        self.model, self.names, self.rtol, self.seed = model, tuple(drives), rtol, seed
+        self._response = Response(model, self.names, data)
+        self.data = self._response.data
+        of = {name: units.parse(own, "m") if isinstance(own, str) else float(own) for name, own in (zero or {}).items()}
+        self._zero = np.array([of.get(name, 0.0) for name in self.names])
+        known = read_setup(setup)[0]
+        self._axes = [_Axis(name, own, (initial or {}).get(name), known) for name, own in drives.items()]
+        self.reset(keep=data is not None)
+
+    def reset(self, keyframe: int | None = None, *, keep: bool = False) -> None:
+        """Start again: the model at `keyframe` or its default, the drives at their initial state.
+
+        Parameters
+        ----------
+        keyframe : int, optional
+        keep : bool
+            Keep the present positions and velocities of the model.
+
+        Raises
+        ------
+        CommandError
+            A length is outside the stroke of its cylinder.
+        """
+        if not keep:
+            if keyframe is None:
+                mujoco.mj_resetData(self.model, self.data)
+            else:
+                mujoco.mj_resetDataKeyframe(self.model, self.data, keyframe)
+        mujoco.mj_forward(self.model, self.data)
+        x = self._response.lengths - self._zero
+        mobility = self._response.mobility()
+        self._mobility = mobility.ravel().tolist()
+        for i, (axis, position) in enumerate(zip(self._axes, x.tolist(), strict=True)):
+            if not 0.0 <= position <= axis.stroke_m:
+                what = f"{axis.name} starts at {1e3 * position:.6g} mm"
+                remedy = f"Move the model there, or set zero={{{axis.name!r}: ...}}."
+                raise CommandError(what, rule=f"within the stroke, 0 to {1e3 * axis.stroke_m:g} mm", remedy=remedy)
+            axis.start(position, 1.0 / float(mobility[i, i]), self.rtol, self.seed + i)
+        self.time = 0.0
+        self._x = self._length = x
+        self._cores = [axis.core for axis in self._axes]
+        h, v = float(self.model.opt.timestep), self.data.actuator_velocity[self._response.ids]
+        forces = [core.try_velocity(own, h) for core, own in zip(self._cores, v.tolist(), strict=True)]
+        self._past = (np.concatenate([v, forces]),) * 3
+        self._slopes = self._slopes_at(v, h)
+        self._steps = self._trials = 0
+        self._gaps, self._work, self._missed = (0.0, 0.0), np.zeros(len(x)), np.zeros(len(x))
+
+    def set(self, name: str, value: float, input: str = "command") -> None:  # noqa: A002 - as Session has it
+        """Set an input of a drive from now on.
+
+        Parameters
+        ----------
+        name : str
+            Actuator or joint.
+        value : float
+        input : str
+            As in `pneudrive.simulation.session.Session.set`; for a circuit with its component: ``"valve.command"``.
+        """
+        self._axis(name).session.set(input, value)
+
+    def read(self, name: str, variable: str) -> float:
+        """Return the true value of an output or input of a drive: ``"pressure_a_pa"``. See `sense`."""
+        axis = self._axis(name)
+        return axis.session.read(axis.column(variable) if variable in SIGNALS else variable)
+
+    def sense(self, name: str) -> dict[str, float]:
+        """Return the readings of the sensors of a drive now: position_m, and pressures if there are sensors for them.
+
+        Call it once at each sample of a controller: lag and noise follow the calls.
+        """
+        axis = self._axis(name)
+        period = max(self.time - axis.sampled_s, float(self.model.opt.timestep))
+        truth = [axis.session.read(axis.column(signal)) for signal in SIGNALS]
+        position, pressures = axis.sensors.sample(axis.samples, period, truth)
+        axis.samples, axis.sampled_s = axis.samples + 1, self.time
+        return dict(zip((SIGNALS[0], *SIGNALS[2:]), (position, *(pressures or ())), strict=False))
+
+    def _axis(self, name: str) -> _Axis:
+        if name not in self.names:
+            raise CommandError(f"there is no drive at {name!r}", remedy=nearest(name, self.names))
+        return self._axes[self.names.index(name)]
+
+    def _slopes_at(self, v: Array, until: float) -> list[float]:
+        """Return the derivatives of the mean forces by the velocities, N s/m."""
+        return [core.velocity_slope(own, until)[1] for core, own in zip(self._cores, v.tolist(), strict=True)]
+
+    def step(self) -> None:
+        """Advance model and drives by one step of the model. Set `data.ctrl` of other actuators before.
+
+        Raises
+        ------
+        SimulationError
+            A drive cannot follow, or no motion closes the step.
+        """
+        h, n, response = float(self.model.opt.timestep), len(self._axes), self._response
+        until = self.time + h
+        response.begin()
+        gap = response.gap()
+        if self._steps % RENEW_AFTER == 0:
+            self._mobility = response.mobility().ravel().tolist()
+        last, before, first = self._past
+        guess = 3.0 * (last - before) + first  # a parabola through the last three steps
+        v, forces, known = guess[:n], guess[n:], []
+        most, begin = np.inf, self._x.tolist()
+        for attempt in range(MOST_ATTEMPTS):
+            lengths = response.step(forces) - self._zero
+            if attempt:
+                moved = h * v
+                most = float(np.abs(lengths - self._x - moved).max())
+                if most < CLOSED or most < SHARE * np.abs(moved).max() or (attempt >= RENEW_FROM and most < ENOUGH):
+                    break
+            if attempt >= RENEW_FROM:
+                self._slopes = self._slopes_at(v, until)
+            mechanics = [begin, lengths.tolist(), forces.tolist(), self._mobility]
+            try:
+                closed = close_step(self._cores, until, mechanics, v.tolist(), self._slopes, known)
+            except RuntimeError as error:
+                raise SimulationError(f"a drive cannot follow the model at t = {self.time:.6g} s: {error}") from None
+            speeds, known, self._slopes, trials = closed
+            v, forces = np.array(speeds), np.array(known)
+            self._trials += trials
+        else:
+            what = f"no motion closes the step at t = {self.time:.6g} s: {most:.2g} m are left"
+            raise SimulationError(what, remedy="Take a shorter timestep, or softer contacts.")
+        for core in self._cores:
+            core.accept()
+        self._steps += 1
+        self._gaps = (max(self._gaps[0], gap), max(self._gaps[1], most))
+        self._work += np.abs(forces * moved)
+        self._missed += forces * (moved - lengths + self._length)
+        self._x, self._length = self._x + moved, lengths
+        self._past = (np.concatenate([v, forces]), last, before)
+        self.time = until
+
+    @property
+    def report(self) -> StepReport:
+        """Quality of the steps since the last reset."""
+        steps = max(self._steps, 1)
+        step = float(self.model.opt.timestep)
+        work, missed = float(self._work.sum()), float(self._missed.sum())
+        return StepReport(self._steps, step, *self._gaps, work, missed, self._trials / steps)
+
+    def simulate(
+        self,
+        commands: Mapping[str, Sequence[tuple[float, float]]],
+        duration: str | float,
+        signals: Sequence[str] = SIGNALS,
+    ) -> dict[str, Array]:
+        """Run the model under commands of the drives from now on. Warn of wide loops.
+
+        Parameters
+        ----------
+        commands : mapping
+            Actuator or joint -> pairs of time, s, and command, as for `pneudrive.simulate`.
+        duration : str or float
+            ``"0.5 s"``, or a number in s.
+        signals : sequence of str
+            Outputs or inputs of each drive.
+
+        Returns
+        -------
+        dict
+            ``time_s`` and ``slide.position_m`` and so on: arrays of one value at the start and after each step.
+        """
+        for name, plan in commands.items():
+            axis = self._axis(name)
+            for t, value in plan:
+                axis.session.schedule("command" if not axis.prefix else "valve.command", [(self.time + t, value)])
+        seconds = units.parse(duration, "s") if isinstance(duration, str) else duration
+        rows = [self._row(signals)]
+        for _ in range(round(seconds / self.model.opt.timestep)):
+            self.step()
+            rows.append(self._row(signals))
+        if self._gaps[0] > WIDE_GAP:
+            warn(
+                f"the loops of the model open by {1e6 * self._gaps[0]:.3g} um. "
+                'Take a stiffer solref, such as "0.004 1", for its equality constraints'
+            )
+        names = ["time_s", *(f"{name}.{signal}" for name in self.names for signal in signals)]
+        return dict(zip(names, np.array(rows).T, strict=True))
+
+    def _row(self, signals: Sequence[str]) -> list[float]:
+        return [self.time, *(self.read(name, signal) for name in self.names for signal in signals)]
