@@ -12,11 +12,11 @@ import numpy as np
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.threads import one_thread
-from pneudrive.friction.campaign.curves.curves import curves_of, fit_points
-from pneudrive.friction.campaign.curves.points import Points, points_of
+from pneudrive.friction.campaign.curves.curves import bands_of, curves_of, cycle_terms, fit_points
+from pneudrive.friction.campaign.curves.points import Points, condensed, points_of
 from pneudrive.friction.campaign.effects.air import air_shares
 from pneudrive.friction.campaign.effects.budget import sources
-from pneudrive.friction.campaign.effects.drift import causes, drift_of, repeatability
+from pneudrive.friction.campaign.effects.drift import causes, drift_of, pure_scatter, repeatability
 from pneudrive.friction.campaign.effects.position import position_dependence
 from pneudrive.friction.campaign.effects.pressure import pressure_effects
 from pneudrive.friction.campaign.effects.stick_slip import stick_slip_points, thresholds
@@ -29,6 +29,7 @@ from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.campaign.table import friction_map
 from pneudrive.friction.reduction.loop import SHOWN_CONDITIONS, Loop
+from pneudrive.friction.reduction.plausible import suspicions
 from pneudrive.friction.reduction.settling import SAMPLE_CHOICES, Settled
 from pneudrive.progress import Watch
 from pneudrive.signals.load import recordings_in
@@ -157,10 +158,31 @@ def recorded_characteristics(found: Characterisation) -> CampaignCharacteristics
 @many_objects()
 def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharacteristics:
     points = points_of(reading)
-    fits = fit_points(points, reading.tares) if points is not None else None
-    if points is not None and fits is not None and len(fits.points) == len(points):
+    large = points is not None and points.is_large
+    fitted = condensed(points) if points is not None and large else points
+    fits = fit_points(fitted, reading.tares, condensed=large) if fitted is not None else None
+    if fits is not None and not large:
         points = fits.points  # outliers are known now; a campaign that was condensed for its fits stays so
-    cycles, rig = _cycles(reading, points), reading.identity
+    rig, why, pure, bands, parts = reading.identity, None, None, (), {}
+    terms = None if points is None else cycle_terms(points, fits)
+    if fits is not None:
+        bands, separated = bands_of(fits), rig.pressure_measured_at == "chamber"
+        parts["curves"] = curves_of(fits, bands, contains_air=not separated)
+        parts["air"] = air_shares(fits, bands, separated=separated)
+        parts["asymmetry"] = asymmetries(fits, bands)
+    parts["zero"] = sensor_zero(reading.tares)
+    if fits is not None:
+        why, pure = causes(fits), pure_scatter(fits)
+        parts["drift"] = drift_of(fits, why)
+        parts["repeatability"] = repeatability(fits, pure)
+        parts["pressure"] = pressure_effects(fits, rig.ambient_pressure_pa)
+        parts["sources"] = sources(fits, bands, reading.gain, rig.force_calibration)
+    if points is not None:
+        parts["position"] = position_dependence(points)
+        parts["stick_slip"] = stick_slip_points(points)
+        parts["stick_slip_thresholds"] = thresholds(points)
+        parts["loops"] = _loops(reading, points)
+    cycles = _cycles(reading, points)
     found = CampaignCharacteristics(
         name=reading.name,
         folder=reading.source,
@@ -169,32 +191,12 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         cycles=cycles,
         skipped=reading.skipped,
         flags=dict(Counter(flag for cycle in cycles for flag in cycle.flags)),
-        friction_map=friction_map(reading, points, fits, choice.name),
-        zero=sensor_zero(reading.tares),
         ranges=_ranges(reading),
+        friction_map=friction_map(reading, points, fits, terms, choice.name),
+        **parts,
     )
-    why = None
-    if points is not None:
-        found = replace(
-            found,
-            position=position_dependence(points),
-            stick_slip=stick_slip_points(points),
-            stick_slip_thresholds=thresholds(points),
-            loops=_loops(reading, points),
-        )
-    if fits is not None:
-        why = causes(fits)
-        found = replace(
-            found,
-            curves=curves_of(fits, contains_air=rig.pressure_measured_at != "chamber"),
-            sources=sources(fits, reading.gain, rig.force_calibration),
-            asymmetry=asymmetries(fits),
-            air=air_shares(fits, separated=rig.pressure_measured_at == "chamber"),
-            pressure=pressure_effects(fits, rig.ambient_pressure_pa),
-            drift=drift_of(fits, why),
-            repeatability=repeatability(fits),
-        )
-    return replace(found, statements=statements(found, reading, points, fits, why))
+    doubts = suspicions(reading.sliding, rig.accuracy, rig.ambient_pressure_pa)
+    return replace(found, statements=statements(found, reading, doubts, points, fits, bands, why, pure))
 
 
 def _loops(reading: CampaignData, points: Points) -> tuple[Loop, ...]:

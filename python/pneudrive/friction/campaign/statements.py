@@ -7,22 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
-from pneudrive.friction.campaign.curves.curves import deviation_n
 from pneudrive.friction.campaign.curves.smooth import CARRIED
-from pneudrive.friction.campaign.effects.drift import pure_scatter
 from pneudrive.friction.reduction.condition import BOTH, PA_PER_BAR
-from pneudrive.friction.reduction.plausible import NEGATIVE, OUTLIER, suspicions
+from pneudrive.friction.reduction.plausible import NEGATIVE, OUTLIER
 from pneudrive.friction.sentences import NAMED, named, say_all
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.curves.curves import Fits
+    from pneudrive.friction.campaign.curves.curves import CurveBand, Fits
     from pneudrive.friction.campaign.curves.points import Points
-    from pneudrive.friction.campaign.effects.drift import Causes
+    from pneudrive.friction.campaign.effects.drift import Causes, Pure
     from pneudrive.friction.campaign.effects.effect import Drift, Repeatability
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics
@@ -41,21 +39,32 @@ KIND_TOLD = 0.05  # least probability for a statement on the form of scatter
 def statements(
     found: CampaignCharacteristics,
     reading: CampaignData,
+    doubts: Iterable[Said],
     points: Points | None,
     fits: Fits | None,
-    causes: Causes | None,
+    bands: Sequence[CurveBand] = (),
+    causes: Causes | None = None,
+    pure: Pure | None = None,
 ) -> tuple[Statement, ...]:
     """Return statements on the determined and undetermined effects."""
-    said = [*_data(found, reading, points), *_ranges(found)]
+    said = [*_data(found, reading, points, doubts), *_ranges(found)]
     if points is None or fits is None:
         return tuple(say_all([*said, ("curve.none", {})]))
-    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits)]
-    said += [*_drift(found, fits, causes), *_pressure_zeros(reading), *_directions(found), *_pressure(found)]
+    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits, bands)]
+    said += [
+        *_left(fits, pure),
+        *_drift(found, fits, causes),
+        *_pressure_zeros(reading),
+        *_directions(found),
+        *_pressure(found),
+    ]
     said += [*_air(found), *_position(found), *_stick_slip(found), *_excluded(found)]
     return tuple(say_all(said))
 
 
-def _data(found: CampaignCharacteristics, reading: CampaignData, points: Points | None) -> Iterator[Said]:
+def _data(
+    found: CampaignCharacteristics, reading: CampaignData, points: Points | None, doubts: Iterable[Said]
+) -> Iterator[Said]:
     if found.skipped:
         several = named((f"{s.key or s.file}: {s.reason}" for s in found.skipped), "; ")
         more = f"; and {len(found.skipped) - NAMED} more" if len(found.skipped) > NAMED else ""
@@ -72,7 +81,7 @@ def _data(found: CampaignCharacteristics, reading: CampaignData, points: Points 
     if points is not None and (negative := [i for i, r in enumerate(points.reasons) if r == NEGATIVE]):
         keys = named(points.reduced.data[i].plan.key for i in negative)
         yield "data.negative", {"negative": len(negative), "count": len(points), "keys": keys}
-    yield from suspicions(reading.sliding, reading.identity.accuracy, reading.identity.ambient_pressure_pa)
+    yield from doubts
     if reading.notes:
         yield "data.notes", {"notes": named(reading.notes, "; ")}
     if found.synthetic:
@@ -124,43 +133,44 @@ def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -
         yield kind, percent
 
 
-def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Said]:
+def _scatter(
+    found: CampaignCharacteristics, reading: CampaignData, fits: Fits, bands: Sequence[CurveBand]
+) -> Iterator[Said]:
     repeat = found.repeatability
     if repeat is not None and repeat.within is not None:
         kind = "within" if repeat.between is None else "within_and_between"
         yield f"repeatability.{kind}", {"r": repeat, "kind": fits.block_kind}
-        yield from _once(found, repeat, fits)
-    yield from _left(fits)
+        yield from _once(found, repeat, fits, bands)
     if fits.blocks is None:
         yield ("repeatability.one_block_each" if reading.several else "repeatability.one_block"), {}
 
 
-def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Said]:
+def _once(
+    found: CampaignCharacteristics, repeat: Repeatability, fits: Fits, bands: Sequence[CurveBand]
+) -> Iterator[Said]:
     """Return a statement on unrepeated points whose band is narrow because neighbours contribute."""
     if repeat.basis == "smooth curve":
         yield "repeatability.nothing_repeated", {}
     elif repeat.basis == "sentinels":
-        share = _of_single_cycles(found, fits)
+        share = _of_single_cycles(found, bands)
         if share.size and np.median(share) < 1.0:
             count = sum(d.plan.kind == "sentinel" for some in fits.points.members for d in some)
             numbers = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min(), "sentinels": count}
             yield "repeatability.measured_once", numbers
 
 
-def _of_single_cycles(found: CampaignCharacteristics, fits: Fits) -> Array:
+def _of_single_cycles(found: CampaignCharacteristics, bands: Sequence[CurveBand]) -> Array:
     """Return the width of the band at each point measured once, over the 95 % scatter of a single cycle."""
     shares = [np.zeros(0)]
-    for curve in found.curves:
-        if curve.direction == BOTH:
-            once = curve.measured & (curve.cycles == 1)
-            scatter = NORMAL_95 * deviation_n(fits, "cycle", curve.friction_n[once])
-            shares.append((curve.high_n - curve.low_n)[once] / (2.0 * scatter))
+    for curve, band in zip((c for c in found.curves if c.direction == BOTH), bands, strict=True):
+        once = curve.measured & (curve.cycles == 1)
+        shares.append((curve.high_n - curve.low_n)[once] / (2.0 * NORMAL_95 * band.cycle_n[once]))
     return np.concatenate(shares)
 
 
-def _left(fits: Fits) -> Iterator[Said]:
+def _left(fits: Fits, pure: Pure | None) -> Iterator[Said]:
     """Return statements on good cycles that differ from a curve by more than the scatter, and on suspect cycles."""
-    pure, points = pure_scatter(fits), fits.points
+    points = fits.points
     if pure is not None:
         data = fits.friction.data
         scatter = np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))

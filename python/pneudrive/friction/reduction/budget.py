@@ -21,7 +21,7 @@ and known weights replace some of them by measured values (``campaign/sensors.py
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -272,8 +272,8 @@ class SharedTerms:
         Friction over the part of the stroke that the mean does not cover.
     state_n : ndarray
         Friction in another state of the campaign than the mean one: part of a single cycle, not of the mean curve.
-    zero_n : ndarray
-        Zero of the force sensor, only for one direction.
+    zero_n, half_sum_n : ndarray
+        Zero of the force sensor, and half the sum of both directions without zero runs; only for one direction.
     """
 
     gain_n: Array
@@ -281,6 +281,7 @@ class SharedTerms:
     position_n: Array
     state_n: Array
     zero_n: Array
+    half_sum_n: Array
 
     def friction_n(self) -> Array:
         """Return the uncertainty of half the difference of both directions, in the mean state of the campaign."""
@@ -288,7 +289,7 @@ class SharedTerms:
 
     def direction_n(self) -> Array:
         """Return the uncertainty of one direction."""
-        return np.hypot(self.friction_n(), self.zero_n)
+        return np.hypot(self.friction_n(), np.hypot(self.zero_n, self.half_sum_n))
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,8 +327,8 @@ class CycleTerms(SharedTerms):
     @property
     def half_direction_n(self) -> Array:
         """Half width of the 95 % band of a single direction."""
-        squares = self.stderr_n**2 + self.u_systematic_n**2 + self.offset_n**2 + self.zero_n**2
-        return NORMAL_95 * np.sqrt(squares)
+        one_sided = self.offset_n**2 + self.zero_n**2 + self.half_sum_n**2
+        return NORMAL_95 * np.sqrt(self.stderr_n**2 + self.u_systematic_n**2 + one_sided)
 
 
 def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
@@ -340,9 +341,7 @@ def expanded(stderr_n: float, u_systematic_n: float) -> float:
     return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(stderr_n), u_systematic_n))
 
 
-def stated_shares(
-    recording: Recording, up: DirectionMeans, down: DirectionMeans
-) -> dict[str, float | bool | dict[str, float]]:
+def stated_shares(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> dict[str, Any]:
     """Divide the budget of a cycle into the parts that campaigns separate, by the fields of `CycleData`.
 
     Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.

@@ -224,7 +224,6 @@ def cycle_of(
         sides={d: _cycle_side(motion, side, grid, rows[d]) for d, side in sides.items()},
         strokes_recorded=sum(side.strokes_recorded for side in sides.values()),
         duration_s=float(recording.time_s[-1] - recording.time_s[0]),
-        # pyright: ignore[reportArgumentType] - names and kinds of the fields
         **stated_shares(recording, *(sides.get(d, only) for d in (1, -1))),
     )
 

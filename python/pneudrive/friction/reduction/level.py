@@ -264,17 +264,16 @@ def _estimate(
 def _window_entry(profile: Profile, found: ReducedStrokes) -> BudgetEntry:
     """Return the entry of the window; a single direction has its balance for both friction and half the sum."""
     only = profile.up_n if 1 in found.sides else profile.down_n
-    both = (profile.friction_n, profile.offset_n) if len(found.sides) == 2 else (only, only)
-    return window_entry(*(values[found.bins] for values in both), float(found.bins.mean()))
+    friction, offset = (profile.friction_n, profile.offset_n) if len(found.sides) == 2 else (only, only)
+    return window_entry(friction[found.bins], offset[found.bins], float(found.bins.mean()))
 
 
 def _level_flags(recording: Recording, level: Level, *, covers_window: bool) -> tuple[str, ...]:
     """Return the flags of a speed class."""
     flags = [kind for kind, count in recording.flags.items() if count]
-    slips = level.stick_slip
     speeds = [abs(c.velocity_m_s) for c in level.sides.values()]
-    stick_slip = bool(slips) and float(np.mean([s.found for s in slips])) > 0.5
-    ripple = bool(slips) and float(np.median([s.ripple for s in slips])) > RIPPLE_LIMIT
+    stick_slip = any(side.stick_slip for side in level.sides.values())
+    ripple = any(side.ripple > RIPPLE_LIMIT for side in level.sides.values())
     seen = {
         "unpaired": len(level.sides) < 2,
         "negative_friction": level.friction_n < -2 * level.expanded_n,

@@ -208,7 +208,7 @@ def test_what_the_stops_do_not_carry_is_said(tmp_path):
     def said(world, seed):
         return " ".join(f"{s.text} {s.remedy}" for s in found(tmp_path, world, seed)[3] if not s.carried)
 
-    assert "no law" in said(StopWorld(durations_s=(1.0, 100.0)), 0)
+    assert "not a law" in said(StopWorld(durations_s=(1.0, 100.0)), 0)
     assert "saturates" in said(StopWorld(law="stretched"), 1)
     drifts = said(StopWorld(order="ascending", drift_share=0.1, durations_s=(1.0, 10.0, 100.0)), 2)
     assert "drift" in drifts

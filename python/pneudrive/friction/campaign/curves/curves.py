@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +13,7 @@ from pneudrive.friction.campaign.curves.points import (
     CurveSpeeds,
     Points,
     block_shares,
-    condensed,
     curve_speeds,
-    excluded_points,
 )
 from pneudrive.friction.campaign.curves.smooth import (
     CARRIED,
@@ -27,7 +25,7 @@ from pneudrive.friction.campaign.curves.smooth import (
     with_doubt,
 )
 from pneudrive.friction.campaign.result import Curve
-from pneudrive.friction.reduction.budget import SharedTerms
+from pneudrive.friction.reduction.budget import CycleTerms, SharedTerms
 from pneudrive.friction.reduction.condition import BOTH
 from pneudrive.friction.reduction.plausible import OUTLIER
 
@@ -55,6 +53,8 @@ class Fits:
     Attributes
     ----------
     points : Points
+    speeds : tuple of CurveSpeeds
+        Speeds of each curve.
     friction : CurveFit
         Standard uncertainty of half the difference of both directions.
     offset : CurveFit
@@ -68,6 +68,7 @@ class Fits:
     """
 
     points: Points
+    speeds: tuple[CurveSpeeds, ...]
     friction: CurveFit
     offset: CurveFit
     drift_share: float
@@ -99,17 +100,15 @@ class Fits:
         return bool((self.offset.data.curve < 0).any())
 
 
-def fit_points(points: Points, tares: Sequence[CycleData]) -> Fits | None:
+def fit_points(points: Points, tares: Sequence[CycleData], *, condensed: bool = False) -> Fits | None:
     """Fit the models; return None with too few points of F(v).
 
     A cycle far off all others (a failed sensor) is removed, and the rest fitted again.
-    In a large campaign, neighbouring repeats are fitted as one.
+    Neighbouring repeats of a condensed campaign are one point: none is sought among them.
     """
-    if points.is_large:
-        return _fit_points(condensed(points), tares)
     fits = _fit_points(points, tares)
-    if fits is None:
-        return None
+    if fits is None or condensed:
+        return fits
     rows = np.flatnonzero(points.use)
     found, readings = wild_cycles(fits.friction.data)
     if found:
@@ -131,7 +130,7 @@ def _fit_points(points: Points, tares: Sequence[CycleData]) -> Fits | None:
     reduced = points.reduced
     kept = sorted(set(points.condition[use]))
     curve = np.array([kept.index(c) if c in kept else 0 for c in points.condition], dtype=np.int64)
-    blocks, kind = block_shares(points)
+    (blocks, kind), speeds = block_shares(points), curve_speeds(points)
     ones = np.ones(int(use.sum()))
     alike = (reduced.speed_m_s[use], curve[use], points.order[use], points.count[use], ones)
     friction = CurveData(reduced.friction_n[use], reduced.friction_stderr_n[use] ** 2, *alike, blocks)
@@ -140,7 +139,7 @@ def _fit_points(points: Points, tares: Sequence[CycleData]) -> Fits | None:
     offset = CurveData(reduced.offset_n[use], reduced.offset_stderr_n[use] ** 2, *alike)
     offset = _with_tares(tares, offset)
     carries = carried_drift(offset) < CARRIED or (offset.curve < 0).sum() > 1
-    return Fits(points, fitted, fit_curves(replace(offset, drift=carries)), share, kind)
+    return Fits(points, speeds, fitted, fit_curves(replace(offset, drift=carries)), share, kind)
 
 
 def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> CurveFit:
@@ -198,33 +197,64 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     gain = float(np.mean([d.u_gain_n for d in data])) / max(abs(level), 1e-12)
     spread = float(np.std(fits.friction.drift))
     static = float(np.mean([d.u_offset_n for d in data]))
-    zero = np.full(friction_n.size, np.hypot(static, points.reduced.u_position_offset_n))
-    if not fits.has_zero:
-        zero = np.hypot(zero, np.abs(half_sum_n))
     return SharedTerms(
         gain_n=gain * np.abs(friction_n),
         hysteresis_n=np.full(friction_n.size, float(np.mean([d.u_hysteresis_n for d in data]))),
         position_n=points.reduced.u_position * np.abs(friction_n),
         state_n=spread * np.abs(friction_n) if fits.friction.logarithmic else np.full(friction_n.size, spread),
-        zero_n=zero,
+        zero_n=np.full(friction_n.size, np.hypot(static, points.reduced.u_position_offset_n)),
+        half_sum_n=np.zeros(friction_n.size) if fits.has_zero else np.abs(half_sum_n),
     )
 
 
-def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
-    """Return the curves of all conditions: half the difference of both directions, then +x and -x."""
-    curves: list[Curve] = []
-    for at in curve_speeds(fits.points):
+@dataclass(frozen=True, eq=False)
+class CurveBand:
+    """A curve of half the difference of both directions, with all parts of its band, shape (m,) each.
+
+    Attributes
+    ----------
+    at : CurveSpeeds
+    value_n, low_n, high_n : ndarray
+        Curve and its 95 % interval by chance.
+    cycle_n : ndarray
+        Standard deviation of a single cycle.
+    offset : Predicted
+        Half the sum of both directions.
+    shared : SharedTerms
+    """
+
+    at: CurveSpeeds
+    value_n: Array
+    low_n: Array
+    high_n: Array
+    cycle_n: Array
+    offset: Predicted
+    shared: SharedTerms
+
+
+def bands_of(fits: Fits) -> tuple[CurveBand, ...]:
+    """Return the bands of all curves, in the order of the conditions."""
+    found = []
+    for at in fits.speeds:
         value, low, high = by_chance(fits, fits.friction, at)
         offset = fits.offset.at(at.number, at.speed_m_s)
-        shared = systematic(fits, value, offset.mean, at.index)
-        excluded = excluded_points(fits.points, at.index)
+        cycle = deviation_n(fits, "cycle", value)
+        found.append(CurveBand(at, value, low, high, cycle, offset, systematic(fits, value, offset.mean, at.index)))
+    return tuple(found)
+
+
+def curves_of(fits: Fits, bands: Sequence[CurveBand], *, contains_air: bool) -> tuple[Curve, ...]:
+    """Return the curves of all conditions: half the difference of both directions, then +x and -x."""
+    curves: list[Curve] = []
+    for band in bands:
+        at, value, shared = band.at, band.value_n, band.shared
         for direction in (BOTH, 1, -1):
-            centre, below, above = value, value - low, high - value
+            centre, below, above = value, value - band.low_n, band.high_n - value
             u = shared.friction_n() if direction == BOTH else shared.direction_n()
             if direction != BOTH:
                 if fits.has_zero:
-                    centre = value + direction * offset.mean
-                reach = offset.half_width()
+                    centre = value + direction * band.offset.mean
+                reach = band.offset.half_width()
                 below, above = np.hypot(below, reach), np.hypot(above, reach)
             curves.append(
                 Curve(
@@ -238,12 +268,55 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[Curve, ...]:
                     u_systematic_n=u,
                     measured=at.measured,
                     cycles=at.cycles,
-                    excluded=excluded,
+                    excluded=at.excluded,
                     contains_air=contains_air,
                     complete=fits.drift_share < CARRIED,
                 )
             )
     return tuple(curves)
+
+
+def cycle_terms(points: Points, fits: Fits | None) -> CycleTerms:
+    """Return the uncertainty budget of each cycle."""
+    reduced, count = points.reduced, len(points)
+    terms = {field.name: np.full(count, np.nan) for field in fields(CycleTerms)}
+    terms |= {"noise_n": reduced.friction_stderr_n, "cycle_n": np.zeros(count)}
+    if fits is None:
+        return CycleTerms(**terms)
+    terms["cycle_n"] = deviation_n(fits, "cycle", reduced.friction_n)
+    terms["block_n"] = deviation_n(fits, "block", reduced.friction_n)
+    own = fits.offset.sd["cycle"]
+    for condition in range(len(points.conditions)):
+        members = points.condition == condition
+        if not (members & points.use).any():
+            continue  # no curve for its cycles
+        shared = systematic(fits, reduced.friction_n[members], reduced.offset_n[members], condition)
+        for name, values in vars(shared).items():
+            terms[name][members] = values
+        terms["offset_n"][members] = np.hypot(reduced.offset_stderr_n[members], own)
+    return CycleTerms(**terms)
+
+
+def drag(fits: Fits, bands: Sequence[CurveBand], total_n: Array, stderr_n: Array) -> list[tuple[Array, Array, Array]]:
+    """Return the value, low and high of each curve of the whole drag, which drifts like friction, N.
+
+    Parameters
+    ----------
+    fits : Fits
+    bands : sequence of CurveBand
+    total_n, stderr_n : ndarray, shape (n,)
+        Drag of the cycles with both directions.
+    """
+    fit, found = fit_response(fits, total_n, stderr_n, drift=True), []
+    for at in (band.at for band in bands):
+        value, low, high = by_chance(fits, fit, at)
+        found.append(with_u(value, low, high, systematic(fits, value, value, at.index).friction_n()))
+    return found
+
+
+def with_u(value: Array, low: Array, high: Array, u: Array) -> tuple[Array, Array, Array]:
+    """Return a value and its 95 % interval, widened by a standard uncertainty."""
+    return value, value - np.hypot(value - low, NORMAL_95 * u), value + np.hypot(high - value, NORMAL_95 * u)
 
 
 def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
@@ -271,6 +344,6 @@ def by_chance(fits: Fits, fit: CurveFit, at: CurveSpeeds) -> tuple[Array, Array,
 def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
     """Return the standard deviation that a source of chance adds to a single cycle, at these frictions, N."""
     fit = fits.friction
-    sd = fit.fit.most_probable_sd(source) * fits.scale_n
+    sd = fit.sd[source] * fits.scale_n
     relative = fit.relative if source == "cycle" else float(fit.logarithmic)
     return sd * np.sqrt(relative * (friction_n / fits.level_n) ** 2 + 1.0 - relative)

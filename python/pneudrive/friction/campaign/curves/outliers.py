@@ -24,6 +24,7 @@ from pneudrive.friction.campaign.curves.smooth import curve_model
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.estimate.mixed import MixedModel
     from pneudrive.friction.campaign.curves.smooth import CurveData
 
     Array = NDArray[np.float64]
@@ -122,14 +123,18 @@ def _rows(data: CurveData, taken: list[int]) -> NDArray[np.intp]:
     return np.setdiff1d(np.arange(len(data)), taken)
 
 
+def _model(data: CurveData, rows: NDArray[np.intp]) -> MixedModel:
+    return curve_model(data.part(rows))
+
+
 def _deviations(data: CurveData, taken: list[int], start: Array | None) -> tuple[Array, float]:
-    return curve_model(data.part(_rows(data, taken))).most_probable(start)
+    return _model(data, _rows(data, taken)).most_probable(start)
 
 
 def _off(data: CurveData, taken: list[int], sd: Array) -> tuple[NDArray[np.intp], Array, Array]:
     """Return the remaining cycles, the deviation of each from the others, and its standard deviation."""
     rows = _rows(data, taken)
-    return rows, *curve_model(data.part(rows)).left_out(sd)
+    return rows, *_model(data, rows).left_out(sd)
 
 
 def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:

@@ -273,6 +273,8 @@ class CurveSpeeds:
     measured : ndarray of bool
     cycles : ndarray of int
         0 between the measured speeds.
+    excluded : tuple of ExcludedPoint
+        Cycles of the condition that are not points of the curve, slowest first.
     """
 
     number: int
@@ -281,11 +283,7 @@ class CurveSpeeds:
     speed_m_s: Array
     measured: NDArray[np.bool_]
     cycles: NDArray[np.int64]
-
-    def only_measured(self) -> CurveSpeeds:
-        """Leave out the speeds between the measured ones."""
-        arrays = {name: getattr(self, name)[self.measured] for name in ("speed_m_s", "measured", "cycles")}
-        return replace(self, **arrays)
+    excluded: tuple[ExcludedPoint, ...]
 
 
 def curve_speeds(points: Points) -> tuple[CurveSpeeds, ...]:
@@ -305,11 +303,11 @@ def _speeds(points: Points, number: int, index: int) -> CurveSpeeds:
     cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
     order = np.argsort(every)
     measured = order < speeds.size
-    return CurveSpeeds(number, index, points.conditions[index], every[order], measured, cycles[order])
+    excluded = _excluded(points, index)
+    return CurveSpeeds(number, index, points.conditions[index], every[order], measured, cycles[order], excluded)
 
 
-def excluded_points(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
-    """Return the excluded cycles of a condition, slowest first."""
+def _excluded(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
     found = []
     for i, reason in enumerate(points.reasons):
         if reason and points.condition[i] == condition:

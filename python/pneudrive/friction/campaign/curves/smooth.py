@@ -119,6 +119,8 @@ class CurveFit:
         Best estimate of the drift at each observation, mean zero.
     drift_half : ndarray, shape (n,)
         Half of its 95 % interval.
+    sd : dict
+        Source of scatter (cycle, block) -> its standard deviation, in the unit of the response.
     """
 
     data: CurveData
@@ -126,6 +128,7 @@ class CurveFit:
     relative: float
     drift: Array
     drift_half: Array
+    sd: dict[str, float]
     known: dict[tuple[int, bytes], Predicted] = field(default_factory=dict)  # asked for before
 
     @property
@@ -238,7 +241,8 @@ def _described(data: CurveData, fit: MixedFit, relative: float) -> CurveFit:
     walk = {c.name: c.kernel for c in fit.model.components if c.name == "drift"}
     nothing = np.zeros((len(data), fit.model.x.shape[1]))
     found = fit.predict(nothing, walk, {name: np.diag(kernel) for name, kernel in walk.items()})
-    return CurveFit(data, fit, relative, found.mean, found.half_width())
+    sd = {name: fit.most_probable_sd(name) for name in ("cycle", "block")}
+    return CurveFit(data, fit, relative, found.mean, found.half_width(), sd)
 
 
 def either_chance(fitted: CurveFit) -> CurveFit:

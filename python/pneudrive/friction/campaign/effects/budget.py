@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.campaign.curves.curves import by_chance, systematic
-from pneudrive.friction.campaign.curves.points import curve_speeds
 from pneudrive.friction.campaign.result import UncertaintySource
 from pneudrive.friction.campaign.sensors import GROWING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.curves.curves import Fits
+    from pneudrive.friction.campaign.curves.curves import CurveBand, Fits
     from pneudrive.friction.campaign.sensors import Gain
     from pneudrive.signals.force_calibration import ForceCalibration
 
@@ -24,19 +24,23 @@ if TYPE_CHECKING:
 CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sensor that are equal at all forces
 
 
-def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[UncertaintySource, ...]:
+def sources(
+    fits: Fits, bands: Sequence[CurveBand], gain: Gain, known: ForceCalibration | None
+) -> tuple[UncertaintySource, ...]:
     """List the sources: root mean square over the measured points of all curves, N."""
     points = fits.points
-    scatter, gains, turns, places, zeros = [], [], [], [], []
-    for at in (one.only_measured() for one in curve_speeds(points)):
-        value, low, high = by_chance(fits, fits.friction, at)
-        offset = fits.offset.at(at.number, at.speed_m_s)
-        shared = systematic(fits, value, offset.mean, at.index)
-        scatter.append((high - low) / (2.0 * NORMAL_95))
-        gains.append(shared.gain_n)
-        turns.append(shared.hysteresis_n)
-        places.append(shared.position_n)
-        zeros.append(np.hypot(shared.zero_n, offset.half_width() / NORMAL_95))
+
+    def over(part: Callable[[CurveBand], Array]) -> list[Array]:
+        return [part(band)[band.at.measured] for band in bands]
+
+    scatter = over(lambda band: (band.high_n - band.low_n) / (2.0 * NORMAL_95))
+    gains, turns = over(lambda band: band.shared.gain_n), over(lambda band: band.shared.hysteresis_n)
+    zeros = over(
+        lambda band: np.hypot(
+            np.hypot(band.shared.zero_n, band.shared.half_sum_n), band.offset.half_width() / NORMAL_95
+        )
+    )
+    places = over(lambda band: band.shared.position_n)
     assumed = any(d.assumed for d in points.reduced.data)
     stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
     chance = ", ".join(("noise within cycles", *fits.friction.sources))

@@ -115,9 +115,9 @@ def _repeated(fits: Fits) -> bool:
     return bool((np.bincount(fits.points.cell[fits.points.use]) > 1).any())
 
 
-def repeatability(fits: Fits) -> Repeatability:
+def repeatability(fits: Fits, pure: Pure | None) -> Repeatability:
     """Return the standard deviations of a cycle's friction, from repeats and control runs if there are any."""
-    fit, pure = fits.friction, pure_scatter(fits)
+    fit = fits.friction
     scale = pure.level_n if pure is not None and fit.logarithmic else fits.scale_n
     if pure is not None:
         within = pure.estimate.scaled(scale)

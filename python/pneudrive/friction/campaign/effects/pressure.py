@@ -13,14 +13,16 @@ from pneudrive.estimate.splines import centred_walk
 from pneudrive.friction.campaign.curves.smooth import CARRIED, CYCLE_SCALE
 from pneudrive.friction.campaign.effects.effect import PressureEffects
 from pneudrive.friction.reduction.condition import PA_PER_BAR, TOLD, classify_pressures
-from pneudrive.friction.sentences import say
+from pneudrive.friction.sentences import say_all
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate, FTest
     from pneudrive.friction.campaign.curves.curves import Fits
-    from pneudrive.friction.sentences import Statement
+    from pneudrive.friction.sentences import Said
 
     Array = NDArray[np.float64]
 
@@ -108,6 +110,7 @@ def _effects(ambient_pa: float, fits: Fits, members: NDArray[np.bool_], title: s
     if hidden is None:
         squares = [design.centred(p) ** 2 * design.compared for p in slopes]
         curvature = _curvature(fits, members, x, design, squares)
+    said = [*_statements(design, means, interaction, joint, curvature, u), *_order(design, hidden, follows)]
     named: dict[str, Any] = {f"slope_{name}": slope for name, slope in zip(names, each, strict=True)}
     named |= {f"mean_{name}": mean for name, mean in zip(names, means, strict=True)}
     return PressureEffects(
@@ -115,7 +118,7 @@ def _effects(ambient_pa: float, fits: Fits, members: NDArray[np.bool_], title: s
         speed_m_s=design.speeds if count > 1 else design.speeds.mean(keepdims=True),
         gauge_pa=tuple((PA_PER_BAR * a, PA_PER_BAR * b) for a, b in design.pairs),
         hidden_n=hidden.size_n if hidden is not None else 0.0,
-        statement=_statement(design, means, interaction, joint, curvature, u) + _order(design, hidden, follows),
+        statement=" ".join(one.text for one in say_all(said)),
         interaction=interaction,
         interaction_n_pa2=joint,
         curvature=curvature,
@@ -248,52 +251,50 @@ def _curvature(fits: Fits, members: NDArray[np.bool_], x: Array, design: _Design
     return None if fit is None else fit.f_test(np.eye(wide.shape[1])[x.shape[1] :])
 
 
-def _statement(
+def _statements(
     design: _Design,
     means: list[Estimate],
     interaction: FTest | None,
     joint: Estimate | None,
     curvature: FTest | None,
     u: float,
-) -> str:
+) -> Iterator[Said]:
     pairs = ", ".join(f"{a:.3g}/{b:.3g}" for a, b in design.pairs)
     of = zip(means, _names(design.kind, "both pressures together"), strict=True)
     slopes = " and ".join(f"{mean.scaled(PA_PER_BAR, 'N/bar'):.2f} of {name}" for mean, name in of)
-    said = [say("pressure.slopes", pairs=pairs, speeds=design.speeds.size, slopes=slopes)]
+    yield "pressure.slopes", {"pairs": pairs, "speeds": design.speeds.size, "slopes": slopes}
     if design.kind != "both":
-        said.append(say(f"pressure.{design.kind if design.kind in {'sum', 'line'} else 'single'}"))
+        yield f"pressure.{design.kind if design.kind in {'sum', 'line'} else 'single'}", {}
     elif interaction is None or joint is None:
-        said.append(say("pressure.no_interaction"))
+        yield "pressure.no_interaction", {}
     else:
-        said.append(_interaction(design, interaction, joint, u))
+        yield _interaction(design, interaction, joint, u)
     if curvature is not None and curvature.p < CHANCE:
-        said.append(say("pressure.curved", chance=_chance(curvature.p)))
-    return " ".join(one.text for one in said)
+        yield "pressure.curved", {"chance": _chance(curvature.p)}
 
 
 def _names(kind: str, both: str) -> list[str]:
     return [f"p_{name}" for name in TOLD[kind]] if kind in TOLD else [both]
 
 
-def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> str:
-    """Return the text on a pressure that changed with time, and on undetermined effects."""
-    if hidden is None or not any(follows):
-        return ""
-    of = zip(_names(design.kind, "the pressures"), follows, strict=True)
-    names = " and ".join(name for name, with_time in of if with_time)
-    return f" {say('pressure.follows_time', names=names, hidden=hidden.size_n, share=100 * HIDDEN_CHANGE).text}"
+def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> Iterator[Said]:
+    """Return the sentence on a pressure that changed with time, and on undetermined effects."""
+    if hidden is not None and any(follows):
+        of = zip(_names(design.kind, "the pressures"), follows, strict=True)
+        names = " and ".join(name for name, with_time in of if with_time)
+        yield "pressure.follows_time", {"names": names, "hidden": hidden.size_n, "share": 100 * HIDDEN_CHANGE}
 
 
-def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> Statement:
-    """Return the text on whether the effects add; an interaction within the sensors' accuracy is not proved."""
+def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> Said:
+    """Return the sentence on whether the effects add; an interaction within the sensors' accuracy is not proved."""
     reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
     most = reach * float(np.abs(design.a * design.b).max())
     numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"
     if test.p >= CHANCE:
-        return say("pressure.add", test=numbers, reach=reach)
+        return "pressure.add", {"test": numbers, "reach": reach}
     if most < 2.0 * u:
-        return say("pressure.add_within_accuracy", test=numbers, most=most, accuracy=2.0 * u)
-    return say("pressure.interact", test=numbers, joint=joint.scaled(PA_PER_BAR**2, "N/bar2"))
+        return "pressure.add_within_accuracy", {"test": numbers, "most": most, "accuracy": 2.0 * u}
+    return "pressure.interact", {"test": numbers, "joint": joint.scaled(PA_PER_BAR**2, "N/bar2")}
 
 
 def _chance(p: float) -> str:

@@ -9,14 +9,13 @@ import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
-from pneudrive.friction.campaign.curves.curves import Fits, systematic
-from pneudrive.friction.campaign.curves.points import curve_speeds
 from pneudrive.friction.campaign.effects.effect import Asymmetry, SensorZero
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.campaign.curves.curves import CurveBand, Fits
     from pneudrive.friction.reduction.cycle import CycleData
 
 HOUR_S = 3600.0
@@ -39,25 +38,23 @@ def sensor_zero(tares: Sequence[CycleData]) -> SensorZero:
     return SensorZero(time, zero, stderr, drift, "tare")
 
 
-def asymmetries(fits: Fits) -> tuple[Asymmetry, ...]:
+def asymmetries(fits: Fits, bands: Sequence[CurveBand]) -> tuple[Asymmetry, ...]:
     """Return half the difference of friction between the directions at each condition."""
     found = []
-    for at in curve_speeds(fits.points):
-        speeds = at.speed_m_s[at.measured]
-        offset = fits.offset.at(at.number, speeds)
-        friction = np.full(speeds.size, fits.points.reduced.friction_n[fits.points.condition == at.index].mean())
+    for band in bands:
+        at, measured = band.at, band.at.measured
+        speeds, value = at.speed_m_s[measured], band.offset.mean[measured]
         # Without zero runs it includes the zero, and no statement on symmetry is possible.
-        shared = systematic(fits, friction, offset.mean if fits.has_zero else np.zeros(speeds.size), at.index)
-        u = shared.zero_n
-        half = np.hypot(offset.half_width(), NORMAL_95 * u)
+        u = band.shared.zero_n[measured]
+        half = np.hypot(band.offset.half_width()[measured], NORMAL_95 * u)
         mean = fits.offset.over(at.number, speeds).mean().estimates()[0].widened(float(np.mean(u)))
         found.append(
             Asymmetry(
                 condition=at.condition,
                 speed_m_s=speeds,
-                half_difference_n=offset.mean,
-                low_n=offset.mean - half,
-                high_n=offset.mean + half,
+                half_difference_n=value,
+                low_n=value - half,
+                high_n=value + half,
                 mean=mean if fits.has_zero else replace(mean, p=float("nan")),
                 basis="tare" if fits.has_zero else "not separable",
             )
