@@ -63,6 +63,7 @@ def types() -> str:
     """Return the types of the server's answers in TypeScript, from the classes of the server."""
     sys.path.insert(0, str(ROOT / "python"))
     from pneudrive.report.circuit.shapes import PistonShapes, Shape
+    from pneudrive.web.drive.platforms import SentLine, SentOutput, SentPlatform
     from pneudrive.web.results import SentCurve, SentValue, SentView
     from pneudrive.web.signatures import CommandInput
     from pneudrive.web.workspace import Listed
@@ -94,7 +95,7 @@ def types() -> str:
         return words.get(ast.unparse(node), ast.unparse(node))
 
     lines = ["/** Types of the server's answers. Written by `python tools/page.py types`; do not edit. */"]
-    for one in (Listed, SentValue, SentCurve, SentView, Shape, PistonShapes, CommandInput):
+    for one in (Listed, SentValue, SentCurve, SentView, Shape, PistonShapes, SentLine, SentOutput, SentPlatform, CommandInput):
         own = {"choices": "[value: string, title: string][]"} if one is CommandInput else {}
         lines.append(f"\nexport interface {one.__name__} {{")
         for name, form in one.__annotations__.items():

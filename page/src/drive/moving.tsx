@@ -5,9 +5,12 @@ import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
 import { indexAt } from "../plots/plot";
 import type { Frame, Numbers } from "../server/frame";
+import type { SentPlatform } from "../server/types";
 import { BOX, type Drawing, type Line, type Motion } from "./circuit";
+import type { PlatformAt } from "./platform";
 
 export interface MotionHead {
+  platforms?: SentPlatform[];
   cylinders?: { name: string; stroke_m: number; position: string; pressures: [string, string] }[];
 }
 
@@ -20,6 +23,9 @@ const SHORTEST_MS = 1500;
 /** Time at which the drawing is shown: the slider's, or that of the pointer on a plot. */
 export const timeAt = signal(0);
 export const isPlaying = signal(false);
+
+/** Drawing of platforms, loaded with the first run that has one. */
+const platformView = signal<typeof PlatformAt | null>(null);
 
 export function pointAt(time: number): void {
   if (!isPlaying.value) timeAt.value = time;
@@ -94,6 +100,11 @@ export function MovingCircuit({ now, drawing, children }: { now: Frame<MotionHea
     });
     return () => cancelAnimationFrame(request);
   }, [isPlaying.value, end]);
+  const platforms = now.head.platforms ?? [];
+  useEffect(() => {
+    if (platforms.length && !platformView.value) void import("./platform").then((module) => (platformView.value = module.PlatformAt));
+  }, [platforms.length]);
+  const View = platformView.value;
   const row = indexAt(time, at);
   const motion = motionAt(now, drawing, row);
   return (
@@ -109,6 +120,7 @@ export function MovingCircuit({ now, drawing, children }: { now: Frame<MotionHea
           {instant(time[row], end / time.length)} s{cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`)}; pressures absolute
         </output>
       </p>
+      {View && platforms.map((one) => <View key={one.name} now={now} platform={one} sample={indexAt(now.arrays.get("motion/time_s")!, time[row]!)} />)}
       {!cylinders.length && <p class="note" data-without="motion">No piston moves in the drawing: only double-acting cylinders are animated, and this circuit does not contain one.</p>}
     </figure>
   );

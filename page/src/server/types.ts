@@ -56,6 +56,32 @@ export interface PistonShapes {
   moves: Record<number, (boolean)[]>;
 }
 
+export interface SentLine {
+  width: number;
+  opacity: number;
+  dash: (number)[];
+  fill: number;
+  points: ([number, number])[];
+  moving: number;
+}
+
+export interface SentOutput {
+  column: string;
+  label: string;
+  unit: string;
+  size: number;
+}
+
+export interface SentPlatform {
+  name: string;
+  width: number;
+  height: number;
+  lines: (SentLine)[];
+  labels: ([string, number, number])[];
+  path: [string, string];
+  outputs: (SentOutput)[];
+}
+
 export interface CommandInput {
   key: string;
   label: string;

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 #: Panels of the page: quantity of the columns in it, its SI unit, and its title.
 PANELS = (
+    ("place", "m", "Place of the platform"),
+    ("tilt", "rad", "Tilt of the platform"),
     ("position", "m", "Position"),
     ("velocity", "m/s", "Velocity"),
     ("pressure", "Pa", "Pressure, absolute"),
@@ -196,6 +198,10 @@ def _quantity(column: str) -> tuple[str, str]:
     """Return the quantity of a column, independent of component and chamber, and its unit."""
     name, unit, _ = meaning(column)
     last = name.rpartition(".")[2]
+    if last in ("heave", "x", "y", "z") and unit == "m":
+        return "place", unit
+    if last.startswith("tilt_") and unit == "rad":
+        return "tilt", unit
     return (last.removesuffix("_a").removesuffix("_b") if last.startswith("pressure") else last), unit
 
 

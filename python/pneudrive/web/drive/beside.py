@@ -17,6 +17,7 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.progress import Watch
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse
+from pneudrive.web.drive.platforms import platform_motion
 from pneudrive.web.drive.run_request import RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.requests import WRONG_REQUEST, PageRequest
@@ -101,7 +102,10 @@ class ExtrasRequest(PageRequest):
         head: dict[str, Any] = {"others": others}
         if self.motion:
             head["cylinders"] = list(_cylinders(described, run.columns))
-            arrays |= _moving(run.columns)
+            rows = np.linspace(0, len(run.columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
+            arrays |= _moving(run.columns, rows)
+            head["platforms"], own = platform_motion(described, run.columns, rows)
+            arrays |= own
         if self.loops:
             found = _loops(described, run.columns, asked.pixels)
             head["loops"] = list(found)
@@ -313,10 +317,9 @@ def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[s
     return {what: {name: one for name, one in of.items() if math.isfinite(one)} for what, of in told.items()}
 
 
-def _moving(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Return pressures, flows and valve positions at evenly spaced samples, for an animation of the drawing."""
+def _moving(columns: Mapping[str, Array], rows: NDArray[np.int64]) -> dict[str, Array]:
+    """Return pressures, flows and valve positions at some samples, for an animation of the drawing."""
     names = [one for one in columns if one == "time_s" or _ANIMATED.search(one)]
-    rows = np.linspace(0, len(columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
     return {f"motion/{name}": np.asarray(columns[name], dtype=np.float64)[rows] for name in names}
 
 
