@@ -95,7 +95,8 @@ def types() -> str:
         return words.get(ast.unparse(node), ast.unparse(node))
 
     lines = ["/** Types of the server's answers. Written by `python tools/page.py types`; do not edit. */"]
-    for one in (Listed, SentValue, SentCurve, SentView, Shape, PistonShapes, SentLine, SentOutput, SentPlatform, CommandInput):
+    drawn = (Shape, PistonShapes, SentLine, SentOutput, SentPlatform)
+    for one in (Listed, SentValue, SentCurve, SentView, *drawn, CommandInput):
         own = {"choices": "[value: string, title: string][]"} if one is CommandInput else {}
         lines.append(f"\nexport interface {one.__name__} {{")
         for name, form in one.__annotations__.items():

@@ -17,7 +17,10 @@ TRIPOD = Path(__file__).parents[2] / "examples" / "tripod.toml"
 COMMANDS, DURATION = {f"valve_{i}": "0 s: 1, 1 s: -1" for i in (1, 2, 3)}, "2 s"
 OUTPUTS = ["heave", "tilt_1", "smallest_singular_value", "leg_1_force", "leg_3_side_force"]
 #: Number of different pixels of a canvas.
-PIXELS = "(canvas) => new Set(new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.buffer)).size"
+PIXELS = """(canvas) => {
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  return new Set(new Uint32Array(data.buffer)).size;
+}"""
 
 
 def cell(page: object, column: str) -> float:
