@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -57,8 +58,22 @@ def test_the_slider_shows_the_recorded_poses(server: Server, open_tab: Open, loo
     tab.check()
 
 
-def test_play_moves_the_platform(server: Server, browser: object) -> None:
-    (server.folder / "tripod.toml").write_text(TRIPOD.read_text())
+def hexapod() -> str:
+    """Return the tripod with six legs: more pressures than a plot has curves."""
+    text = TRIPOD.read_text().replace("3-rps", "6-ups").partition("[initial]")[0]
+    for kind in ("valve", "leg"):
+        text = re.sub(rf"copies = .*{kind}_1.*", f"copies = {[f'{kind}_{i}' for i in range(1, 7)]}", text)
+    each = (
+        '"mains -> valve_{0}.1", "valve_{0}.4 -> leg_{0}.a", "valve_{0}.2 -> leg_{0}.b", "leg_{0}.rod -> tripod.{0}",'
+    )
+    joined = "\n".join(each.format(i) for i in range(1, 7))
+    text = re.sub(r"connections = \[.*?\n\]", f"connections = [{joined}]", text, flags=re.DOTALL)
+    return f'{text}base_angle = "15 deg"\nplatform_angle = "20 deg"\n'
+
+
+@pytest.mark.parametrize("text", [TRIPOD.read_text(), hexapod()], ids=["tripod", "hexapod"])
+def test_play_moves_the_platform(server: Server, browser: object, text: str) -> None:
+    (server.folder / "tripod.toml").write_text(text)
     page = browser.new_context(locale="en-GB", reduced_motion="no-preference").new_page()
     page.goto(server.address)
     go(page, "drive", "tripod.toml")

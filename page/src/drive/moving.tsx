@@ -41,15 +41,16 @@ function largestOf(values: Numbers): number {
 export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number): Motion {
   const { arrays } = now;
   const time = arrays.get("time_s")!;
-  const valueOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name)!)[row]!;
   const own = arrays.get("motion/time_s");
   const at = own ? indexAt(own, time[row]!) : 0;
+  const columnOf = (name: string) => arrays.get(name) ?? arrays.get(`motion/${name}`)!; // plots leave out the ninth curve
+  const valueOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at]!;
   const first = (names: string[]): Numbers | undefined => names.map((one) => arrays.get(`motion/${one}`)).find(Boolean);
   const pistons: Motion["pistons"] = {};
   for (const one of now.head.cylinders ?? []) {
     const position = valueOf(one.position);
     const values = one.pressures.map(valueOf) as [number, number];
-    const most = Math.max(...one.pressures.map((name) => largestOf(arrays.get(name)!)));
+    const most = Math.max(...one.pressures.map((name) => largestOf(columnOf(name))));
     const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
     const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
     const tints = values.map((value) => (0.7 * value) / most) as [number, number];

@@ -44,7 +44,7 @@ BAND_RTOL = 1e-4
 BAND = (0.05, 0.95)  # quantiles of the members at the edges of the band
 MOST_SECONDS = 10.0  # time for a band, s: the first one imports modules
 #: Columns that the drawing shows, and the samples of each.
-_ANIMATED, MOTION_SAMPLES = re.compile(r"(?:pressure|mass_flow)\w*$|\.position$|command$"), 400
+_ANIMATED, MOTION_SAMPLES = re.compile(r"(?:pressure|mass_flow)\w*$|\.position$|position_m$|command$"), 400
 TRAJECTORIES = (".parquet", ".csv", ".nc")
 _KEY, _UNIT = re.compile(r"[A-Za-z_][\w-]*(?:\.[\w-]+)*"), re.compile(r"[A-Za-z°%][\w /^*.()°%-]*|")
 #: Columns of a cylinder behind its name, of a circuit and of a drive: position, pressures of chambers a and b.
