@@ -22,6 +22,7 @@ from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.short import TABLES, Short, expanded
 from pneudrive.describe.system import System, compiled
 from pneudrive.describe.tables import end_stops
+from pneudrive.describe.tables.legs import check_platforms
 from pneudrive.describe.tables.parts import Ambient, Gas
 from pneudrive.describe.tables.poses import coordinate_keys
 from pneudrive.describe.tables.starts import PRESSURE, Starts, start_values
@@ -104,6 +105,7 @@ class Circuit(Described):
         lists = [data.get(key, ()) for key in ("connections", "plugged")]
         chains, plugged = ([] if isinstance(one, str) or not isinstance(one, list | tuple) else one for one in lists)
         wiring = Wiring(parts, chains, plugged, templates, problems)
+        check_platforms(wiring, components, keys, problems)
         whole = None
         try:
             whole = handler(data | {"components": components})

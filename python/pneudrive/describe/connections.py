@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.base import wrong
+from pneudrive.describe.tables.legs import is_platform
 from pneudrive.errors import nearest
 
 if TYPE_CHECKING:
@@ -342,6 +343,12 @@ class Wiring:
                 joined = f'Join it, for instance "{port.id} {ARROW} {others[0].id}"' if others else "Join it"
                 rule = "each port is joined or plugged"
                 remedy = f'{joined}, or write plugged = ["{port.id}"].'
+                if is_platform(self.parts[port.component].entry):
+                    rods = [f"{one.id} {ARROW} {port.id}" for one in left if one.kind == "axis" and one.optional]
+                    rule, remedy = (
+                        "a cylinder moves each leg",
+                        f'Write "{rods[0] if rods else f"leg.rod {ARROW} {port.id}"}".',
+                    )
                 if port.is_pilot:
                     rule, remedy = "a pilot port senses a pressure", f'Write "valve.4 {PILOT_LINE} {port.id}".'
                 self.problems.add(wrong(key, f"port {port.id} is not connected", rule=rule, remedy=remedy))

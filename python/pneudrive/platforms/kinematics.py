@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.system import compiled
-from pneudrive.describe.tables.poses import angles, coordinate_keys, coordinates
+from pneudrive.describe.tables.poses import angles, coordinate_keys, coordinates, pose_text, singular_values
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Card, Shown
@@ -280,12 +280,7 @@ class Platform(Shown):
         joints. A small value means that a motion of the platform hardly moves the legs.
         """
         pose = self.pose(pose)
-        own = self.evaluate(pose)
-        radius = float(np.mean(np.linalg.norm(np.asarray(self.core.joints[1]), axis=1)))
-        twist = own["twist"] * np.array([1.0, 1.0, 1.0, radius, radius, radius])[:, None]
-        triangle = np.linalg.qr(twist, mode="r")
-        values = np.linalg.svd(own["jacobian"] @ np.linalg.inv(triangle), compute_uv=False)
-        return np.asarray(values, dtype=float).reshape(pose.shape)
+        return singular_values(self.core, coordinates(self.core, np.atleast_2d(pose))).reshape(pose.shape)
 
     def stiffness(self, pose: Pose, pressures: ArrayLike, forces: ArrayLike | None = None) -> Array:
         """Return the stiffness of the platform against its coordinates with shut valves, N/m, N/rad and N m/rad.
@@ -348,11 +343,7 @@ class Platform(Shown):
 
     def text(self, pose: ArrayLike) -> str:
         """Return a pose in words."""
-        each = zip(self.coordinates, np.asarray(pose), self.units, strict=True)
-        return ", ".join(
-            f"{key} = {1e3 * value:.4g} mm" if unit == "m" else f"{key} = {np.degrees(value):.4g} deg"
-            for key, value, unit in each
-        )
+        return pose_text(self.core, np.asarray(pose, dtype=float))
 
 
 @dataclass(frozen=True)

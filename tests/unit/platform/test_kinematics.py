@@ -85,44 +85,6 @@ def test_a_run_starts_from_a_pose():
     assert float(run["tripod.tilt_2"][0]) == pytest.approx(np.radians(-4.0), abs=1e-12)
 
 
-def changed(text, *pairs):
-    for old, new in pairs:
-        assert old in text
-        text = text.replace(old, new)
-    return text
-
-
-LEG = 'moving_mass = "0.6 kg"'
-BRISTLES = ', bristle_stiffness = "2e5 N/m", bristle_damping = "300 N s/m"'
-START = "[initial]\n"
-FAR = [
-    (START, f'{START}leg_1.position = "0 mm"\nleg_2.position = "200 mm"\n'),
-    ('base_radius = "250 mm"', 'base_radius = "120 mm"'),
-    ('platform_radius = "200 mm"', 'platform_radius = "40 mm"'),
-]
-FAULTS = {
-    "no cylinder": ([('    "leg_3.rod -> tripod.3",\n', "")], "tripod.3"),
-    "two cylinders": ([("leg_3.rod -> tripod.3", "leg_3.rod -> tripod.2")], "tripod"),
-    "incline": ([(LEG, f'{LEG}\nincline = "10 deg"')], "Leave out incline"),
-    "sticks": ([("lugre", "stribeck"), (BRISTLES, "")], "coupling"),
-    "inertia": ([('z = "0.17 kg m2"', 'z = "0.19 kg m2"')], "at most the sum of the two others"),
-    "both": ([(START, f'{START}tripod.heave = "440 mm"\nleg_1.position = "10 mm"\n')], "a pose of tripod are both"),
-    "out of stroke": ([(START, f'{START}tripod.heave = "700 mm"\n')], "position <= 200 mm"),
-    "unit": ([(START, f'{START}tripod.tilt_1 = "5 mm"\n')], "tilt_1"),
-    "unreachable": (FAR, "nearest"),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_bad_input_gives_one_message(fault, tmp_path):
-    pairs, said = FAULTS[fault]
-    file = tmp_path / "tripod.toml"
-    file.write_text(changed(TRIPOD.read_text("utf-8"), *pairs), "utf-8")
-    with pytest.raises(pn.PneudriveError) as raised:
-        pn.Circuit.load(file).simulate(None, "1 ms")
-    assert said in str(raised.value)
-
-
 def test_forward_names_the_leg_that_no_pose_reaches():
     own = pn.platform(pn.Circuit.load(TRIPOD))
     with pytest.raises(pn.PneudriveError, match=r"leg_\d.position = .* mm here.\n.*In the nearest pose"):

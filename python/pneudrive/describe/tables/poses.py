@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from math import degrees
 from typing import TYPE_CHECKING
 
 from pneudrive.describe.base import Quantity, within, wrong
 from pneudrive.errors import DescriptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -19,6 +20,10 @@ if TYPE_CHECKING:
 
 #: Ends of the names of coordinates in the core.
 _METRES = "_m"
+#: Largest residual of a start, m, as in the core. A start with a smaller singular value is rejected (assumed).
+CLOSED, SINGULAR = 1e-9, 1e-6
+REACHES = "the arm reaches from its carriage to the platform"
+NEARER = "Start nearer to half strokes."
 _LENGTH, _ANGLE = Quantity("m", "mm"), Quantity("rad", "deg")
 
 
@@ -47,6 +52,31 @@ def angles(platform: Platform, q: Array) -> Array:
 
     lengths = [name.endswith(_METRES) for name in platform.coordinates]
     return np.where(lengths, q, 2.0 * np.arcsin(np.where(lengths, 0.0, q)))
+
+
+def pose_text(platform: Platform, pose: Array) -> str:
+    """Return places, m, and angles, rad, in words."""
+    each = zip(coordinate_keys(platform), pose, platform.coordinates, strict=True)
+    shown = (
+        (key, 1e3 * value, "mm") if name.endswith(_METRES) else (key, degrees(value), "deg")
+        for key, value, name in each
+    )
+    return ", ".join(f"{key} = {round(value, 6) + 0.0:.4g} {unit}" for key, value, unit in shown)
+
+
+def singular_values(platform: Platform, q: Array) -> Array:
+    """Return the singular values of the pose Jacobian at rows of coordinates of the core, largest first.
+
+    The twist is the velocity of the origin of the platform, and its angular velocity times the mean radius of its
+    joints. The values therefore have no unit.
+    """
+    import numpy as np
+
+    own = platform.evaluate(q, np.zeros_like(q))
+    radius = float(np.mean(np.linalg.norm(np.asarray(platform.joints[1]), axis=1)))
+    twist = own["twist"] * np.array([1.0, 1.0, 1.0, radius, radius, radius])[:, None]
+    triangle = np.linalg.qr(twist, mode="r")
+    return np.asarray(np.linalg.svd(own["jacobian"] @ np.linalg.inv(triangle), compute_uv=False), dtype=float)
 
 
 class Poses:
@@ -90,7 +120,8 @@ class Poses:
                 continue
             if platform.name in own:
                 what = f"{key} and a pose of {platform.name} are both given"
-                raise wrong(f"initial.{key}", what, rule="a run starts from a pose or from positions of the legs")
+                rule = "a run starts from a pose or from positions of the legs"
+                raise wrong(f"initial.{key}", what, rule=rule, remedy="Remove one of the two.")
             self.given.pop(platform.name, None)
         for name, pose in own.items():
             self.given[name] = self.given.get(name, {}) | pose
@@ -125,9 +156,56 @@ class Poses:
             first = f"initial.{platform.name}.{coordinate_keys(platform)[min(given)]}"
             for leg, x in zip(platform.legs, positions, strict=True):
                 longest = stroke(leg)
-                if not np.isfinite(x) or (longest is not None and not 0.0 <= x <= longest):
+                if not np.isfinite(x):
+                    what = f"the arm of {leg} does not reach the pose {pose_text(platform, pose)}"
+                    raise wrong(first, what, rule=REACHES, remedy=NEARER)
+                if longest is not None and not 0.0 <= x <= longest:
                     what = f"the pose of {platform.name} needs {leg}.position = {1e3 * x:.4g} mm"
-                    rule = f"0 mm <= position <= {1e3 * (longest or 0.0):g} mm"
-                    raise wrong(first, what, rule=rule)
+                    rule = f"0 mm <= position <= {1e3 * longest:g} mm"
+                    raise wrong(first, what, rule=rule, remedy=NEARER)
                 out[leg] = float(x)
         return out
+
+    def check(self, positions: Callable[[str], float], given: Collection[str]) -> None:
+        """Check that the legs reach the start, and that they hold the platform there.
+
+        Parameters
+        ----------
+        positions : callable
+            Start position of a leg, m.
+        given : collection of str
+            Keys of the start values that a user has given.
+
+        Raises
+        ------
+        DescriptionError
+            No pose has these positions, or the pose is singular.
+        """
+        import numpy as np
+
+        for platform in dict.fromkeys(platform for platform, _ in self.keys.values()):
+            own = [f"{leg}.position" for leg in platform.legs] + [
+                key for key in self.keys if self.keys[key][0] is platform
+            ]
+            key = next((f"initial.{key}" for key in own if key in given), f"components.{platform.name}")
+            x = np.array([[positions(leg) for leg in platform.legs]])
+            q, residuals = platform.locate(x)
+            found = platform.evaluate(q, np.zeros_like(q))["positions"][0]
+            if not np.all(np.isfinite(found)):
+                leg = platform.legs[int(np.argmin(np.isfinite(found)))]
+                at = f"{leg}.position = {1e3 * positions(leg):.4g} mm"
+                what = f"the arm of {leg} does not reach {platform.name} from {at}"
+                raise wrong(key, what, rule=REACHES, remedy="Lengthen the arms, or start from other positions.")
+            if residuals[0] > CLOSED:
+                i = int(np.argmax(np.abs(found - x[0])))
+                at = ", ".join(f"{1e3 * one:.6g}" for one in x[0])
+                what = f"no pose of {platform.name} has its legs at {at} mm"
+                rule = f"in the nearest pose {platform.legs[i]}.position = {1e3 * found[i]:.6g} mm"
+                remedy = f"Start from a pose, for instance {next(iter(self.keys))}, or from other positions."
+                raise wrong(key, what, rule=rule, remedy=remedy)
+            least = float(singular_values(platform, q)[0, -1])
+            if not least > SINGULAR:
+                what = f"the start of {platform.name} is singular: {pose_text(platform, angles(platform, q)[0])}"
+                rule = f"smallest singular value above {SINGULAR:g}, here {least:.1g}"
+                remedy = "Start from another pose, or change the joints: here the legs do not hold the platform."
+                raise wrong(key, what, rule=rule, remedy=remedy)

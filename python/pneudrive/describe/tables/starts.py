@@ -113,6 +113,10 @@ class Starts:
                 else:
                     moves = last in (POSITION, VELOCITY)
                     out[name] = self._moved(of, last, known) if moves else self._otherwise(of, last)
+        given_keys = {key for table in given for key, _ in _flat(table)}
+        poses.check(
+            lambda leg: next(out[n] for own in self._moves_with(leg) if (n := f"{own}.{POSITION}") in out), given_keys
+        )
         return out, notes
 
     def _read(self, key: str, name: str, given: object) -> float:

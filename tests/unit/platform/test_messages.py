@@ -1,0 +1,121 @@
+"""Faults of a file with a platform: file, line, value, rule and remedy, from `pneudrive platform`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pneudrive.cli.main import run as command
+
+EXAMPLE = (Path(__file__).parents[3] / "examples" / "tripod.toml").read_text("utf-8")
+DELTA = EXAMPLE.replace("3-rps", "linear-delta").replace("centre =", "#").replace("inertia =", "#")
+HEXAPOD = EXAMPLE.replace('"leg_3"]', '"leg_3", "leg_4", "leg_5", "leg_6"]').partition("[initial]")[0]
+HEXAPOD = HEXAPOD.replace("3-rps", "6-ups").replace(
+    '    "leg_3.rod -> tripod.3",\n',
+    "".join(f'    "leg_{i}.rod -> tripod.{i}",\n' for i in range(3, 7))
+    + "".join(f'    "mains -> line_{i}{end} -> leg_{i}.{end}",\n' for i in range(4, 7) for end in "ab"),
+)
+HEXAPOD += 'base_angle = "30 deg"\nplatform_angle = "30 deg"\n'
+HEXAPOD += '[components.line]\nkind = "fitting"\nconductance = "1 dm3/(s bar)"\ncritical_pressure_ratio = 0.3\n'
+HEXAPOD += f"copies = {[f'line_{i}{end}' for i in range(4, 7) for end in 'ab']}\n"
+STROKE, JOINED = 'stroke = "200 mm"', '"leg_3.rod -> tripod.3"'
+#: Text of the file, the marked line, and what the message says: fault with value, rule, remedy.
+CASES = {
+    "leg without cylinder": (
+        EXAMPLE.replace(f"    {JOINED},\n", ""),
+        "[components.tripod]",
+        ["port tripod.3 is not connected", "a cylinder moves each leg", 'Write "leg_3.rod -> tripod.3"'],
+    ),
+    "leg without rod": (
+        EXAMPLE.replace(JOINED, '"weight -> tripod.3"') + '[components.weight]\nkind = "load"\nmass = "3 kg"\n',
+        "weight -> tripod.3",
+        ["leg 3 of tripod has no cylinder", "a cylinder or a slide moves each leg", "Join the rod of a cylinder"],
+    ),
+    "plugged leg": (
+        EXAMPLE.replace(f"    {JOINED},\n]", ']\nplugged = ["tripod.3"]'),
+        "plugged = ",
+        ["leg 3 of tripod has no cylinder", "a cylinder or a slide moves each leg", "Join the rod of a cylinder"],
+    ),
+    "two cylinders on a leg": (
+        EXAMPLE.replace(JOINED, '"leg_3.rod -> tripod.2"'),
+        "leg_2.rod -> tripod.2",
+        ["leg_2 and leg_3 both move leg 2 of tripod", "one cylinder for each leg", "put a coupling between"],
+    ),
+    "incline": (
+        EXAMPLE.replace(STROKE, f'{STROKE}\nincline = "90 deg"'),
+        "incline = ",
+        ["leg_1.incline = 90 deg", "leg 1 of tripod has the direction of its two joints", "Leave out incline"],
+    ),
+    "inertia": (
+        EXAMPLE.replace('z = "0.17 kg m2"', 'z = "0.19 kg m2"'),
+        "inertia = ",
+        ["tripod.inertia.z = 0.19 kg m2 is impossible", "z <= x + y = 0.18 kg m2", "through the centre of mass"],
+    ),
+    "sticking friction": (
+        re.sub(r", bristle_.*}", " }", EXAMPLE.replace("lugre", "stribeck")),
+        "friction = ",
+        ["leg_1.friction: this law sticks", "Choose a law without such a mode", "or put a coupling"],
+    ),
+    "start without a pose": (
+        EXAMPLE.replace(STROKE, 'stroke = "400 mm"')
+        + "".join(f'leg_{i}.position = "{x} mm"\n' for i, x in ((1, 0), (2, 400), (3, 400))),
+        "leg_1.position = ",
+        ["no pose of tripod has its legs at 0, 400, 400 mm", "in the nearest pose leg_1.position", "Start from a pose"],
+    ),
+    "start beyond a stroke": (
+        EXAMPLE + 'tripod.heave = "600 mm"\n',
+        "tripod.heave = ",
+        ["the pose of tripod needs leg_1.position = 252.1 mm", "0 mm <= position <= 200 mm", "nearer to half strokes"],
+    ),
+    "pose and positions": (
+        EXAMPLE + 'tripod.heave = "450 mm"\nleg_1.position = "90 mm"\n',
+        "leg_1.position = ",
+        ["leg_1.position and a pose of tripod are both given", "from a pose or from positions", "Remove one"],
+    ),
+    "delta with short arms": (
+        DELTA.replace('length = "350 mm"', 'length = "40 mm"'),
+        "[components.tripod]",
+        [
+            "the arm of leg_1 does not reach tripod from leg_1.position = 100 mm",
+            "the arm reaches from",
+            "Lengthen the arms",
+        ],
+    ),
+    "delta far away": (
+        DELTA + 'tripod.x = "400 mm"\n',
+        "tripod.x = ",
+        ["the arm of leg_1 does not reach the pose x = 400 mm", "the arm reaches from", "nearer to half strokes"],
+    ),
+    "singular start": (
+        EXAMPLE.replace('length = "350 mm"', 'length = "50 mm"')
+        + "".join(f'leg_{i}.position = "0 mm"\n' for i in (1, 2, 3)),
+        "leg_1.position = ",
+        ["the start of tripod is singular: heave =", "smallest singular value above 1e-06", "Start from another pose"],
+    ),
+    "singular at half strokes": (
+        HEXAPOD,
+        "[components.tripod]",
+        ["the start of tripod is singular: x = 0 mm", "smallest singular value above 1e-06", "change the joints"],
+    ),
+    "unit": (
+        EXAMPLE + 'tripod.tilt_1 = "5 mm"\n',
+        "tripod.tilt_1 = ",
+        ['tripod.tilt_1: unit "mm" is a length', "an angle is needed", "30 deg"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_fault_is_told_with_its_line_rule_and_remedy(case, tmp_path, capsys):
+    text, mark, words = CASES[case]
+    path = tmp_path / "machine.toml"
+    path.write_text(text)
+    assert command(["platform", str(path)]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    line = next(number for number, one in enumerate(text.splitlines(), start=1) if mark in one)
+    assert f"{path}:{line} " in said
+    for word in words:
+        assert word in said
+    assert "nan" not in said
