@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.base import wrong
-from pneudrive.describe.tables.legs import is_platform
 from pneudrive.errors import nearest
 
 if TYPE_CHECKING:
@@ -408,3 +407,9 @@ class Wiring:
 
 def _a(kind: str) -> str:
     return "an axis" if kind == "axis" else kind
+
+
+def is_platform(entry: Mapping[str, Any] | None) -> bool:
+    """Return whether a kind of component is a platform: axis ports alone, and more than two."""
+    ports = entry["ports"] if entry else ()
+    return len(ports) > 2 and all(port["kind"] == "axis" for port in ports)

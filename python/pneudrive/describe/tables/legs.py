@@ -6,6 +6,7 @@ from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.base import wrong
+from pneudrive.describe.connections import is_platform
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -14,12 +15,6 @@ if TYPE_CHECKING:
     from pneudrive.errors import DescriptionError, Problems
 
 AXES = "xyz"
-
-
-def is_platform(entry: Mapping[str, Any]) -> bool:
-    """Return whether a kind of component is a platform: axis ports alone, and more than two."""
-    ports = entry["ports"]
-    return len(ports) > 2 and all(port["kind"] == "axis" for port in ports)
 
 
 def check_platforms(wiring: Wiring, components: Mapping[str, Any], keys: Mapping[str, str], problems: Problems) -> None:

@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
+from pneudrive.describe.connections import is_platform
 from pneudrive.errors import DescriptionError
 from pneudrive.report.circuit.blocks import Block, blocks
 
@@ -63,7 +64,7 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     """
     placed = blocks(circuit)
     lines = nets(circuit, placed)
-    above = {name for name in placed if _is_carried(circuit, name)}
+    above = {name for name in placed if is_platform(circuit.components[name].entry)}
     beside = _beside(lines, circuit, above)
     ranks = _ranks(circuit.wiring, [name for name in placed if name not in beside and name not in above])
     ranks |= dict.fromkeys(above, 1 + max(ranks.values(), default=0))
@@ -93,15 +94,6 @@ def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
     """Return 1 if a line goes to a higher row and may need a separate track, otherwise 0."""
     found = [ranks[name] for name, _ in line.pins if name in ranks]
     return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
-
-
-def _is_carried(circuit: Circuit, name: str) -> bool:
-    """Return whether a component is drawn above the actuators.
-
-    It then has no gas, and more than two actuators move it.
-    """
-    ports = circuit.wiring.ports(name)
-    return len(ports) > 2 and all(port.kind == "axis" for port in ports)
 
 
 def _beside(lines: Sequence[Net], circuit: Circuit, above: Collection[str]) -> dict[str, tuple[str, str]]:
