@@ -10,12 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import pneudrive as pn
 from pneudrive.cli.main import run as command
+from pneudrive.report import style
 from pneudrive.report.platform.figures import FRAMES_S, SHORTEST_S, draw_platform
-from pneudrive.report.platform.page import LEG_PANELS
+from pneudrive.report.platform.page import LEG_PANELS, platform_section, read_platform_run
 from pneudrive.report.platform.scene import INKS, platform_lines, platform_scene
 from pneudrive.report.platform.svg import platform_svg
 from pneudrive.simulation.trajectory import save
@@ -108,6 +110,22 @@ def test_a_page_of_a_run_shows_the_drawing_and_every_curve(tripod_run, tmp_path)
     assert command(["simulate", str(TRIPOD), "--duration", "0.05 s", "--plot", str(run)]) == 0
     assert 'id="platform"' in run.read_text()
     assert len(platform_svg(tripod)) < 10_000
+
+
+def test_no_words_of_the_curves_overlap(tripod_run):
+    tripod = pn.platform(pn.Circuit.load(TRIPOD))
+    with style.applied():
+        picture = platform_section(tripod, read_platform_run(tripod, tripod_run)).blocks[0]
+        style.finish(picture.figure, synthetic=True)
+        style.lay_out(picture.figure)
+        FigureCanvasAgg(picture.figure).draw()
+    legends = [axis.get_legend() for axis in picture.figure.axes if axis.get_legend() is not None]
+    words = [text for legend in legends for text in legend.get_texts()]
+    words += [axis.title if axis.title.get_text() else axis._left_title for axis in picture.figure.axes[1:]]
+    words += picture.figure.texts
+    boxes = [text.get_window_extent() for text in [*words, *picture.figure.axes[0].texts]]
+    assert len(boxes) == 2 + 3 + 8 + 1 + 3  # tilts, legs, panels, mark of simulated data, labels of legs
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])

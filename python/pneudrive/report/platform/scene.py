@@ -21,8 +21,8 @@ VIEW = np.array([[0.866, 0.866, 0.0], [0.35, -0.35, -0.937]])
 WIDTH, MARGIN, FONT = 360.0, 30.0, 11.0
 #: Distances of a label from its joint that are tried in turn, px, and the angles for each.
 DISTANCES, ANGLES = (13.0, 19.0, 25.0), np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 130.0, -130.0])
-#: Distance of the centre of a label from lines, px.
-CLEAR = 8.0
+#: Distance of the centre of a label from the edges of lines, px.
+CLEAR = 7.0
 #: Fraction of the length of a leg at x = 0 that the barrel has if the leg has no stroke.
 BARREL = 0.6
 #: Thickness of a piston, as a fraction of its barrel or guide.
@@ -140,16 +140,18 @@ def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
     width, height = (high - low) * scale + 2.0 * MARGIN
     *lines, (_, path) = [(what, (points - low) * scale + MARGIN) for what, points in lines]
     seen = sorted({0, len(path) // 2, len(path) - 1})
-    segments = [
-        np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)
-        for points in (points[seen] if len(points) > 1 else points for _, points in lines)
-    ]
-    centres = label_places(lines[0][1][0, :-1], np.array([width, height]) / 2.0, np.concatenate(segments))
+    segments, halves = [], []
+    for what, points in lines:
+        own = points[seen] if len(points) > 1 else points
+        segments.append(np.stack([own[:, :-1], own[:, 1:]], axis=2).reshape(-1, 2, 2))
+        halves.append(np.full(len(segments[-1]), 0.5 * LOOKS[what].width))
+    middle = np.array([width, height]) / 2.0
+    centres = label_places(lines[0][1][0, :-1], middle, np.concatenate(segments), np.concatenate(halves))
     labels = [(str(i), centre) for i, centre in enumerate(centres, start=1)]
     return PlatformScene((float(width), float(height)), lines, labels, path[:, 0])
 
 
-def label_places(joints: Array, middle: Array, segments: Array) -> list[Array]:
+def label_places(joints: Array, middle: Array, segments: Array, halves: Array) -> list[Array]:
     """Return the centres of the labels of joints, px: apart from each other, and if possible from the lines.
 
     Parameters
@@ -159,6 +161,8 @@ def label_places(joints: Array, middle: Array, segments: Array) -> list[Array]:
         Of the picture: labels are outside of their joints.
     segments : ndarray, shape (m, 2, 2)
         Both ends of each line.
+    halves : ndarray, shape (m,)
+        Half of the width of each line.
     """
     out: list[Array] = []
     for joint in joints:
@@ -168,14 +172,14 @@ def label_places(joints: Array, middle: Array, segments: Array) -> list[Array]:
             joint + d * np.array([np.cos(angle + turn), np.sin(angle + turn)]) for d in DISTANCES for turn in ANGLES
         ]
         free = [place for place in tried if all(np.max(np.abs(place - other) / [0.8, 1.1]) > FONT for other in out)]
-        clear = (place for place in free if _distance(place, segments) > CLEAR)
+        clear = (place for place in free if _distance(place, segments, halves) > CLEAR)
         out.append(next(clear, (free or tried)[0]))
     return out
 
 
-def _distance(place: Array, segments: Array) -> float:
-    """Return the distance of a place from the nearest line."""
+def _distance(place: Array, segments: Array, halves: Array) -> float:
+    """Return the distance of a place from the nearest edge of a line."""
     start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
     square = np.maximum(np.sum(along * along, axis=1), 1e-12)
     share = np.clip(np.sum((place - start) * along, axis=1) / square, 0.0, 1.0)
-    return float(np.min(np.linalg.norm(start + share[:, None] * along - place, axis=1)))
+    return float(np.min(np.linalg.norm(start + share[:, None] * along - place, axis=1) - halves))
