@@ -23,6 +23,15 @@ PIXELS = """(canvas) => {
   return new Set(new Uint32Array(data.buffer)).size;
 }"""
 
+#: Pairs of texts of the circuit whose boxes overlap.
+OVERLAPS = """() => {
+  const texts = [...document.querySelectorAll("svg.circuit text")];
+  const own = texts.map((one) => [one.textContent, one.getBoundingClientRect()]);
+  const across = (a, b) => a.left < b.right - 0.5 && b.left < a.right - 0.5;
+  const meet = (a, b) => across(a, b) && a.top < b.bottom - 0.5 && b.top < a.bottom - 0.5;
+  return own.flatMap(([text, a], i) => own.slice(i + 1).filter(([, b]) => meet(a, b)).map(([other]) => [text, other]));
+}"""
+
 
 def cell(page: object, column: str) -> float:
     return float(page.get_attribute(f"[data-output='{column}']", "data-si"))
@@ -44,6 +53,7 @@ def test_the_slider_shows_the_recorded_poses(server: Server, open_tab: Open, loo
     for key, sample in (("End", 399), ("Home", 0)):
         page.keyboard.press(key)
         page.wait_for_selector(f".platform[data-sample='{sample}']")
+        assert page.evaluate(OVERLAPS) == []
         for name in OUTPUTS:
             own = run[f"tripod.{name}"]
             assert cell(page, own.attrs["column"]) == pytest.approx(float(own[samples[sample]]), rel=1e-9, abs=1e-9)
