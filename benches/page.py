@@ -109,6 +109,17 @@ VIEWS = (
 }"""
 )
 
+#: Plays the run of a platform to its end; samples drawn in a second.
+PLAYED = """async () => {
+  const platform = document.querySelector(".platform"), seen = new Set(), began = performance.now();
+  [...document.querySelectorAll("button")].find((one) => one.textContent === "Play").click();
+  while (platform.dataset.sample !== "399" && performance.now() - began < 9000) {
+    await new Promise(requestAnimationFrame);
+    seen.add(platform.dataset.sample);
+  }
+  return 1000 * seen.size / (performance.now() - began);
+}"""
+
 
 @contextmanager
 def _browser() -> Iterator[Any]:
@@ -160,6 +171,7 @@ def measure() -> list[tuple[str, str, str]]:
     with tempfile.TemporaryDirectory() as name, _browser() as browser:
         folder = Path(name)
         (folder / "axis.toml").write_text(DRIVE)
+        (folder / "tripod.toml").write_text((ROOT / "examples" / "tripod.toml").read_text())
         _recording(folder / "rig.parquet")
         page = browser.new_page(locale="en-GB", viewport={"width": 1400, "height": 1000})
         empty = page.evaluate(EMPTY, ROUNDS)
@@ -216,6 +228,10 @@ def _rows(page: Any) -> list[tuple[str, str, str]]:
     took = page.evaluate(VIEWS, [["Closer", "Later", "Earlier"], 24])
     rows.append((f"zoom or pan of {SAMPLES:.0e} samples to painted", _ms(took), "17 / 33 ms"))
     rows.append(("bytes of a view, largest", f"{max(sizes) / 1e3:.0f} kB", "64 kB"))
+    page.evaluate("() => void (location.hash = '#/drive/tripod.toml')")
+    page.click("button:text-is('Run in the drawing')")
+    page.wait_for_selector(".platform canvas")
+    rows.append(("samples of a moving tripod drawn in a second", f"{page.evaluate(PLAYED):.0f}", "30"))
     rows.append(("first page, gzip", f"{_first_page() / 1e3:.0f} kB", "100 kB"))
     return rows
 

@@ -55,7 +55,7 @@ def test_labels_lie_apart_and_inside(kind, dark):
         texts = figure.axes[0].texts
         assert [text.get_text() for text in texts] == [str(i) for i, _ in enumerate(own.legs, start=1)]
         assert {text.get_color() for text in texts} == {INKS["dark" if dark else "light"][0]}
-        boxes = [text.get_window_extent() for text in texts]
+        boxes = [text.get_window_extent() for text in [*texts, *figure.texts]]
         paper = figure.bbox
         assert all(paper.x0 <= b.x0 and b.x1 <= paper.x1 and paper.y0 <= b.y0 and b.y1 <= paper.y1 for b in boxes)
         assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))

@@ -75,6 +75,9 @@ def draw_platform(
     def draw() -> Figure:
         figure, axis = _paper(scene, dark=dark)
         put_scene(axis, scene, dark=dark)
+        if len(scene.path) > 1:
+            ink = INKS["dark" if dark else "light"][0]
+            figure.text(0.02, 0.98, "simulated", va="top", fontsize=_points(FONT), color=ink)
         return figure
 
     return drawn(draw, path, PICTURES)
