@@ -200,7 +200,9 @@ def edited(text: str, key: str, value: str | float) -> str:
         if (file := str(at)).startswith(FILE_PREFIX):
             file = file.removeprefix(FILE_PREFIX).strip()
             raise CommandError(f"{key} stands in {file}", remedy="Change it in that file.")
-        if not hasattr(at, "keys") or hasattr(at.get("value"), "keys"):
+        if hasattr(at, "keys") and hasattr(at.get("value"), "keys"):
+            at = at["value"]  # a table with one origin: { value = { a = ..., b = ... }, assumed = ... }
+        if not hasattr(at, "keys"):
             raise CommandError(f"{key}: {name} is not a table of values in this file", remedy="Change it in the text.")
     if last == "kind":
         at.pop("model", None)  # the tube of a drive: the same keys under other names
