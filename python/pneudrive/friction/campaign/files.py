@@ -113,9 +113,7 @@ def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
         "stick_slip_threshold": list(found.stick_slip_thresholds),
         "dwell": dwell_tables(found),
     }
-    with whole(path) as temporary:
-        temporary.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
-    return path
+    return _write(tables, path)
 
 
 def write_comparison(compared: Comparison, path: str | Path) -> Path:
@@ -143,6 +141,10 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
             "high": [e.high for e in compared.curves.difference],
             "corrected_p": compared.curves.adjusted_p,
         }
+    return _write(tables, path)
+
+
+def _write(tables: dict[str, Any], path: Path) -> Path:
     with whole(path) as temporary:
         temporary.write_text("\n".join(_lines(tables, ())) + "\n", encoding="utf-8")
     return path

@@ -16,6 +16,7 @@ import numpy as np
 
 from pneudrive.estimate.estimates import robust_deviation
 from pneudrive.friction.campaign.stops.corner import corner_height, lag_loss
+from pneudrive.friction.reduction.settling import moving_average
 from pneudrive.signals.motion import noise_level
 
 if TYPE_CHECKING:
@@ -206,10 +207,7 @@ def _run(mask: NDArray[np.bool_], at: int) -> int:
 
 def _quick(values: Array) -> Array:
     """Return the centred mean of a few samples, fewer at the ends."""
-    if values.size < QUICK:
-        return values
-    kernel = np.ones(QUICK)
-    return np.convolve(values, kernel, "same") / np.convolve(np.ones(values.size), kernel, "same")
+    return moving_average(values, QUICK) if values.size >= QUICK else values
 
 
 def _search_end(
