@@ -124,12 +124,12 @@ def _share(found: CampaignCharacteristics, one: Asymmetry, viscous_n_s_m: float)
 
 def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
     """Return the trend and waves of the levels over position; their mean over the common range is one."""
-    own = [one for one in found.position if one.condition is None or _is_of(one.condition, levels)]
+    title = ", ".join(level for level in levels if level)
+    own = [one for one in found.position if one.levels == title]
     curves = [one for one in found.curves if one.direction == BOTH and _is_of(one.condition, levels)]
     if not own or not curves:
         return
-    one_group = len({one.condition.levels for one in found.curves}) <= 1
-    pattern = max(own, key=lambda one: (one.condition is None and one_group, one.cycles))
+    pattern = max(own, key=lambda one: (one.condition is None, one.cycles))
     viscous = [viscous_n_s_m * one.speed_m_s / one.friction_n for one in curves]
     level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in the reference of the pattern
     away = pattern.position_m - (middle := float(pattern.position_m.mean()))

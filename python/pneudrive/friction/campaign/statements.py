@@ -291,15 +291,16 @@ def _span(values: list[float]) -> str:
 
 
 def _position(found: CampaignCharacteristics) -> Iterator[Said]:
-    overall = next((p for p in found.position if p.condition is None), None)
-    if overall is None:
+    whole = [p for p in found.position if p.condition is None]
+    if not whole:
         yield "position.none", {}
-        return
-    yield "position.trend", {"trend": overall.trend_per_m.scaled(100)}
-    strong = [h for h in overall.harmonics if h.amplitude.p < CHANCE]
-    if strong:
-        waves = (f"{100 * h.amplitude.value:.2g} % at {1e3 * h.wavelength_m:.3g} mm" for h in strong)
-        yield "position.waves", {"waves": ", ".join(waves)}
+    for p in whole:
+        prefix = f"{p.levels}: " if p.levels else ""
+        yield "position.trend", {"prefix": prefix, "trend": p.trend_per_m.scaled(100)}
+        strong = [h for h in p.harmonics if h.amplitude.p < CHANCE]
+        if strong:
+            waves = (f"{100 * h.amplitude.value:.2g} % at {1e3 * h.wavelength_m:.3g} mm" for h in strong)
+            yield "position.waves", {"prefix": prefix, "waves": ", ".join(waves)}
 
 
 def _stick_slip(found: CampaignCharacteristics) -> Iterator[Said]:

@@ -51,7 +51,7 @@ def _patterns(found: CampaignCharacteristics, p: PositionPattern) -> Iterator[tu
 
 
 def _place(found: CampaignCharacteristics, p: PositionPattern) -> str:
-    return condition_names(found)(p.condition) if p.condition is not None else "all cycles"
+    return condition_names(found)(p.condition) if p.condition is not None else p.levels or "all cycles"
 
 
 def draw_position(found: CampaignCharacteristics, shown: list[PositionPattern]) -> Figure:

@@ -117,7 +117,7 @@ class PositionPattern:
     Attributes
     ----------
     condition : Condition or None
-        None: all cycles together.
+        None: all cycles of the mounting, seal and drive.
     position_m : ndarray, shape (m,)
         Centres of the bins.
     relative, low, high : ndarray, shape (m,)
@@ -127,6 +127,8 @@ class PositionPattern:
     harmonics : tuple of PositionWave
         Waves that the pattern has beyond chance, the strongest first.
     cycles : int
+    levels : str
+        Mounting, seal, drive.
     """
 
     condition: Condition | None
@@ -137,6 +139,7 @@ class PositionPattern:
     trend_per_m: Estimate
     harmonics: tuple[PositionWave, ...]
     cycles: int
+    levels: str = ""
 
 
 @dataclass(frozen=True, eq=False)

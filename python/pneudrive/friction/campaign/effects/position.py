@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 MOST_WAVES = 4
 TIMES = np.arange(0.9, 8.01, 0.1)
 FINER = (0.02, 0.004, 0.001)
+RESOLVED = 0.5  # least difference of the orders of two waves: nearer ones look alike over the range
 #: Fall of chi-square by a wave (three parameters, some fifty places) that exceeds chance (p = 0.001).
 CLEAR = 25.0
 FEWEST_BINS = 16
@@ -37,16 +38,17 @@ COVERED = 0.9  # of the common bins: cycles that lack more are not used for tren
 
 
 def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
-    """Describe friction over position: all cycles together, then each condition with enough cycles."""
-    use = points.use
-    groups: list[tuple[Condition | None, NDArray[np.bool_]]] = [(None, use)]
-    if len(points.conditions) > 1:
-        groups += [(c, use & (points.condition == i)) for i, c in enumerate(points.conditions)]
-    found = (_describe(points, condition, members) for condition, members in groups)
+    """Describe friction over position: for each mounting, seal and drive, then for conditions with enough cycles."""
+    own = [(c.title, c, points.use & (points.condition == i)) for i, c in enumerate(points.conditions)]
+    whole = dict.fromkeys(title for title, _, _ in own)
+    groups = [(title, None, np.any([part for name, _, part in own if name == title], axis=0)) for title in whole]
+    found = [_describe(points, *group) for group in (*groups, *(own if len(own) > 1 else ()))]
     return tuple(one for one in found if one is not None)
 
 
-def _describe(points: Points, condition: Condition | None, members: NDArray[np.bool_]) -> PositionPattern | None:
+def _describe(
+    points: Points, title: str, condition: Condition | None, members: NDArray[np.bool_]
+) -> PositionPattern | None:
     reduced = points.reduced
     rows = reduced.relative_n[members][:, reduced.common]
     position = reduced.position_m[reduced.common]
@@ -70,7 +72,8 @@ def _describe(points: Points, condition: Condition | None, members: NDArray[np.b
         _harmonic(times, length / times, coefficients[:, 2 * i + 2], coefficients[:, 2 * i + 3])
         for i, times in enumerate(waves)
     )
-    return PositionPattern(condition, position, mean, mean - half, mean + half, trend, harmonics, rows.shape[0])
+    ends = (mean - half, mean + half)
+    return PositionPattern(condition, position, mean, *ends, trend, harmonics, rows.shape[0], title)
 
 
 def _trend(
@@ -133,6 +136,8 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
     weight = 1.0 / np.maximum(stderr, 1e-3 * float(np.median(stderr)) + 1e-12)
 
     def left(waves: Sequence[float]) -> float:
+        if len(waves) > 1 and np.diff(np.sort(waves)).min() < RESOLVED:
+            return float("inf")
         columns = weight[:, None] * _columns(position, waves, length)
         rest = weight * mean - columns @ np.linalg.lstsq(columns, weight * mean, rcond=None)[0]
         return float(rest @ rest)

@@ -161,8 +161,6 @@ def _design(ambient_pa: float, fits: Fits, members: NDArray[np.bool_]) -> tuple[
 def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> MixedFit | None:
     """Fit fixed effects with the random effects of the curves' model."""
     points, reduced = fits.points, fits.points.reduced
-    if independent(x).size < x.shape[1]:
-        return None
     y = reduced.friction_n[members]
     # A relative source is proportional to friction as predicted by the fixed effects, not to
     # the values themselves, which such a source would explain exactly.
@@ -179,6 +177,8 @@ def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> Mixe
         blocks = fits.blocks[members[points.use]]
         if blocks.any(axis=0).sum() > 1:
             components.append(RandomEffect("block", outer * (blocks @ blocks.T), usual))
+    if independent(x).size < x.shape[1]:
+        return None
     return MixedModel(y, x, reduced.friction_stderr_n[members] ** 2, tuple(components)).fit()
 
 
