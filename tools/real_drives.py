@@ -237,7 +237,7 @@ def page(
         f"The start temperatures are {record.temperature_a_k[0]:.1f} ± {record.temperature_a_k[1]:.1f} K and "
         f"{record.temperature_b_k[0]:.1f} ± {record.temperature_b_k[1]:.1f} K.",
         f"The pressures come {record.delay_s[0]:.3f} ± {record.delay_s[1]:.3f} s after the position.",
-        f"Delays of {', '.join(f'{d:g}' for d in ADDED_S)} s that were added return within {late:.3f} s.",
+        f"If delays of {', '.join(f'{d:g}' for d in ADDED_S)} s are added, the fit finds them within {late:.3f} s.",
         "",
         "![Pressures of the gas spring](../figures/real-gas-spring.png)",
         "",
@@ -245,7 +245,7 @@ def page(
         "| --- | --- | ---: | ---: |",
         *(f"| {own} | {other} | {100 * v[0]:.2f} | {100 * v[1]:.2f} |" for own, other, v in halves),
         "",
-        "Other models were fitted too. A model stays out unless it predicts both halves better.",
+        "Other models were fitted too. A model is not adopted unless it predicts both halves better.",
         "",
         *(f"- {rival.verdict[0].upper()}{rival.verdict[1:]}." for rival in fit.rivals),
         "",
