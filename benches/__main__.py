@@ -86,7 +86,7 @@ def machine() -> dict[str, Any]:
 
 
 def measured(peers_only: bool, rounds: dict[str, int]) -> list[Entry]:
-    """Sweep the tolerances, then time everything in turn."""
+    """Sweep the tolerances, then time every entry, one after the other."""
     entries = [
         Entry(solver.name, case, solver.solve, solver.bare)
         for solver in solvers(peers_only)

@@ -1,4 +1,4 @@
-"""10,000 drives at once: final state and stroke time of case A under random parameters, per core and on all of them.
+"""10,000 drives in one call: final state and stroke time of case A under random parameters, on one core and on all.
 
 ``python -m benches.ensemble`` prints only the table. On one core, processor time is used. On several cores, it is wall
 time relative to the rate of as many independent processes in the same run.

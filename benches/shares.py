@@ -22,10 +22,10 @@ from benches.tables import text
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 RATE_HZ, SECONDS = 2000, 4.0
-HEAD = ("share of the time, %", "A", "B", "C", "ensemble")
+HEAD = ("fraction of the time, %", "A", "B", "C", "ensemble")
 #: What is done -> names of functions that do it; the first that fits counts.
 WORK = {
-    "eight members at once: all of the next four": r"::within::",
+    "eight members together: all of the next four": r"::within::",
     "right-hand side": r"add_rates|fused|physics::",
     "Jacobian": r"linearise|lifted",
     "elimination of W": r"ode::linear",

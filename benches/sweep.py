@@ -92,7 +92,7 @@ def once(solve: Callable[[], Any]) -> float:
 
 
 def interleave(entries: Sequence[Entry], rounds: int) -> None:
-    """Time every entry once a round, so that a disturbance hits all of them alike."""
+    """Time every entry once a round, so that a disturbance affects all entries equally."""
     for _ in range(rounds):
         for entry in entries:
             for tol in entry.timed():

@@ -26,7 +26,7 @@ class Sundae(Peer):
         self.rhs = rhs
 
     def solve(self, case: Case, tol: float) -> np.ndarray:
-        """Return the states of a case, one solver object for all of it."""
+        """Return the states of a case; one solver object runs the whole case."""
         self.solver = CVODE(self.rhs, method="BDF", rtol=tol, atol=tol * SCALE, max_num_steps=MAX_STEPS)
         return super().solve(case, tol)
 

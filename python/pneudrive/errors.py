@@ -94,7 +94,7 @@ class PneudriveError(Exception):
         return "\n".join(lines)
 
     def each(self: Wrong) -> list[Wrong]:
-        """Yield this error and the others that it carries."""
+        """Yield this error and the errors that it contains."""
         return [self, *self.others]
 
     def turned(self, kind: type[Wrong]) -> Wrong:
@@ -194,7 +194,7 @@ class SimulationError(PneudriveError):
 
 
 class OwnLawError(SimulationError):
-    """A custom controller raises an error or returns NaN. The run ends there."""
+    """A custom controller raises an error or returns NaN. The run ends at this time."""
 
 
 class FitError(PneudriveError):

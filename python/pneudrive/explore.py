@@ -28,7 +28,7 @@ _BUILT = Path(__file__).with_name("web") / "built"
 
 
 class Explorer:
-    """A drive with sliders. It shows itself in a live notebook, and as text elsewhere.
+    """A drive with sliders. In a live notebook it is shown with sliders, elsewhere as text.
 
     Attributes
     ----------

@@ -299,7 +299,7 @@ supply.pressure = "6 bar gauge"
     assert [row[1] for row in page.tables["Candidates that meet the task: the best of each cylinder"]] == [
         " + ".join(name for name in one["parts"].values() if name != "none") for one in ranked[:1]
     ]
-    for one, row in zip(ranked[:1], page.tables["Values of 98 % of the draws, and margin in brackets"], strict=True):
+    for one, row in zip(ranked[:1], page.tables["Values of 98 % of the samples, and margin in brackets"], strict=True):
         value, limit, _ = one["worst"]["time out"]
         low, _, rest = row[1].partition(" … ")
         assert rest == f"{value:.3g} ({100.0 * (1.0 - value / limit):.0f} %)"

@@ -48,7 +48,7 @@ def test_run_and_status(folder, asked, capsys):
     assert capsys.readouterr().out.splitlines() == [
         "Small campaign (synthetic), rig Default simulated rig",
         "10 of 10 planned cycles; done",
-        "no process works on it",
+        "no process runs this campaign",
     ]
     sorted((folder / "cycles").iterdir())[4].write_bytes(b"PAR1")
     run(["campaign", "status", str(folder)])

@@ -87,7 +87,7 @@ def test_a_user_may_be_a_certificate(served, files):
         ({"user": "carl"}, "rejects this client: BadUserAccessDenied"),
         ({"user": "bert"}, "rejects this client: BadUserAccessDenied"),
         ({"user": None, "password_file": None}, "rejects this client: BadIdentityTokenRejected"),
-        ({"server": "stranger"}, "server_certificate is not its own"),
+        ({"server": "stranger"}, "server_certificate is not its certificate"),
         (None, "rejects this client: BadSecurityModeInsufficient"),
     ],
     ids=["certificate", "user", "password", "no user", "server", "nothing"],

@@ -63,7 +63,7 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
         assert mine["place"] == place
         assert (mine["air"], mine["energy"], mine["time_out"]) == (one.air_litres_anr, one.energy, one.time_out)
         assert (mine["met"], mine["binding"]) == (one.met, one.binding)
-        assert mine["intervals"]["time_out"][1] == mine["time_out"]  # 1 % of the draws pass it
+        assert mine["intervals"]["time_out"][1] == mine["time_out"]  # 1 % of the samples pass it
         assert mine["intervals"]["air"][0] < mine["air"] < mine["intervals"]["air"][1]
         assert 0.0 < mine["intervals"]["load_ratio"][0] < 1e2 * mine["load_ratio"] < 1e2
         assert pn.Circuit.load(mine["file"]).to_toml() == found.circuit(place).to_toml()

@@ -352,7 +352,7 @@ impl<R: Lane> Circuit<R> {
         self.fused.is_some()
     }
 
-    /// Returns whether it is evaluated without nodes and keeps no balances. Then any scalar type works.
+    /// Returns whether it is evaluated without nodes and keeps no balances. In this case any scalar type works.
     pub(crate) fn serves_all(&self) -> bool {
         self.fused.is_some() && self.topology.channels.is_empty()
     }
@@ -704,7 +704,7 @@ impl<R: Lane> System<R> for Circuit<R> {
             Some(fused) if self.topology.channels.is_empty() => {
                 R::within(Rates { circuit: self, fused, y, known, out });
             }
-            _ if !R::GENERAL => unreachable!("such numbers are for a circuit without nodes"),
+            _ if !R::GENERAL => unreachable!("derivatives by such numbers need a circuit without nodes"),
             _ => {
                 self.rhs(t, y, out, net);
                 for (out, known) in out.iter_mut().zip(known) {

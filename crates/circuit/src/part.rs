@@ -225,7 +225,7 @@ impl<'y, S: Copy> OwnMut<'y, S> {
         &mut self.y[self.place.first + n..self.place.first + self.place.count]
     }
 
-    /// Returns the first `n`, and the others.
+    /// Returns the first `n` elements, and the remaining ones.
     #[inline(always)]
     pub fn split(self, n: usize) -> (&'y mut [S], &'y mut [S]) {
         self.y[self.place.first..self.place.first + self.place.count].split_at_mut(n)
@@ -354,7 +354,7 @@ pub trait Part<P: Real> {
     fn mode_mut(&mut self, event: usize) -> &mut P {
         unreachable!("there is no event {event}")
     }
-    /// Sets the mode to match the states, and the states as the mode requires.
+    /// Sets the mode that belongs to the states, and the states that this mode prescribes.
     fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, _net: &Net<P>)
     where
         P: Lane,

@@ -43,7 +43,7 @@ pub fn budget(duration: f64, commands: usize, states: usize) -> u64 {
     (dearer * (second * duration + command * commands as f64 + run)) as u64
 }
 
-/// Regularly asks whether the user wants to stop, and passes the simulated time.
+/// Called regularly with the simulated time; returns whether the user wants to stop.
 pub struct Look<'a> {
     interrupted: &'a mut dyn FnMut(f64) -> bool,
     left: u64,

@@ -149,7 +149,7 @@ struct Ramp {
 /// Standby law, unless the user names another one.
 const STANDBY: &str = "inversion";
 
-/// Wanted state now and when the command acts, whether the drive stands in between, and the reference.
+/// Wanted state now and when the command acts, whether the drive rests in between, and the reference.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ahead<'r, S> {
     pub now: Wanted<S>,
@@ -416,7 +416,7 @@ impl Controller {
         way.max(COUNT_DEVIATIONS * self.noise.position)
     }
 
-    /// Returns the answer without the law: a command, and the estimates of the observer.
+    /// Returns the outputs for a given command, without the law: this command and the estimates of the observer.
     pub(crate) fn rest(&self, wanted: Wanted, command: f64) -> Answer {
         let (velocity, disturbance) = self.state().map_or((0.0, 0.0), |own| (own.velocity, own.disturbance));
         Answer { command, wanted, velocity, disturbance, holds: false }

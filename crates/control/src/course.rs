@@ -140,7 +140,7 @@ impl Slowed {
 /// Course that a law follows.
 #[derive(Clone, Copy, Debug)]
 pub struct Course<'a> {
-    /// The reference; `None` if the drive stands.
+    /// The reference; `None` if the drive is at rest.
     reference: Option<&'a Reference>,
     /// Clock of the reference, if it differs from that of the samples.
     clock: Option<Slowed>,

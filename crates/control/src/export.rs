@@ -118,9 +118,9 @@ fn limits(controller: &Controller) -> Vec<(Given, f64)> {
     let rules = controller.supervisor.as_ref().map(|own| own.rules).unwrap_or_default();
     let [low, high] = [rules.position[0].max(0.0), rules.position[1].min(controller.model.stroke)];
     [
-        ("position_low", "m", "least position that the reference may ask for", low),
-        ("position_high", "m", "greatest position that the reference may ask for", high),
-        ("speed_limit", "m/s", "highest speed that the reference may ask for", rules.speed.min(FARTHEST)),
+        ("position_low", "m", "smallest position of the reference", low),
+        ("position_high", "m", "largest position of the reference", high),
+        ("speed_limit", "m/s", "highest speed of the reference", rules.speed.min(FARTHEST)),
         ("stop_deceleration", "m/s2", "deceleration of a stop ramp", rules.stop_deceleration),
     ]
     .map(|(name, unit, meaning, value)| (Given { name: name.into(), unit, meaning: meaning.into() }, value))

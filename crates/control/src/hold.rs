@@ -38,7 +38,7 @@ pub struct Hold<S = f64> {
 /// Inputs of holding for one sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Resting<S> {
-    /// 1 while the reference stands, else 0.
+    /// 1 while the reference is at rest, else 0.
     pub stands: S,
     /// Error of the position, m.
     pub error: S,
@@ -105,7 +105,7 @@ impl<S: Number> Hold<S> {
         S::select(self.vain.lt(S::c(HOLD_VAIN)), S::zero(), S::one())
     }
 
-    /// Counts such slips while the reference stands; 1 if the place has changed, else 0.
+    /// Counts such slips while the reference is at rest; 1 if the place has changed, else 0.
     fn count(&mut self, stands: S, e: S, period: f64) -> S {
         let (zero, one) = (S::zero(), S::one());
         // The test uses the position: the observer's velocity is noisy after each slip.

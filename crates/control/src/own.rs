@@ -42,7 +42,7 @@ macro_rules! signals {
 // Compiled laws depend on this order: new signals are added at the end.
 signals! {
     time: "s", "time of the sample";
-    position: "m", "position, as it is measured";
+    position: "m", "measured position";
     velocity: "m/s", "velocity, estimated";
     acceleration: "m/s2", "acceleration, estimated";
     pressure_a: "Pa", "absolute pressure of chamber a: measured, or of the model without a sensor";
@@ -91,7 +91,7 @@ impl<F: FnMut(&Seen, &Reference) -> f64 + Send> OwnLaw for F {
     }
 }
 
-/// A custom law, or a placeholder for it. Clones share it, with its memory.
+/// A custom law, or a placeholder for a custom law. Clones use the same law object, with its memory.
 #[derive(Clone, Default)]
 pub struct Own(Option<Arc<Mutex<dyn OwnLaw>>>);
 

@@ -74,7 +74,7 @@ pub enum Reference {
     Moves {
         /// m.
         start: f64,
-        /// In the order of their times.
+        /// The entries in the order of their times.
         moves: Vec<Move>,
     },
     /// A sine about a centre. Its amplitude grows from zero within the first period.
@@ -90,7 +90,7 @@ pub enum Reference {
     Pieces {
         /// m.
         start: f64,
-        /// In the order of their times.
+        /// The entries in the order of their times.
         pieces: Vec<Piece>,
         /// Moving mass and load along them; `None`: those of the model.
         efforts: Option<Efforts>,
@@ -252,7 +252,7 @@ impl Reference {
         }
     }
 
-    /// Whether it stands still from a time on for `span` s.
+    /// Whether the reference is at rest from a time on for `span` s.
     pub fn stands(&self, t: f64, span: f64) -> bool {
         match self {
             Reference::Moves { moves, .. } => {

@@ -33,7 +33,7 @@ pub enum Reaction {
     Tell,
     /// Stop ramp, then the law holds the position.
     Stop,
-    /// The valve is shut at once.
+    /// The valve is shut immediately.
     Block,
     /// The reference is slowed in time until commands no longer saturate; if this fails, a stop ramp follows.
     Slow,
@@ -424,7 +424,7 @@ impl Supervisor {
         }
     }
 
-    /// Slows the reference while the law asks for the full opening on a fallen supply.
+    /// Slows the reference while the law commands the full opening and the supply pressure is low.
     fn slow(&mut self, own: &Controller, sample: &Sample) {
         let is_over = self.slowed.is_none_or(|clock| clock.end() <= sample.time);
         let is_full = self.command.abs() >= SLOW_FULL && self.mode == Mode::Follows;
@@ -494,7 +494,7 @@ impl Supervisor {
         matches!(self.mode, Mode::Shut | Mode::Off)
     }
 
-    /// Returns the answer of the law, or of the standby law.
+    /// Returns the output of the law, or of the standby law.
     fn ask(&mut self, own: &mut Controller, sample: &Sample, course: &Course) -> Answer {
         if self.is_shut() {
             return own.rest(course.at(sample.time), 0.0);

@@ -128,7 +128,7 @@ thresholds! {
     REFERENCE_JUMP: f64 = 1e-3, "m", "jump of a reference that starts a stop ramp", "assumed";
     STOP_NEAR: f64 = 2e-3, "m", "error up to which a stop ramp begins on the reference", "assumed";
     STOP_APART: f64 = 2e-3, "m", "distance from an end stop at which a stop ramp ends", "assumed";
-    MODEL_TRUSTED: f64 = 0.08, "s", "time for which the model knows the position without readings", "assumed";
+    MODEL_TRUSTED: f64 = 0.08, "s", "time for which the position of the model is accurate without readings", "assumed";
     SLOW_FULL: f64 = 0.95, "1", "command that is saturated", "assumed";
     SLOW_FULL_FOR: f64 = 0.02, "s", "saturation after which a reference slows down", "assumed";
     SLOW_FACTOR: f64 = 0.8, "1", "factor of its rate each time", "assumed";
@@ -140,7 +140,7 @@ thresholds! {
     POSITION_STUCK: f64 = 20.0, "counts", "way of the model while a reading rests", "assumed";
     POSITION_CORRECTED: f64 = 5e-3, "s", "time in which the observer corrects friction at breakaway", "a contact may break away later than the model; assumed";
     POSITION_STOPS: f64 = 4.0, "counts", "way in which friction stops a drive that then rests", "assumed";
-    POSITION_BEARS: f64 = 1.25, "1", "friction that such a drive may bear, in breakaway friction", "assumed";
+    POSITION_BEARS: f64 = 1.25, "1", "friction up to which a drive is considered free to move, in breakaway friction", "assumed";
     POSITION_CREEPS: [f64; 2] = [5e-4, 5e-3], "m/s", "speed of the model while its drive rests: with pressure sensors, without", "its contact gives way smoothly below breakaway; assumed";
     POSITION_SPEED: f64 = 0.1, "1", "error of the speed of the model, of the highest speed", "assumed";
     POSITION_FRICTION: [f64; 2] = [2.0, 3.0], "1", "friction of the dead-reckoning model: with pressure sensors, without", "friction may be wrong, and is higher after a rest; assumed";
@@ -156,7 +156,7 @@ thresholds! {
     PRESSURE_FLOW: f64 = 0.4, "1", "error of the modelled flow", "assumed";
     PRESSURE_HARDLY_OPEN: f64 = 0.025, "1", "flow, of the full one, that may be wrong altogether", "overlap and hysteresis of a valve that is hardly open; assumed";
     PRESSURE_BEYOND: f64 = 1.0, "1", "unexplained force that is assigned to friction, in breakaway friction", "assumed";
-    PRESSURE_BORNE: f64 = 0.02, "s", "time in which a modelled pressure takes the rest", "assumed";
+    PRESSURE_BORNE: f64 = 0.02, "s", "time in which a modelled pressure approaches the remaining difference", "assumed";
     PRESSURE_LOST: u32 = 3, "samples", "readings in a row that are not credible until the sensor is lost", "assumed";
     GUARD_PRESSURE: [f64; 2] = [1e4, 2.0], "Pa; 1", "pressures that exported code accepts: least, and greatest over that of the supply", "assumed";
     SUPPLY_FALLEN: f64 = 1e5, "Pa", "fall of the supply that is reported", "assumed";
@@ -191,13 +191,13 @@ thresholds! {
     BRAKE_HITS: f64 = 0.15, "m/s", "speed of a hit above which that is tried", "assumed";
     BRAKE_SURE: f64 = 0.2, "1", "part of the way to spare if little air is ahead", "assumed";
     BRAKE_TIMES: u32 = 3, "1", "times that a drive at rest is braked until its valve is shut", "assumed";
-    BRAKE_FAST: f64 = 0.1, "m/s", "speed above which such a brake counts", "assumed";
+    BRAKE_FAST: f64 = 0.1, "m/s", "speed above which braking before an end stop counts", "assumed";
     BRAKE_WITHIN: f64 = 0.5, "s", "time between two of them", "assumed";
 
     // Motion monitor (supervisor).
     MOTION_SWING: f64 = 5.0, "tolerances", "least error of a limit cycle along a reference, peak to peak", "assumed";
     MOTION_SWINGS: u32 = 4, "1", "changes of sign of an error beyond its tolerance for each reversal of the reference, beyond which it is a limit cycle", "a reversal gives two; assumed";
-    MOTION_MOVED: f64 = 1e-3, "m", "way that counts as motion", "assumed";
+    MOTION_MOVED: f64 = 1e-3, "m", "distance that counts as motion", "assumed";
     MOTION_AIR: f64 = 0.3, "1", "pressure below which there is no air, of the supply", "assumed";
     MOTION_HELD: f64 = 1.5, "1", "force above which something else blocks the drive, in breakaway friction", "assumed";
 }

@@ -1,4 +1,5 @@
-//! Ground floor: sample, state and plant of a drive, arrangement of its valves. These types know no other file.
+//! Ground floor: sample, state and plant of a drive, arrangement of its valves. These types do not depend on other
+//! files.
 
 use crate::thresholds::LEAST_LAG;
 use math::Over;
@@ -31,7 +32,7 @@ pub struct State<S = f64> {
     pub position: S,
     /// m/s.
     pub velocity: S,
-    /// Force that the model knows nothing of, N in +x.
+    /// Force that is not part of the model, N in +x.
     pub disturbance: S,
     /// Friction force without its viscous part, N.
     pub friction: S,
@@ -73,7 +74,7 @@ pub struct Plant {
     pub natural_frequency: f64,
     /// Its damping ratio.
     pub damping_ratio: f64,
-    /// Steady speed for each share of opening, m/s.
+    /// Steady speed for each fraction of opening, m/s.
     pub speed: f64,
     /// Rate of the force of a chamber at full opening, N/s.
     pub force_rate: f64,
@@ -100,7 +101,7 @@ pub struct Armature {
 }
 
 impl Armature {
-    /// From a command until it is at a share of its way, s.
+    /// Time from a command until the spool has covered a fraction of its way, s.
     pub(crate) fn at(&self, back: bool, share: f64) -> f64 {
         self.dead[usize::from(back)] + share * self.travel[usize::from(back)]
     }
@@ -132,7 +133,7 @@ pub enum Arrangement {
 }
 
 impl Arrangement {
-    /// They open by any share; else they switch.
+    /// True if the valves open by any fraction; otherwise they switch.
     pub fn is_proportional(&self) -> bool {
         matches!(self, Arrangement::One | Arrangement::Pair)
     }

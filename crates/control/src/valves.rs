@@ -59,7 +59,7 @@ law! {
     /// E is the missing force at the end of the shortest pulse, N. The remainder is corrected later.
     pub struct Three {
         shortest_pulse: "s", above(0.0), "time for which a position stays, and not less than the armature takes", rule "dead time and travel of the armature";
-        dead_band: "N", at_least(0.0), "force that is missing when a solenoid switches", rule "half of what the shortest pulse gives at mid stroke";
+        dead_band: "N", at_least(0.0), "force that is missing when a solenoid switches", rule "half of the force of the shortest pulse at mid stroke";
     } memory<S> { switched: Switched<S> = Switched::new() }
 }
 
@@ -74,7 +74,7 @@ law! {
     /// controlled as with two 3/2 valves. The remainder is corrected later.
     pub struct Seven {
         shortest_pulse: "s", above(0.0), "time for which a mode stays, and not less than the armature takes", rule "dead time and travel of the armature";
-        dead_band: "N", at_least(0.0), "force that is missing when a valve switches", rule "half of what the shortest pulse gives at mid stroke";
+        dead_band: "N", at_least(0.0), "force that is missing when a valve switches", rule "half of the force of the shortest pulse at mid stroke";
         stiffness: "N/m", above(0.0), "of the shut-in gas, where pressures allow it", rule "that of both chambers at the mean of supply and ambient pressure, mid stroke";
         rate: "1/s", at_least(0.0), "at which the stiffness follows", rule "a fifth of 0.22/lag, assumed";
         stiffness_share: "1", at_least(0.0), "weight of the stiffness beside the force", rule "0.3, assumed";
@@ -107,7 +107,7 @@ pub enum Valves {
 }
 
 impl Valves {
-    /// With numbers that follow from the drive.
+    /// Valves with numbers that are derived from the drive.
     pub fn tuned(model: &Model, plant: &Plant, period: f64) -> Self {
         let stiffness = plant.natural_frequency * plant.natural_frequency * model.mass;
         let rate = STIFFNESS_RATE * plant.bandwidth();
@@ -143,7 +143,7 @@ impl Valves {
         }
     }
 
-    /// Without an observer yet: a command of one 5/3 valve as it is, and no command of others.
+    /// Command before the observer has started: that of one 5/3 valve unchanged, and none for other valves.
     pub(crate) fn shut(&self, command: f64) -> Commands {
         match self {
             Valves::One => Commands::of([command]),
@@ -263,7 +263,7 @@ impl Reach {
         }
     }
 
-    /// Rate of the force of a chamber at a share of opening, -1 .. 1.
+    /// Rate of the force of a chamber at a fraction of opening, -1 .. 1.
     fn rate(&self, i: usize, share: f64) -> f64 {
         let full = if share > 0.0 { self.filled[i] } else { self.vented[i] };
         self.shut[i] + share.abs() * (full - self.shut[i])

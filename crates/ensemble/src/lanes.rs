@@ -43,8 +43,8 @@ impl<R: Lane> Queue<'_, '_, R> {
         self.came[member - self.first] = Some(came);
     }
 
-    /// Returns the next member whose circuit has the topology of the others, with its start. Members of
-    /// another topology run alone at once.
+    /// Returns the next member whose circuit has the topology of the others, with its start. Members of another
+    /// topology are run immediately, one at a time.
     fn next(&mut self, stop: &AtomicBool) -> Option<(Seat, Vec<f64>)> {
         loop {
             let member = self.waiting.next()?;

@@ -106,7 +106,7 @@ pub struct Follower<'a, R: Lane> {
 }
 
 impl<'a, R: Lane> Follower<'a, R> {
-    /// Creates a follower for members that are like `assembly`, over `duration` s if samples are requested.
+    /// Creates a follower for members with the structure of `assembly`, over `duration` s if samples are requested.
     pub fn new(assembly: &'a Assembly, asked: &'a [Reduction], duration: f64) -> Self {
         let quantity = |asked: &Reduction| assembly.variables.quantities[asked.column];
         let source = |asked: &Reduction| match quantity(asked) {
@@ -346,7 +346,7 @@ fn is_whole(what: What) -> bool {
     matches!(what, What::Final | What::Samples { .. })
 }
 
-/// Returns a circuit of lanes that are all alike.
+/// Returns a circuit whose lanes are all equal.
 fn gathered<R: Lane>(circuit: &Circuit<f64>) -> Circuit<R> {
     Circuit::gather(&vec![circuit; R::L])
 }
@@ -410,7 +410,7 @@ impl<R: Lane> Follower<'_, R> {
         }
     }
 
-    /// Evaluates an accepted step in a lane that has work to do.
+    /// Evaluates an accepted step of a lane whose outputs need this step.
     fn attend(
         &mut self,
         at @ (lane, t, h): (usize, f64, f64),

@@ -14,7 +14,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Largest number of members that a thread takes at once.
+/// Largest number of members that a thread takes from the queue in one step.
 const MOST: usize = 256;
 
 /// Numbers of members: one row for all, or one for each.

@@ -37,7 +37,7 @@ pub const ALIVE: &[Phase] =
 /// Callback of the tool for messages.
 #[derive(Clone, Copy)]
 pub enum Logger {
-    /// The caller asks for the last message instead.
+    /// The caller reads the last message instead.
     None,
     Two(unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...)),
     Three(unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char)),

@@ -73,7 +73,7 @@ impl Law {
         Ok(())
     }
 
-    /// Returns a number of the last answer. Before the first answer, the valve is at rest.
+    /// Returns an output of the last step. Before the first step, the valve is at rest.
     pub fn output(&self, name: &str) -> Option<f64> {
         let wanted = self.answer.map_or_else(|| self.reference.at(0.0), |own| own.wanted);
         let of = |number: fn(&Answer) -> f64| self.answer.as_ref().map_or(0.0, number);

@@ -73,7 +73,7 @@ struct Running {
 
 impl Running {
     /// Rates of the present state. A trial of the tool may be outside the physical range, such as a chamber
-    /// without volume. Then these are the rates of the last valid state on the way. Most tools do not accept a
+    /// without volume. In that case these are the rates of the last valid state on the way. Most tools do not accept a
     /// refusal, and all reject a step whose rates do not agree.
     fn rates(&mut self) -> Vec<f64> {
         let rates = self.session.rates();

@@ -20,8 +20,8 @@ fn missing(leaf: impl Fn(u32) -> [u32; 4]) -> Option<&'static str> {
     NEEDED.iter().find(lacks).map(|own| own.0)
 }
 
-/// Returns an instruction set that this processor lacks, if any. It asks the processor directly, because the compiler
-/// would use its assumptions about the target.
+/// Returns an instruction set that this processor lacks, if any. The processor is queried directly, because the
+/// compiler would use its assumptions about the target.
 #[cfg(target_arch = "x86_64")]
 #[inline(never)]
 pub fn lacking() -> Option<&'static str> {

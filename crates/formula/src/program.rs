@@ -2,7 +2,7 @@ use crate::graph::{Graph, Id, Operation};
 use crate::problem::Problem;
 use math::Real;
 
-/// Largest number of values that an evaluation keeps at once.
+/// Largest number of intermediate values at the same time in an evaluation.
 pub const MOST_REGISTERS: usize = 256;
 
 /// Operations on numbered registers. The first registers hold constants, followed by the used inputs. A later register
@@ -133,7 +133,7 @@ impl Program {
             steps.push((code, to, of));
         }
         if next > MOST_REGISTERS {
-            let what = format!("the law keeps {next} values at once, more than the limit {MOST_REGISTERS}");
+            let what = format!("the law needs {next} values at the same time, more than {MOST_REGISTERS}");
             return Err(Problem::of_all(what, "Simplify it."));
         }
         let byte = |register: usize| u8::try_from(register).expect("within MOST_REGISTERS");

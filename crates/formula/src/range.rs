@@ -41,7 +41,7 @@ impl Range {
         Range { low: End::new(low, reached[0]), high: End::new(high, reached[1]) }
     }
 
-    /// Both ends belong to it.
+    /// Both ends belong to the range.
     pub fn closed(low: f64, high: f64) -> Self {
         Range::new(low, high, [true; 2])
     }

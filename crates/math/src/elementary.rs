@@ -19,7 +19,8 @@
 use crate::real::Real;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, LN_2, LOG2_E};
 
-/// Constant 1.5 * 2^52. A sum with it has no bits for a fraction. The sum is rounded to an integer, which is then in
+/// Constant 1.5 * 2^52. A sum with this constant has no bits for a fraction. The sum is rounded to an integer, which is
+/// then in
 /// the lowest bits
 /// of the sum. Holds for |x| < 2^51.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;

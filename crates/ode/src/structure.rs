@@ -45,7 +45,7 @@ pub(crate) struct Below {
     pub updates: Vec<(Slot, Slot)>,
 }
 
-/// The sparsity of a system's Jacobian and all that follows from it.
+/// The sparsity of a system's Jacobian, and the colouring and elimination order that are computed from the sparsity.
 #[derive(Clone, Debug)]
 pub struct Structure {
     pub(crate) n: usize,

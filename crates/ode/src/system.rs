@@ -30,7 +30,7 @@ pub trait System<R: Lane> {
     }
 
     /// Writes `f` and its Jacobian, if the system knows the Jacobian and it has the shape of an arrow (see
-    /// [`Dense`]). Zeros of the shape are not written. A system answers always yes or always no.
+    /// [`Dense`]). Zeros of the shape are not written. The result must be the same for every call.
     fn linearise(&self, _y: &[R], _f: &mut [R], _jacobian: &mut Dense<R>) -> bool {
         false
     }

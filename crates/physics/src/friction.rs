@@ -175,7 +175,7 @@ pub struct InnerState {
 /// Largest number of inner states of a contact: those of its law and of its modifiers.
 pub const MOST_INNER: usize = 16;
 
-/// Choices of a description that select code. Each law uses the choices that it knows.
+/// Choices of a description that select code. Each law uses only the choices that apply to it.
 #[derive(Clone, Debug, Default)]
 pub struct Choices {
     /// Shape of the Stribeck curve, unless the exponent gives it.
@@ -200,7 +200,7 @@ pub struct Claims {
 }
 
 impl Claims {
-    /// Claims of most laws.
+    /// Properties of most laws.
     pub const USUAL: Self =
         Claims { odd: true, rate_independent: false, no_drift: false, always_passive: false };
 }

@@ -28,7 +28,7 @@ pub struct Axis {
 const STICK_STIFFNESS: f64 = 5e5;
 const STICK_DAMPING: f64 = 1e-3;
 
-/// The only component whose kind begins so.
+/// The only component whose kind begins with this text.
 fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Component, Error> {
     let mut each = circuit.components.iter().filter(|own| own.kind.starts_with(kind));
     match (each.next(), each.next()) {
@@ -41,7 +41,7 @@ fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Componen
     }
 }
 
-/// A number of a component, as given or by its default.
+/// A number of a component: the given value, or the default.
 pub(crate) fn number(own: &Component, key: &str) -> Option<f64> {
     let kind: &ComponentKind = kinds().into_iter().find(|kind| kind.key == own.kind)?;
     let row = kind.parameters.iter().find(|row| row.key == key)?;
@@ -55,7 +55,7 @@ pub(crate) fn given(own: &Component, key: &str) -> Result<f64, Error> {
     }
 }
 
-/// Volume of the tubes that lead to a chamber, m3: their gas fills and empties with it.
+/// Volume of the tubes that lead to a chamber, m3. This volume is filled and emptied together with the chamber.
 fn tubes_at(circuit: &Circuit, cylinder: &Component, chamber: &str) -> f64 {
     let mut tubes: Vec<_> = circuit.components.iter().filter(|own| own.kind.starts_with("tube")).collect();
     let mut ends = vec![format!("{}.{chamber}", cylinder.name)];

@@ -98,7 +98,7 @@ impl Faults {
         }
     }
 
-    /// The supply falls in it.
+    /// Interval in which the supply pressure falls.
     pub fn falls(&self) -> bool {
         self.each.iter().any(|own| own.kind == FaultKind::SupplyFallen)
     }

@@ -31,7 +31,9 @@ pub struct ByCircuit {
     learned: [f64; 4],
     /// The circuit of numbers that were learned since, and these.
     next: Option<(Assembly, [f64; 4])>,
-    /// Whether it learns in this sample. The model predicts meanwhile: both would take too long.
+    /// Whether the predictor learns in this sample. During learning the built-in model predicts, because learning and
+    /// this
+    /// prediction together would take too long.
     learns: bool,
     places: Places,
     network: Network,

@@ -61,7 +61,7 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
     Ok((controller, axis))
 }
 
-/// Gives a law the words that are chosen for it.
+/// Passes the chosen options, such as names of methods, to a law.
 fn choose(
     controller: &mut Controller,
     spec: &specification::Controller,
@@ -163,7 +163,7 @@ pub struct Turn {
     pub tick: u64,
     /// Sample of the sensors.
     pub sample: Sample,
-    /// Position, m, velocity, m/s, and pressures, Pa, as they are.
+    /// True position, m, velocity, m/s, and pressures, Pa.
     pub truth: [f64; 4],
     /// Answer of the law.
     pub answer: Answer,

@@ -30,7 +30,7 @@ pub struct Controller {
     pub valves: BTreeMap<String, f64>,
     /// Standing still; none: it never holds.
     pub hold: Option<Hold>,
-    /// It learns friction and valve of its drive while it runs.
+    /// Whether the controller learns friction and valve of its drive during the run.
     #[serde(default = "yes")]
     pub adaptation: bool,
     /// Supervisor of the law; `None`: one with the usual rules.
@@ -330,7 +330,7 @@ pub struct Supervision {
     pub on_position: Answering,
     /// On a lost pressure sensor.
     pub on_pressure: Answering,
-    /// On a valve that does not answer.
+    /// Reaction to a valve that does not react.
     pub on_valve: Answering,
     /// On a fallen supply.
     pub on_supply: Answering,

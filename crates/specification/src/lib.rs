@@ -252,7 +252,7 @@ pub struct Load {
 pub struct Drive {
     /// The gas of the drive, its supply and the ambient.
     pub gas: Gas,
-    /// The air around, into which the exhaust goes.
+    /// The ambient air, into which the exhaust flows.
     pub ambient: GasState,
     /// The supply of the valve.
     pub supply: GasState,
@@ -339,7 +339,7 @@ pub struct ComponentFormula {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Circuit {
-    /// The gas in all of it.
+    /// The gas in the whole circuit.
     pub gas: Gas,
     /// The air around, into which open exhausts and leaks go.
     pub ambient: GasState,

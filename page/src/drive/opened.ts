@@ -1,4 +1,4 @@
-/** The open description: its text is the truth, and the server's answer about the text is kept with it. */
+/** The open description: its text, and the last answer of the server about this text. */
 import { effect, signal, untracked } from "@preact/signals";
 import { answering, ask, isAnswering, newest, read, Refused, typed, write, type Problem } from "../server/server";
 import type { Drawing } from "./circuit";

@@ -142,7 +142,7 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
       {now.synthetic && <p class="banner">Synthetic: the rig is simulated.</p>}
       <p class="row" role="status" data-state={now.state ?? "none"} data-done={now.done}>
         <b>{now.name}</b>
-        <span>{now.state ?? "no process works on it"}</span>
+        <span>{now.state ?? "no process runs this campaign"}</span>
         <progress aria-label="Finished cycles" value={now.done} max={Math.max(total, 1)} />
         <span>
           {now.done} of {total} cycles{now.extra > 0 && `, ${now.extra} beyond the plan`}

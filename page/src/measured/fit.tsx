@@ -103,7 +103,7 @@ export function Behind({ path }: { path: string }) {
           {found.profiles.length > 0 && (
             <>
               <h2>Profiles: the interval of each value at every probability</h2>
-              <p class="note">By profile likelihood: all other values are fitted again at each point. If a side ends below 95 %, the data do not limit the value there.</p>
+              <p class="note">By profile likelihood: all other values are fitted again at each point. If the curve of a side ends below 95 %, the data do not limit the value on this side.</p>
               <div class="plots">
                 {found.profiles.map((one) => <Strip key={one.name} title={`Profile of ${one.name}`} x={titled(one)} y="probability of the interval, %" curves={[{ label: one.name, ...outline(one) }]} />)}
               </div>

@@ -60,7 +60,7 @@ const choose = (path: string, of: string): Promise<void> =>
     drawn.value = of;
   });
 
-/** Draw a new fit of the map once it is there. */
+/** Draw a new fit of the map as soon as its file exists. */
 async function drawFit(path: string, job: { number: number; out: string }): Promise<void> {
   await follow(job.number);
   if (route.value.path === path) await choose(path, job.out);

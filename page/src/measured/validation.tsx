@@ -187,7 +187,7 @@ function Result({ now }: { now: Validation }) {
   return (
     <>
       {now.synthetic && <p class="banner">Synthetic: the recordings were simulated.</p>}
-      {!now.drive && <p class="banner">No drive of this folder is the one that was validated: it was changed or removed since. Validate again.</p>}
+      {!now.drive && <p class="banner">The validated drive is no longer in this folder, because it was changed or removed. Validate again.</p>}
       <p>
         {now.drive && <>Drive: {now.drive.startsWith("catalogue:") ? now.drive : <a href={link("drive", now.drive)}>{now.drive}</a>}. </>}
         Recordings:{" "}
@@ -262,7 +262,7 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
         </label>
         <button type="button" onClick={() => (span.value = one.span)}>Whole recording</button>
         <span class="note">
-          Drag in a plot to zoom.{one.start_s ? ` Times count from the begin of the recording: 0 s here is ${digits(one.start_s, 12)} s there.` : ""}
+          Drag in a plot to zoom.{one.start_s ? ` Times count from the beginning of the recording: 0 s in this plot is ${digits(one.start_s, 12)} s in the file.` : ""}
         </span>
       </p>
       <div class="plots">

@@ -26,7 +26,7 @@ const RESULTS: Record<string, [string, string, string]> = {
   validate: ["validation", "/validation.toml", "Show the validation"],
   identify: ["friction", "", "Show the fit"],
   apply: ["drive", "", "Show the drive"],
-  export: ["handover", "", "Show what other tools see of"],
+  export: ["handover", "", "Show the variables of"],
   size: ["sizing", "", "Show the candidates of"],
 };
 

@@ -193,7 +193,7 @@ export function DriveChoice({ label, drives, chosen }: { label: string; drives: 
 /** Return a time of the file system as text. */
 export const day = (seconds: number): string => new Date(1000 * seconds).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
 
-/** Note in a view that reads a description's file while the page has unsaved text of it. */
+/** Note in a view that reads the file of a description while the page has unsaved changes of this file. */
 export function Unsaved({ path }: { path: string }) {
   return isUnsaved(path) ? <p class="note">Changes of {path} that are not saved do not count here.</p> : null;
 }

@@ -109,5 +109,5 @@ def _at_rest(recording: VolumeRecording) -> tuple[float, float]:
             )
         found.append(float(part.mean()))
     if found[1] >= found[0]:
-        raise RecordingError("the pressure of the tank does not fall", where=where, rule="the drive draws from it")
+        raise RecordingError("the pressure of the tank does not fall", where=where, rule="the drive empties the tank")
     return found[0], found[1]

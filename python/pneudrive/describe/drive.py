@@ -379,11 +379,11 @@ class Drive(Described):
 
     @property
     def end_stop(self) -> dict[str, float]:
-        """End stops in SI by the names of `EndStop`: as given, or derived from the drive."""
+        """End stops in SI by the names of `EndStop`: given in the file, or derived from the drive."""
         return dict(zip(EndStop.model_fields, self._stops()[0], strict=True))
 
     def _stops(self) -> tuple[list[float], list[float]]:
-        """Return the end stops in SI, and what they are designed for."""
+        """Return the end stops in SI, and the impact for which they are designed."""
         return self.plain.system.compiled().end_stops(0.0)[PISTON]
 
     def sources(self) -> list[str]:

@@ -206,7 +206,7 @@ def _texts(lists: Sequence[Any]) -> Iterator[str]:
 
 
 def _has_ports(table: Mapping[str, Any], *names: str) -> bool:
-    """Return whether a valve has ports of these names; True for a valve of the catalogue, of unknown kind here."""
+    """Return whether a valve has ports of these names; True for a valve of the catalogue (kind not known yet)."""
     from pneudrive.describe.components import component_kinds
 
     entry = component_kinds().get(table.get("kind", ""))

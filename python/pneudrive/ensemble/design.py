@@ -63,7 +63,7 @@ class EnsembleDesign(Shown):
 
     @classmethod
     def table(cls, columns: Mapping[str, ArrayLike]) -> EnsembleDesign:
-        """Members as given: for each number, one value for each member.
+        """Members by explicit values: for each number, one value for each member.
 
         Parameters
         ----------

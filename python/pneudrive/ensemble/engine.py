@@ -163,7 +163,7 @@ def _ensemble(system: System, *paths: str) -> Ensemble:
         raise CommandError(
             f"vary: {error}",
             rule="numbers of the components, of the friction law and of the ambient air vary",
-            remedy="Leave it out; of a fit say which values vary: pn.EnsembleDesign.posterior(fit, n, names=[...]).",
+            remedy="Leave it out; for a fit, list the names: pn.EnsembleDesign.posterior(fit, n, names=[...]).",
         ) from None
 
 

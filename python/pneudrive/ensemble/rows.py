@@ -262,7 +262,7 @@ def _sobol(first: int, last: int, size: int, d: int, seed: int) -> Array:
 
 @lru_cache(maxsize=4)
 def _few_sobol(size: int, d: int, seed: int) -> Array:
-    """Return all points of a few members at once, because a slider requests them with each answer."""
+    """Return all points of a few members in one call, because a slider requests them again and again."""
     points = _next(qmc.Sobol(d, scramble=True, rng=seed), size)
     points.setflags(write=False)
     return points

@@ -71,7 +71,7 @@ def complete_plan(
     count, sizes = try_plan(plan.json(), plan.token, len(states))
     if actuator and count > 0:
         raise DescriptionError(
-            f"the law {drive.friction.law} sticks by a mode of its own, which motion from outside does not have",  # type: ignore[union-attr]
+            f"the law {drive.friction.law} has a mode for sticking, which an imposed motion cannot have",  # type: ignore[union-attr]
             rule="an actuator needs a law whose force follows from the motion",
             remedy='Choose one with bristles, such as friction.law = "lugre".',
         )

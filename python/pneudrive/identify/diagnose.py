@@ -76,7 +76,7 @@ SENTENCES = {
         "measure with chamber {chamber} at two or more pressures at least 1 bar apart",
     ),
     "same pressure": (
-        "both chambers always had the same pressure: only the sum of both slopes is known, each gets half of it",
+        "both chambers always had the same pressure: only the sum of both slopes is known, and each gets half",
         "measure with different pressures in the chambers, such as a grid of 0, 2, 4 and 6 bar gauge",
     ),
     "weak": (

@@ -1,4 +1,4 @@
-"""Name the replacement of the posterior by emcee, which is removed. This module goes with the next release."""
+"""Name the replacement of the posterior by emcee, which is removed. This module will be removed in the next release."""
 
 from __future__ import annotations
 

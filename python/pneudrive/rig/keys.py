@@ -188,7 +188,7 @@ KEYS: dict[str, dict[str, Key]] = {
         "accuracy": not_negative(
             "delta K", "standard uncertainty, stated in recordings; errors are drawn from it", 0.1
         ),
-        "share": not_negative("1", "share of the seal's rise of temperature at the thermometer", 0.5),
+        "share": not_negative("1", "fraction of the seal's temperature rise at the thermometer", 0.5),
     },
     "encoder": {"resolution": positive("m", "distance of two counts")},
     "thermal": {

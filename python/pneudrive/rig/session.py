@@ -363,7 +363,7 @@ class RigSession:
     def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Machine, dict[str, Array]]:
         """Run a step on a copy of the machine, and use the copy at the end unless the axis was stopped.
 
-        Threads that stop or display the axis do not wait for it.
+        Threads that stop or display the axis do not wait for this lock.
         """
         with self._lock:
             self._alive(run)

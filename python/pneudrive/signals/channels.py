@@ -193,7 +193,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
             said, opened = None, _open(path, None, cache)
         except RecordingError:
             raise error from None
-        told = (f"the layout does not fit this file: {error.what}", "its columns are shown as they stand", error.remedy)
+        told = (f"the layout does not fit this file: {error.what}", "its columns are shown unchanged", error.remedy)
         notes = ("; ".join(filter(None, told)),)
     kinds = _kinds(opened.table)
     if not any(kind in "iuf" for kind in kinds.values()):

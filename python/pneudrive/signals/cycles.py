@@ -94,7 +94,7 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
 
 
 def read_cycles(cycles: Cycles) -> Iterator[Recording]:
-    """Yield cycles in turn, reading a batch of rows at a time."""
+    """Yield one cycle after the other, reading a batch of rows at a time."""
     said = cycles.layout.for_file(cycles.path)
     start = 0
     while start < len(cycles):

@@ -225,7 +225,7 @@ def volume_recording(
     for pressure in ("pressure_pa", "inlet_pressure_pa"):
         if pressure in values:
             refuse_pressure(pressure.removesuffix("_pa"), values[pressure], where)
-    _within(values["command"], 0.0, "the share of the line's full opening", where)
+    _within(values["command"], 0.0, "the fraction of the line's full opening", where)
     kept = {**values, "time_s": time - time[0]}
     return VolumeRecording(name, kept, dict(labels or {}), source, _digest(values[c] for c in OF_VOLUME if c in values))
 
@@ -280,7 +280,7 @@ def _check(columns: dict[str, Array], where: str, *, gaps: bool) -> None:
             remedy = "cut the file there, or fill short gaps"
             raise RecordingError(f"{column} is not finite", where=f"{where}, sample {bad[0]}", remedy=remedy)
     _refuse_fall(columns["time_s"], np.diff(columns["time_s"]) <= 0.0, "time_s does not rise", where)
-    _within(columns["command"], -1.0, "the share of the valve's full opening, with sign", where)
+    _within(columns["command"], -1.0, "the fraction of the valve's full opening, with sign", where)
     for side in [side for side in "ab" if f"pressure_{side}_pa" in columns]:
         low = float(np.fmin.reduce(columns[f"pressure_{side}_pa"]))
         if low <= 0.0:

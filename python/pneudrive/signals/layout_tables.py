@@ -104,7 +104,7 @@ class ColumnTable(Described):
     def _fits_the_channel(self) -> ColumnTable:
         said = self.model_fields_set
         if self.channel == "command" and ("unit" in said) != ("range" in said):
-            rule = "a command is the share of full opening, -1 to 1: give scale and offset, or unit and range"
+            rule = "a command is the fraction of full opening, -1 to 1: give scale and offset, or unit and range"
             remedy = 'command = { column = 0, unit = "V", range = "0 V .. 10 V" }: full opening to either side'
             raise wrong("", "give a unit or a range, not both", rule=rule, remedy=remedy)
         if "positive" in said and self.channel not in ("force", "position", "velocity", "command"):
@@ -114,7 +114,7 @@ class ColumnTable(Described):
             rule = f'a format is a text, for a time with unit = "{date_times.UNIT}" only'
             raise wrong("format", f"format = {self.format!r}", rule=rule)
         if "clock" in said and self.channel == "time":
-            raise wrong("clock", "the time has no clock of its own", rule="clock names the column of a channel's times")
+            raise wrong("clock", "the time cannot have a clock", rule="clock names the column of a channel's times")
         return self
 
 
@@ -272,7 +272,7 @@ class LayoutTables(Described):
     @model_validator(mode="after")
     def _signs_differ(self) -> LayoutTables:
         if self.delimiter == self.decimal and not self.quoted:
-            what = f"'{self.decimal}' cannot be delimiter and decimal sign at once"
+            what = f"'{self.decimal}' cannot be both delimiter and decimal sign"
             raise wrong("delimiter", what, remedy="if the numbers are in quotation marks, write quoted = true")
         return self
 

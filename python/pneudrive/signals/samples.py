@@ -235,9 +235,9 @@ def _usual_run(lengths: NDArray[np.intp]) -> float:
 
 
 def clipped(values: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
-    """Mark samples at the largest or smallest value of a noisy channel, if there are long runs of it.
+    """Mark samples at the largest or smallest value of a noisy channel, if long runs have this value.
 
-    A channel near its limit also touches it for single samples. These are marked like the runs.
+    A channel near its limit also touches it for single samples. These samples are marked like the runs.
 
     A channel that rests at its extremes for most of the time is a smooth signal (a simulation), not a clipped one.
     """

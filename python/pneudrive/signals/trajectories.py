@@ -36,7 +36,7 @@ def from_trajectory(columns: dict[str, NDArray], name: str, source: Path | None 
 
 
 def digest_of(columns: Iterable[NDArray]) -> str:
-    """Hash the samples of columns in turn; each may come in parts."""
+    """Hash the samples of one column after the other; each may come in parts."""
     total = hashlib.sha256()
     for values in columns:
         total.update(np.ascontiguousarray(values).data)

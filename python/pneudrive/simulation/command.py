@@ -252,7 +252,7 @@ def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str] | None 
             raise CommandError(
                 f"command = {value:g} at {time:g} s",
                 where=place(i),
-                rule="-1 <= command <= 1: the share of full opening",
+                rule="-1 <= command <= 1: the fraction of full opening",
             )
         before = time
     times, values = zip(*pairs, strict=True)
@@ -273,7 +273,7 @@ def _opening(given: object, signal: Signal | None) -> float:
         return _number(given, "command")
     if signal is None:
         what = f'command "{given}" has a unit, but the valve describes no electrical input'
-        remedy = 'Write command = "0 V .. 10 V" under [valve], or give the command as a share of full opening, -1 .. 1.'
+        remedy = 'Write command = "0 V .. 10 V" under [valve], or give a fraction of full opening, -1 .. 1.'
         raise CommandError(what, remedy=remedy)
     return signal.opening(str(given))
 

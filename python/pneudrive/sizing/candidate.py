@@ -46,7 +46,7 @@ ENOUGH, RESERVE = 0.3, 0.1
 
 @dataclass
 class TubedCylinder:
-    """A cylinder with a tube, and the valves and flow controls that the safe bounds leave for it.
+    """A cylinder with a tube, and the valves and flow controls that pass the safe bounds.
 
     Attributes
     ----------

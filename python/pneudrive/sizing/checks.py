@@ -82,7 +82,7 @@ def mechanical_shortage(cylinder: PartChoice, task: SizingTask) -> Shortage | No
     """Return the reason why a cylinder cannot carry the load: side load of its sheet, or buckling of its rod."""
     load, weight = cylinder.printed_si("max_load", "N"), side_load_n(task)
     if load is not None and weight > load:
-        return Shortage("side load", load / weight, f"it carries {load:.3g} N across, the load weighs {weight:.3g} N")
+        return Shortage("side load", load / weight, f"it permits {load:.3g} N across, the load weighs {weight:.3g} N")
     limit, push = buckling_n(cylinder, task), push_n(cylinder, task)
     if limit is not None and push > limit:
         said = f"the rod takes {limit:.3g} N without buckling, the piston pushes {push:.3g} N"

@@ -54,7 +54,7 @@ SAME_STROKE = 1e-3
 
 @dataclass(frozen=True)
 class PartChoice:
-    """Part of the catalogue as a component for a task.
+    """Return a part of the catalogue as a component of the circuit for a task.
 
     Attributes
     ----------
@@ -295,7 +295,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
 
 
 def _guided(entry: Entry, choice: PartChoice, guide_n: float) -> PartChoice:
-    """Return a cylinder with the friction of the guide added to its own."""
+    """Return a cylinder with the friction of the guide added."""
     if guide_n == 0.0:
         return choice
     friction = dict(choice.table["friction"])

@@ -239,7 +239,7 @@ def nearest_miss(
         gives += f" The force needed would have to fall to {100.0 * bound.share:.0f} %, or the supply to rise to "
         gives += f"{math.ceil(10.0 * gauge) / 10.0:g} bar gauge at least."
     elif bound.share > 0.0:
-        gives += f" What is asked for would have to fall to {100.0 * bound.share:.0f} %."
+        gives += f" The required value would have to fall to {100.0 * bound.share:.0f} %."
     return NearestMiss(parts, bound.limit, gives)
 
 

@@ -307,7 +307,7 @@ class Search:
         self.provisional = tuple(one.provisional() for one in sorted(best.values(), key=self._promise))
 
     def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
-        """Return the most promising choices of a cylinder with a tube that has not been simulated with it."""
+        """Return the most promising choices of a cylinder and a tube that were not simulated together."""
         run = {one.choice.tube.name for one in every if one.rough}
         left = [one for one in every if not one.lost and one.choice.tube.name not in run]
         if not left:

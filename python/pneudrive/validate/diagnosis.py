@@ -188,7 +188,7 @@ class _Search:
         return effect if np.isfinite(effect).all() else None
 
     def with_cause(self, model: _Model, r: _Refined) -> _Model:
-        """Return the model with a cause added, and the causes that were fitted with it."""
+        """Return the model with an added cause, and the causes that were fitted together with this cause."""
         for cause, amount, _ in r.others:
             model = self.changed(model, cause, amount)
         if r.cause.change is None:
@@ -226,7 +226,7 @@ class _Search:
 
 @dataclass(frozen=True, eq=False)
 class _Refined:
-    """Fitted cause: amount, explained fraction, regression column, residual after it, and values fitted with it."""
+    """Fitted cause: amount, explained fraction, regression column, remaining residual, and values fitted together."""
 
     cause: Cause
     amount: float
@@ -485,7 +485,7 @@ def _amount_in_words(cause: Cause, amount: float, stderr: float | None = None) -
 
 
 def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...], *, is_identified: bool) -> str:
-    """Return a sentence: explained share, cause and size, indistinguishable causes, remedy."""
+    """Return a sentence: explained fraction, cause and size, indistinguishable causes, remedy."""
     cause = r.cause
     text = f"{100.0 * r.share:.0f} % of the residual is explained by {_amount_in_words(cause, r.amount, stderr)}"
     if r.others and is_identified:

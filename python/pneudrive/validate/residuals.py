@@ -111,7 +111,7 @@ def bending_m(drive: Drive) -> float:
 
 
 def _scales(scene: Scene) -> Values:
-    """Estimate the standard deviations of the residuals from noise, with the floor as a share of the terms."""
+    """Estimate the standard deviations of the residuals from noise, at least a fraction of the terms."""
     drive, signals, terms, (k0, k1, k2) = scene.drive, scene.signals, scene.terms, scene.kernel
     cylinder, x, unsure = drive.cylinder, signals.position_m, signals.velocity_unsure_m_s
     noise_p = [noise_level(p) for p in scene.pressures]

@@ -255,7 +255,7 @@ class Validation(Shown):
         if missed and self.diagnosis().is_clean and not self.diagnosis().culprits:
             left = "tubes, flow controls, valve and supply, " if self.drive.lines else ""
             said.append(
-                f"the error lies outside the balances ({left}presliding, stops, impacts, the first state), "
+                f"the error is not in the balances ({left}presliding, stops, impacts, the first state), "
                 "or in small errors that add up in the free run"
             )
         return said
@@ -426,7 +426,7 @@ def validation_toml(found: Validation) -> str:
             ],
         },
     }
-    head = "# Validation of a drive against recordings. SI; nrmse and share are shares, fit in percent."
+    head = "# Validation of a drive against recordings. SI; nrmse and share are fractions, fit is in percent."
     return "\n".join([head, *sections(tables)]) + "\n"
 
 

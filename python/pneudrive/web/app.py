@@ -183,7 +183,7 @@ def _tabled(workspace: Workspace, path: str, method: str, name: str, *texts: str
 
 
 def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Asked], Any]:
-    """Return the endpoint of a view, which runs in a thread. Our errors become answers."""
+    """Return the endpoint of a view, which runs in a thread. Errors of pneudrive become error answers."""
 
     async def endpoint(asked: Asked) -> Response:
         given = {**asked.query_params, "if-match": asked.headers.get("if-match", "")}
@@ -294,7 +294,7 @@ class _Views:
     def window(self, given: Mapping[str, Any]) -> bytes:
         """Return a view of a recording with the requested key as a frame, or None if the recording has another key.
 
-        A view of the changed recording would have other times and channels than the page knows.
+        A view of the changed recording would have times and channels that do not match those in the page.
         """
         name, key = str(given.get("path", "")), str(given.get("key", ""))
         head: dict[str, Any] = {"number": given.get("number"), "path": given.get("path"), "key": None}

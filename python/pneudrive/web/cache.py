@@ -52,7 +52,7 @@ def _is_ours(folder: Path) -> bool:
 
 
 def _user_cache() -> Path:
-    """Return the folder for this user's data that can be made again."""
+    """Return the cache folder of this user, whose files can be made again."""
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches"
     named = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME", "")

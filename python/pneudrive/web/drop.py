@@ -91,7 +91,7 @@ def rename(workspace: Workspace, name: str, to: str) -> None:
 
 
 def add_example(workspace: Workspace, _given: object = None) -> dict[str, str]:
-    """Copy the shipped recordings with their layout into a folder of their own; return the name of the first one."""
+    """Copy the shipped recordings with their layout into a new folder; return the name of the first one."""
     folder = workspace.folder(EXAMPLE)
     files = [SHIPPED / "layout.toml", *sorted((SHIPPED / "friction").glob("*.xz"))]
     try:

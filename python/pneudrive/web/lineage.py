@@ -63,7 +63,8 @@ SAME, CHANGED, DIFFERS, MISSING, NAMED, UNREAD = "same", "changed", "differs", "
 class Input(NamedTuple):
     """An input named by a result: kind, name and hash. Without a hash, only the name identifies the input.
 
-    `part` has further data. For a map, it has the fit's options. For a fit, it is the value that came from it. For a
+    `part` has further data. For a map, it has the fit's options. For a fit, it is the value that came from this fit.
+    For a
     drive, it is ``"identified"`` if the drive had identified values. For a recording, it is ``"volume"``, or ``"file"``
     if the hash is not that of its samples.
     """
@@ -76,7 +77,7 @@ class Input(NamedTuple):
 
 @dataclass(frozen=True)
 class Edge:
-    """An input, and the present file of the workspace for it.
+    """An input, and its present file in the workspace.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The built page over ASGI, by the standard library only. It answers while the rest of the server is imported."""
+"""The built page over ASGI, by the standard library only. It answers while other modules are imported."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Opening:
         whole.set_running_or_notify_cancel()  # a browser that leaves while waiting does not cancel the start
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer the page at once, and the rest when the full application is ready."""
+        """Answer requests of the page itself immediately, and others when the full application is ready."""
         is_page = scope["type"] == "http" and scope["method"] in READING and scope["path"] in self.page.answers
         if self.whole.done():
             app = self.whole.result()

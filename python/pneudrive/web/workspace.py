@@ -244,7 +244,7 @@ class NewNames:
 
 
 def built_page(built: Path = BUILT) -> dict[str, bytes]:
-    """Read the built page once. A request selects among these files by name, and no path is built from it.
+    """Read the built page once. A request selects one of these files by name; no path is built from the request.
 
     Raises
     ------

@@ -33,9 +33,9 @@ def test_kept_values_that_move_the_curve_are_told_with_both_forces(drive, make_m
     fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.3))
     assert "breakaway" not in fit.determined
     slow = drive.replace({"friction.stribeck_velocity": "200 mm/s", "friction.breakaway": "60 N"})
-    with pytest.warns(PneudriveWarning, match=r"does not determine .*breakaway.*the drive keeps its own") as said:
+    with pytest.warns(PneudriveWarning, match=r"does not determine .*breakaway.*the drive keeps its value") as said:
         after = fit.apply(slow)
-    (text,) = [str(w.message) for w in said if "keeps its own: at" in str(w.message)]
+    (text,) = [str(w.message) for w in said if "keeps its value: at" in str(w.message)]
     at, drives, fits = map(
         float, re.findall(r"at ([0-9.]+) mm/s its friction is ([0-9.]+) N, that of the fit ([0-9.]+)", text)[0]
     )

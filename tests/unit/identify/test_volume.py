@@ -146,7 +146,7 @@ def test_from_files_on_the_command_line(tmp_path, capsys):
         ({"time_s": None}, "lacks time_s"),
         ({"time_s": lambda t: -t}, "time runs backwards"),
         ({"pressure_pa": lambda p: p - 9e5}, "below vacuum"),
-        ({"command": lambda u: u * 5}, "share of the line's full opening"),
+        ({"command": lambda u: u * 5}, "fraction of the line's full opening"),
         ({"time_s": lambda t: t[:5], "pressure_pa": lambda p: p[:5], "command": lambda u: u[:5]}, "5 samples are left"),
     ],
 )

@@ -52,7 +52,7 @@ def test_the_line_of_names_is_found_whatever_stands_above(rows, tmp_path, kind):
     text = proposal.text
     if kind in ("no names", "equal names"):  # equal pressures without names: nothing tells their chambers
         assert proposal.problem.startswith(
-            "the file does not tell everything. pressure_a and pressure_b: neither names nor"
+            "the file does not contain all information. pressure_a and pressure_b: neither names nor"
         )
         for side in "ab":
             text = text.replace("# pressure = {", f"pressure_{side} = {{", 1)

@@ -315,7 +315,7 @@ impl Drive {
         (circuit, y)
     }
 
-    /// Returns the state of the drive's equations at `initial`, with modes to match.
+    /// Returns the state of the drive's equations at `initial`, and sets the modes that belong to this state.
     pub(super) fn begin(&self, circuit: &mut Circuit<f64>, initial: &Initial) -> Vec<f64> {
         let axis = self.axis();
         circuit.begin(&Given {

@@ -51,7 +51,7 @@ impl<'a> Driven<'a> {
         &self.assembly.circuit
     }
 
-    /// The state at position and velocity, pressures and temperatures, with modes to match.
+    /// Returns the state at position and velocity, pressures and temperatures, and sets the modes that belong to it.
     pub(super) fn begin(
         &self,
         circuit: &mut Circuit<f64>,
@@ -69,7 +69,7 @@ impl<'a> Driven<'a> {
         })
     }
 
-    /// The states of a session as they are integrated: one row of x, v, m_a, U_a, m_b, U_b and inner states for each
+    /// The integrated states of a session: one row of x, v, m_a, U_a, m_b, U_b and inner states for each
     /// sample.
     pub fn states(
         mut session: Session,

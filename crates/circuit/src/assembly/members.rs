@@ -150,7 +150,9 @@ impl Network {
 /// Refuses a repeated name.
 fn check_names(names: &[String]) -> Result<(), Error> {
     match (1..names.len()).find(|&i| names[..i].contains(&names[i])) {
-        Some(twice) => refuse(format!("\"{}\" is given twice: a member has one value of it", names[twice])),
+        Some(twice) => {
+            refuse(format!("\"{}\" is given twice: it has one value for each member", names[twice]))
+        }
         None => Ok(()),
     }
 }
@@ -203,7 +205,7 @@ impl Members {
         &self.names
     }
 
-    /// Refuses a value that is impossible for the number `names[place]`, independent of the others.
+    /// Refuses a value that is impossible for the number `names[place]`, whatever the other numbers are.
     pub fn check(&self, place: usize, value: f64) -> Result<(), Error> {
         let bounds = match &self.numbers[place] {
             Number::Own(component, place) => {

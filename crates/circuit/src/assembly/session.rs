@@ -332,7 +332,7 @@ impl Session {
         if value.is_finite() && bounds.contain(value) {
             if whole && value.fract() != 0.0 {
                 return refuse(format!(
-                    "{name} = {value}: a switching valve takes whole numbers. Set a pulse frequency to command a share"
+                    "{name} = {value}: a switching valve accepts whole numbers only. Set a pulse frequency to command a fraction"
                 ));
             }
             return Ok(());

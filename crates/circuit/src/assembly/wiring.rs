@@ -381,7 +381,7 @@ where
         }
     }
     if !P::GENERAL {
-        return Err(Error::Specification("these numbers are for a circuit like another".into()));
+        return Err(Error::Specification("these numbers belong to a circuit of another structure".into()));
     }
     let Joined { build, nodes, joint_volumes } = join(gas, is_air, ambient, (each, joints), false)?;
     check_size(&build.circuit.count_states())?;

@@ -346,12 +346,12 @@ impl Circuit<f64> {
 
 impl<R: Lane> Circuit<R> {
     /// Returns the state with every volume at (p Pa, T K) and every axis at (x m, v m/s), with zero inner states. Sets
-    /// the modes of friction to match.
+    /// the modes of friction that belong to these values.
     pub fn initial(&mut self, gas: &[(GasId, R, R)], axes: &[(AxisId, R, R)]) -> Vec<R> {
         self.begin(&Given { gas, axes, ages: &[], inner: &[], signals: &[] })
     }
 
-    /// Takes the state as given. Sets all modes to match, and designs derived end stops for it.
+    /// Starts from a given state: sets the modes that belong to it, and designs the derived end stops.
     pub fn begin(&mut self, given: &Given<R>) -> Vec<R> {
         if let Some(start) =
             given.gas.iter().map(|(_, pressure, _)| *pressure).reduce(|one, other| one.max(other))
@@ -368,7 +368,7 @@ impl<R: Lane> Circuit<R> {
         y
     }
 
-    /// Sets all modes to match state `y`, and the values that the modes require of the state.
+    /// Sets the modes that belong to state `y`, and the values of the state that these modes prescribe.
     pub fn find_modes(&mut self, y: &mut [R]) {
         if self.topology.events.is_empty() {
             return;

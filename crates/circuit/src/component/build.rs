@@ -43,7 +43,7 @@ pub struct Piston<P> {
     pub dead_volumes: [P; 2],
 }
 
-/// A leg of a mechanism, with the components that are joined to it.
+/// A leg of a mechanism, with the components that are joined to this leg.
 #[derive(Clone, Debug)]
 pub struct Leg<P> {
     /// Its axis.

@@ -98,7 +98,7 @@ impl Component for Restriction {
         choices: &[Choice {
             name: "backward",
             options: &["alike", "shut"],
-            meaning: "Flow from port 2 to port 1: like from 1 to 2, or none",
+            meaning: "Flow from port 2 to port 1: by the same formula, or none",
         }],
         extra: Extra::Formula(&MASS_FLOW),
         inputs: &[("command", "1", "opening, 0 to 1")],

@@ -51,9 +51,9 @@ pub(super) trait Registered: Send + Sync {
     fn of(&self) -> TypeId;
     fn kind(&self) -> &'static Kind;
     fn check(&self, own: &Instance<f64>) -> Result<(), Error>;
-    /// Returns its contribution to a joint, as numbers of the type of `own`.
+    /// Returns the contribution of a component to a joint, as numbers of the type of `own`.
     fn bring(&self, own: &dyn Any, port: usize, ambient_temperature: &dyn Any) -> Box<dyn Any>;
-    /// Returns its contribution to others in series, as numbers of the type of `own`.
+    /// Returns the contribution of a component to a series of components, as numbers of the type of `own`.
     fn series(&self, own: &dyn Any) -> Box<dyn Any>;
     fn compose(&self, own: &dyn Any, at: &Terminals, build: &mut dyn Any);
 }

@@ -118,7 +118,7 @@ pub const SUBSONIC_INDEX: Row = Row {
 /// A row shared by flow paths by ISO 6358.
 pub const LINEAR_ABOVE: Row = table! {
     linear_above: "1", physics::between(0.0, 1.0), default physics::flow::LINEAR_ABOVE, assumed "a modelling parameter",
-        "Pressure ratio above which the flow is linear; of a check valve its share of the closing ratio";
+        "Pressure ratio above which the flow is linear; for a check valve, as a fraction of the closing ratio";
 }[0];
 /// Rows of a wall that stores heat.
 pub(super) const WALL: &[Row] = table! {

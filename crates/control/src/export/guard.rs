@@ -1,7 +1,7 @@
 //! Checks around exported code: sensors, limits of the reference, stop ramp. A caller that passes wrong numbers, or no
 //! numbers, gets a command that is safe for the drive.
 //!
-//! A drive that is shut or stopped stays so until it is disabled and enabled again.
+//! A drive whose valve is shut, or that was stopped, remains in this state until it is disabled and enabled again.
 
 use crate::course::Fade;
 use crate::number::Number;
@@ -17,7 +17,7 @@ pub const STATUS: [(f64, &str); 5] = [
     (DISABLED, "not enabled: the valve is shut"),
     (NO_POSITION, "the position sensor is lost: the valve is shut"),
     (NO_PRESSURE, "a pressure sensor is lost: the valve is shut"),
-    (REJECTED, "the reference was rejected: stop ramp, then the drive stands"),
+    (REJECTED, "the reference was rejected: stop ramp, then the drive rests"),
 ];
 const FOLLOWS: f64 = 0.0;
 const DISABLED: f64 = 1.0;

@@ -86,8 +86,8 @@ pub trait Law<S: Number = f64>: Memory<S> {
         1.0
     }
 
-    /// Growth rate of the force that breaks a resting drive away, relative to the bandwidth. Zero: the law does not add
-    /// such a force.
+    /// Growth rate of the force that breaks a resting drive away, relative to the bandwidth. Zero means that the law
+    /// does not add such a force.
     fn push(&self) -> f64 {
         0.0
     }

@@ -59,7 +59,7 @@ law! {
         derivative_time: "s", at_least(0.0), "T_d", rule "0.5/omega";
         integral_time: "s", above(0.0), "T_i", rule "4/omega";
         filter_time: "s", at_least(0.0), "time constant of the slope of the error", rule "0.1/omega";
-        friction_share: "1", at_least(0.0), "share of the friction that is fed forward", rule "0.5, assumed";
+        friction_share: "1", at_least(0.0), "fraction of the friction that is fed forward", rule "0.5, assumed";
     } memory<S> { errors: Errors<S> = Errors::none() }
 }
 

@@ -32,24 +32,24 @@ macro_rules! events {
 
 events! {
     Reference: "reference", "m", "the reference is no number, jumps or leaves the limits: stop ramp; value: the position asked for";
-    Clock: "clock", "s", "the clock goes back or skips samples: stop ramp; value: by how much";
+    Clock: "clock", "s", "the clock goes back or skips samples: stop ramp; value: the error of the clock";
     PositionPredicted: "position-predicted", "m", "a reading of the position is not credible and is replaced by the model; value: its distance from the model";
     PositionLost: "position-lost", "m", "three readings of the position in a row are not credible; value: the distance from the model";
     PressureLost: "pressure-lost", "1", "a pressure sensor is not credible: that chamber runs by the model; value: 0 chamber a, 1 chamber b";
     Supply: "supply", "Pa", "the supply pressure has fallen, or the valve does not open to it; value: the supply pressure that explains how the chambers fill, or the pressure of one that is not filled";
     Slowed: "slowed", "1", "the reference is slowed in time, as the fallen supply does not do for it; value: the factor";
-    Valve: "valve", "Pa", "the valve does not answer: both pressures leave the model; value: the larger distance";
+    Valve: "valve", "Pa", "the valve does not react: both pressures deviate from the model; value: the larger deviation";
     EndStop: "end-stop", "m/s", "the drive nears an end stop faster than it can be braked: full braking; value: the velocity";
-    Braked: "braked", "1", "a drive that is to stand has to be braked before an end stop again and again: the valve is shut; value: how often";
+    Braked: "braked", "1", "a drive that should rest was braked before an end stop several times: the valve is shut; value: how often";
     Limit: "limit", "m", "a limit of position, speed or pressure is passed: stop ramp; value: the position";
     LimitSwitch: "limit-switch", "m", "a limit switch is reached: the command may only lead away; value: the position";
     EmergencyStop: "emergency-stop", "m/s", "emergency stop: stop ramp, then hold; value: the velocity";
     Disabled: "disabled", "m/s", "enable is lost: the valve is shut, the law rests; value: the velocity";
-    Enabled: "enabled", "m", "enable is back: the drive is led back to the reference; value: the distance from it";
+    Enabled: "enabled", "m", "the drive is enabled again and returns to the reference; value: the distance from the reference";
     Late: "late", "1", "a step of the law is late: the last command stays; value: late steps in a row";
-    LawFailed: "law-failed", "1", "the law gives no number: the last command stays; value: such steps in a row";
+    LawFailed: "law-failed", "1", "the law returns no number: the last command is kept; value: number of such steps in a row";
     StandBy: "stand-by", "1", "the stand-by law takes over; value: its number among the laws";
-    Stopped: "stopped", "m", "the drive stands behind a stop ramp; value: the position";
+    Stopped: "stopped", "m", "the drive is at rest after a stop ramp; value: the position";
     NoAir: "no-air", "Pa", "the drive does not move: the air does not press; value: the higher pressure above ambient";
     Blocked: "blocked", "N", "the drive does not move: its air force is above its friction; value: the air force";
     Stuck: "stuck", "N", "the drive does not move: its air force is within its friction; value: the air force";
@@ -64,7 +64,7 @@ pub struct Event {
     pub time: f64,
     /// Kind of the event.
     pub kind: EventKind,
-    /// In the kind's unit.
+    /// The value, in the unit of its kind.
     pub value: f64,
 }
 

@@ -90,20 +90,20 @@ pub struct Gas {
 pub struct Found {
     /// A sensor was lost with this sample.
     pub sensor: bool,
-    /// The valve did not answer from this sample on.
+    /// The valve did not react from this sample on.
     pub valve: bool,
     /// The supply was low from this sample on.
     pub supply: bool,
-    /// So low that it did not fill a chamber.
+    /// The supply was too low to fill a chamber.
     pub starved: bool,
     /// Direction of commands that act in reverse from this sample on, on a fallen supply.
     pub reversed: Option<f64>,
-    /// A chamber runs by the model, or its reading rests: nothing is learned from it.
+    /// The pressure of a chamber comes from the model, or its reading is constant, so nothing is learned from it.
     pub modelled: bool,
 }
 
 impl Gas {
-    /// Whether a sensor or the valve does not answer.
+    /// Whether a sensor or the valve does not react.
     pub fn is_lost(&self) -> bool {
         self.valve_told || self.lacks_sensor()
     }
@@ -317,7 +317,7 @@ impl Gas {
         self.chambers.is_some_and(|own| own.iter().any(|own| own.is_lost))
     }
 
-    /// Nobody knows that the supply presses: it has fallen, or a pressure is not measured.
+    /// It is not certain that the supply pressure acts: it has fallen, or a pressure is not measured.
     pub fn may_lack_supply(&self) -> bool {
         self.supply_told || self.lacks_sensor()
     }

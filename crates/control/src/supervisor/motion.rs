@@ -1,4 +1,4 @@
-//! Whether the drive moves where it is to move, and settles where it is to stand.
+//! Whether the drive moves when it should move, and settles when it should rest.
 
 use super::event::{EventKind, Log};
 use crate::model::Model;
@@ -29,13 +29,14 @@ pub struct Motion {
     /// Position at the last movement, m, and the time since then with a target elsewhere, s.
     from: Option<f64>,
     waits: f64,
-    /// Times since the reference stands, and since the error is within the tolerance, s.
+    /// Times since the reference is at rest, and since the error is within the tolerance, s.
     stands: f64,
     within: f64,
-    /// Least and largest position since the reference stands, after half of the time that it has to settle, m.
+    /// Smallest and largest position since the reference is at rest, counted after half of the allowed settling time,
+    /// m.
     range: Option<[f64; 2]>,
     told: bool,
-    /// It has settled since the reference stands.
+    /// The drive has settled since the reference is at rest.
     settled: bool,
     swings: Swings,
 }

@@ -64,7 +64,7 @@ def shuffle(items: Sequence[T], name: Callable[[T], str], seed: str) -> list[T]:
 
 
 def alternate(items: Sequence[T]) -> list[T]:
-    """Take items in turn from the first and the second half, so that neighbours are run far apart.
+    """Take items alternately from the first and the second half, which separates neighbouring levels in time.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def alternate(items: Sequence[T]) -> list[T]:
 
 
 def _interleaved(cells: list[Cell]) -> list[Cell]:
-    """Alternate within each pressure, then take the pressures in turn."""
+    """Alternate within each pressure; pressures follow one after the other."""
     by_pressure: dict[str, list[Cell]] = {}
     for cell in cells:
         by_pressure.setdefault(cell.pressures.name, []).append(cell)

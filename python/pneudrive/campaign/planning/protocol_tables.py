@@ -231,7 +231,7 @@ class Order(Described):
     kind: Literal["as-given", "randomised", "interleaved"] = Field(
         default="as-given",
         description="as-given: pressure, repeat, speed; randomised: each repeat shuffled by the seed; "
-        "interleaved: levels taken in turn from the lower and the upper half",
+        "interleaved: levels taken alternately from the lower and the upper half",
     )
     replicates: Count = Field(
         default=1,
@@ -267,7 +267,7 @@ class SamplingTable(Described):
         default=0.2, description="duration of a burst after the start of a move"
     )
     hold_rate_hz: Annotated[float, Quantity(*RATE, POSITIVE)] = Field(
-        default=20.0, description="rate while the axis stands"
+        default=20.0, description="rate while the axis rests"
     )
 
 
@@ -313,7 +313,7 @@ class Filter(Described):
         default=1, description='moving average over this many samples, or "none"'
     )
     ignore_initial: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=50.0))] = Field(
-        default=0.05, description="share of the samples at the beginning of each stroke that is ignored [bracha]"
+        default=0.05, description="fraction of the samples at the beginning of each stroke that is ignored [bracha]"
     )
 
 
@@ -327,11 +327,11 @@ class Adaptive(Described):
     noise_n: MaybeForce = Field(
         default=None, description="a cycle is repeated if the standard error of its mean force is greater"
     )
-    repeats: CountOrNone = Field(default=2, description="highest number of such repeats at a point")
+    repeats: CountOrNone = Field(default=2, description="highest number of added repeats at a point")
     interval_n: MaybeForce = Field(
         default=None, description="half width of the 95 % interval at which the repeats of a point end"
     )
-    least_repeats: Annotated[int, Whole(at_least=2)] = Field(default=3, description="least number of such repeats")
+    least_repeats: Annotated[int, Whole(at_least=2)] = Field(default=3, description="least number of added repeats")
     added_speeds: CountOrNone = Field(
         default=0, description="highest number of added speeds at each pair of pressures, where the curve bends most"
     )
@@ -346,7 +346,7 @@ class Conditions(Described):
         default=None, description='range, "15 degC .. 30 degC"'
     )
     force_share: Annotated[float, Percent(bounds=Bounds(above=0.0, at_most=100.0))] = Field(
-        default=0.9, description="share of the range of the force sensor at which a cycle is given up"
+        default=0.9, description="fraction of the range of the force sensor at which a cycle is stopped"
     )
 
 

@@ -165,7 +165,7 @@ class CampaignRun:
     # -- requests ---------------------------------------------------------------------------------------------
 
     def _on_rig(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
-        """Run a job on the rig's thread to its end, and serve requests meanwhile."""
+        """Run a job on the rig's thread to its end, and serve requests during this time."""
         future = self._thread.start(job, moves=moves)
         future.add_done_callback(lambda _: self._requests.wake())
         while not future.done():
@@ -174,7 +174,7 @@ class CampaignRun:
         return future
 
     def _sleep(self, seconds: float) -> None:
-        """Wait, and serve requests meanwhile."""
+        """Wait, and serve requests during this time."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0 and not self._pausing:
             self._requests.wait(left)
@@ -363,7 +363,7 @@ class CampaignRun:
             self._lock.tell(state="running", text="")
 
     def _check_space(self, cycle: Cycle) -> None:
-        """Refuse to begin a cycle if the disk has too little space for it."""
+        """Refuse to begin a cycle if the disk has too little space for its data."""
         samples = self._samples.get(cycle.key, max(self._samples.values(), default=0))
         needed = samples * SAMPLE_BYTES + CYCLE_BYTES
         free = shutil.disk_usage(self.campaign.path).free

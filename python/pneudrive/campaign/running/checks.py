@@ -107,7 +107,7 @@ def _dropped(time: Array, step: NDArray[np.int64], cycle: Cycle) -> int:
 def _usual_interval(intervals: Array) -> Array:
     """Return the median of the intervals before or after each interval, whichever is longer.
 
-    The rate may change there.
+    The rate may change between steps.
     """
     padded = np.pad(intervals, NEIGHBOURS, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)

@@ -101,7 +101,7 @@ def read_head(text: str, where: str, *, index: int | None = None, key: str = "")
     cycle = {"key": key, **known_fields(inner, Cycle)}
     for name in ("key", *REQUIRED, *REQUIRED_FOR.get(cycle.get("kind", ""), ())):
         if cycle.get(name) in (None, ""):
-            raise CampaignError(f"cycle.{name} is missing", where=where, rule="a cycle must say it")
+            raise CampaignError(f"cycle.{name} is missing", where=where, rule="each cycle must state it")
     if cycle["kind"] not in KINDS:
         raise CampaignError(
             f"cycle.kind = {cycle['kind']!r} is not known", where=where, remedy=nearest(cycle["kind"], KINDS)

@@ -1,4 +1,4 @@
-"""Lock of a campaign folder: one process works in it and writes its present action there."""
+"""Lock of a campaign folder: one process works in the folder, and writes its present action into the lock file."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class FolderLock:
         self.tell()
 
     def tell(self, **what: str) -> None:
-        """Write what other processes read about this one: ``state``, ``text``, ``cycle``."""
+        """Write the ``state``, ``text`` and ``cycle`` of this process for other processes."""
         self._holder = Holder(**{**asdict(self._holder), **what})
         if self._file is None:
             return

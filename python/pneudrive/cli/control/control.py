@@ -109,7 +109,7 @@ def _try_out(drive: Drive | Circuit, found: Tuning, setup: str) -> None:
     except PneudriveError as error:
         warn(f"the law was not tried on this drive: {error.what}")
         return
-    typer.echo(f"\nTried on this drive as it is described, along {prepared.reference.text}, simulated:")
+    typer.echo(f"\nSimulated on this drive as described, along {prepared.reference.text}:")
     score = _show_run(tried)
     reach = prepared.reference.reach()
     way_m = reach.highest_m - reach.lowest_m

@@ -120,7 +120,7 @@ def status(folder: Folder) -> None:
         typer.echo(f"flag {flag}: {count} {'cycle' if count == 1 else 'cycles'}")
     for problem in found.problems:
         typer.echo(f"{'problem' if problem.lost else 'note'}: {problem}")
-    typer.echo(f"in work by {found.holder}" if found.holder else "no process works on it")
+    typer.echo(f"in work by {found.holder}" if found.holder else "no process runs this campaign")
 
 
 def pause(

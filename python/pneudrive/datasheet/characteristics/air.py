@@ -73,7 +73,7 @@ def drawn_mass(plant: HeldDrive, command: float, half_s: float, repeats: int = R
 def specific_exergy(plant: HeldDrive, pressure: float, temperature: float) -> float:
     """Return the flow exergy of the supplied gas against ambient, J/kg.
 
-    The core's enthalpy and entropy give the result: the gas that a small tank takes from a reservoir in each state.
+    Enthalpy and entropy come from the core: they are those of the gas that a small tank takes from a reservoir.
     """
     p_0, t_0 = plant.ambient
     (h, s), (h_0, s_0) = (_entering(plant, p, t) for p, t in ((pressure, temperature), (p_0, t_0)))

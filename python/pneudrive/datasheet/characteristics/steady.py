@@ -99,7 +99,7 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
     )
     axes = {
         "direction": ResultValue(("direction",), ["out", "back"], "1", "towards the end of chamber b, of chamber a"),
-        "share": ResultValue(("share",), shares, "1", "load as a share of the stall force"),
+        "share": ResultValue(("share",), shares, "1", "load as a fraction of the stall force"),
     }
     return axes, {
         "load_force": ResultValue(("direction", "share"), loads, "N", "constant force against the motion"),

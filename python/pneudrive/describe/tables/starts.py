@@ -159,7 +159,7 @@ class Starts:
         return self._otherwise(of, last)
 
     def _moves_with(self, of: str) -> Iterator[str]:
-        """Yield a component or a port, and the components coupled to it. A platform couples nothing."""
+        """Yield a component or a port, and the components coupled with it. A platform couples nothing."""
         found = [of]
         for name in found:  # grows during the loop
             yield name

@@ -209,7 +209,7 @@ def read_part(
     edges_m: Array,
     shown: frozenset[str],
 ) -> list[Read]:
-    """Read some cycles in turn; an unusable one gives its reason."""
+    """Read some cycles one after the other; an unusable cycle gives its reason."""
 
     def read(file: CycleFile, samples: Samples) -> tuple[CycleData, Loop | None]:
         recording, flags = recording_of(file, identity, samples)

@@ -121,7 +121,7 @@ def _of_part(level: Level, motion: RecordedMotion, first: int) -> Level:
 
 
 def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[tuple[RecordedMotion, tuple[Stroke, ...]]]:
-    """Read a recording part by part, each with the strokes that are counted in it; the next one is read meanwhile."""
+    """Read a recording part by part, each with its strokes; the next part is read in the background."""
     name, first, count = file.file.name, file.first, file.count
     blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
     left: dict[str, NDArray[np.float64]] = {}

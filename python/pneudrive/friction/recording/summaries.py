@@ -92,7 +92,7 @@ def summarise(sources: list[Source], choice: SampleChoice, workers: int | None =
 
 
 def work(sources: list[Source], choice: SampleChoice) -> list[list[Summary]]:
-    """Characterise the recordings of each source in turn in this process."""
+    """Characterise the recordings of one source after the other in this process."""
     return [[_summary(name, read, choice) for name, read in _recordings(source)] for source in sources]
 
 

@@ -157,7 +157,7 @@ def _peak(
 def _rise(friction_n: NDArray[np.float64]) -> tuple[int, int, int]:
     """Find a peak and its rise: last sample below 10 % of the swing, first one above 90 %, the peak itself.
 
-    A slow drift up to the peak, after the rise, does not belong to it.
+    A slow drift between the rise and the peak does not belong to the rise.
     """
     top = int(np.argmax(friction_n))
     bottom = float(friction_n[: top + 1].min())

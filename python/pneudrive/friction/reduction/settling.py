@@ -34,7 +34,7 @@ class Settled:
     ``force_share`` of its swing from the level of the opposite direction. ``force_travels`` times that travel is left
     out.
     Presliding approaches like 1 - 2 exp(-x/l). 80 % of the swing takes 1.6 l; after three times that, 2 % are left.
-    A higher share would depend on friction that varies over position.
+    A higher fraction would depend on friction that varies over position.
     At the end, twice the distance in which the axis brakes below the speed fraction is dropped.
     The whole swing is a line through both directions' difference over the middle 60 % of the travel. Neither speed nor
     force needs to be constant. The swing is that of the stroke's speed class, because

@@ -1,4 +1,4 @@
-"""Strokes of a recording that enter its results, and why the others do not."""
+"""Strokes of a recording that are used for its results, and the reasons why others are not used."""
 
 from __future__ import annotations
 

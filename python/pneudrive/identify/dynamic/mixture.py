@@ -27,8 +27,8 @@ KEPT = "apply keeps the start value of "
 def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
     """Return a note that compares the error of a free run with the applied values and with the fitted ones.
 
-    The start of each recording and the errors of its sensors are those of the fit. Without kept values, or without
-    determined values, there is no such note in the fit.
+    The start of each recording and the errors of its sensors are those of the fit. The fit has no such note if no
+    values were kept, or none was determined.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
 
 
 def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: bool) -> None:
-    """Warn of start values that are combined with fitted ones, with the error of this mixture if the fit knows it.
+    """Warn of start values that are combined with fitted ones; include the error of this mixture if it is known.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class DriveFit(Fit):
     TITLE: ClassVar[str] = "fit of a drive"
     GROUPS: ClassVar[tuple[str, ...]] = ("values", "sensors")
     HEAD: ClassVar[str] = (
-        "# Identified drive. SI units, pressures absolute; intervals are 95 %: what noise leaves; model_error is how\n"
+        "# Identified drive. SI units, pressures absolute; intervals are 95 %, for noise only; model_error is how\n"
         "# far a value moves as each number that was held is off by 1 %."
     )
 

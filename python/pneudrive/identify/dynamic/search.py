@@ -379,7 +379,7 @@ class _Found:
 def _shortened(
     problem: FitProblem, point: Iterate, at: Joined, longest: float, believed: list[Array], *, reset: bool = False
 ) -> _Found | None:
-    """Shorten the step until it lowers the merit, by runs without derivatives; None if no step does."""
+    """Shorten the step until it lowers the merit function, by runs without derivatives; None if none does."""
     information, gradient = equations(problem, point, at)
     before = at.standing.merit
     while longest >= SHORTEST:

@@ -243,7 +243,7 @@ def _spread(derivatives: Array, p: int, columns: NDArray[np.int64], states: int)
 def segment_starts(time_s: Array, length_s: float | None) -> NDArray[np.int64]:
     """Return the first samples of segments of about a length; None: one segment.
 
-    All segments have at least two samples, and none is shorter than half the others.
+    All segments have at least two samples, and none is shorter than half of another.
     """
     total = float(time_s[-1] - time_s[0])
     count = 1 if length_s is None else max(1, round(total / length_s))

@@ -212,7 +212,7 @@ def _modelica(curve: SlidingCurve) -> Exported:
         ToolParameter("F_Stribeck", stribeck, "N", "Stribeck effect"),
         ToolParameter("fexp", 1.0 / scale, "s/m", "Exponential decay"),
     )
-    lost = (*curve.lost, "dwell and presliding: the component sticks at once, without a history")
+    lost = (*curve.lost, "dwell and presliding: the component sticks immediately, without memory")
     converted = modelica_columns(speed, 1.0 / scale) @ weights
     knots, level = friction_table(curve)
     peak = max(level[0], 1e-300)

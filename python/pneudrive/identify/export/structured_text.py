@@ -7,7 +7,7 @@ interval is then found without a search:
   F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]
 
 Below the lowest speed, F = F(v_low) v/v_low, so that it passes zero without a jump. Above the highest speed, it
-continues as a line with its slope there.
+continues as a straight line with its last slope.
 """
 
 from __future__ import annotations

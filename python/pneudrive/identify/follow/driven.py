@@ -107,7 +107,7 @@ class DrivenCircuit:
         return next((name for name in names if name in self.parts and self.parts[name]["kind"] == "tank"), None)
 
     def _machine(self, mass_kg: float) -> str:
-        """Return the motor at the rod, made stiff. Add a motor if the circuit has none there."""
+        """Return the motor at the rod, made stiff. Add a motor to the rod if the circuit has none."""
         rod = f"{self.piston}.rod"
         joint = self._joint(rod)
         names = [port.partition(".")[0] for port in joint]
@@ -138,7 +138,7 @@ class DrivenCircuit:
             if name is not None and f"{name}.pressure_pa" in names:
                 return name
         raise FitError(
-            f"chamber {side} has no gas of its own",
+            f"chamber {side} has no gas volume",
             rule="each chamber of a driven piston is closed or ends in tanks, leaks and valves",
             remedy="join a tank, the dead volume of the chamber, to the piston's port",
         )

@@ -87,7 +87,7 @@ class LawFit(SlidingFit):
         """Return a drive with this law, each determined value with its interval and its recordings.
 
         A drive with the same law keeps its undetermined parameters. Any other drive gets the whole law, with unfitted
-        parameters as given for the fit.
+        parameters at the values of the fit.
 
         Raises
         ------

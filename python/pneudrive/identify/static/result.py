@@ -243,7 +243,7 @@ class FrictionFit(SlidingFit):
         k = int(np.argmax(np.abs(friction_n - fitted.friction_n)))
         if abs(friction_n[k] - fitted.friction_n[k]) > KEPT_SHARE * abs(fitted.friction_n[k]):
             warn(
-                f"the fit does not determine {', '.join(kept)}, and the drive keeps its own: at "
+                f"the fit does not determine {', '.join(kept)}, and the drive keeps its value: at "
                 f"{1e3 * fitted.speed_m_s[k]:.4g} mm/s its friction is {friction_n[k]:.4g} N, that of the fit "
                 f"{fitted.friction_n[k]:.4g} N"
             )
@@ -392,7 +392,7 @@ def _remedy(fit: FrictionFit, i: int, j: int) -> str:
     """Return the speed at which one more value lowers the correlation most; for pressures a general remedy."""
     names = (fit.free[i], fit.free[j])
     if any(unit_of(name).startswith("N/Pa") for name in names):
-        return "pressures further apart, and not varied together, would separate them"
+        return "pressures that differ more, and are not varied together, would separate them"
     if fit.observations is None:
         return "more speeds would separate them"
     speed = fit.observations.speed_m_s

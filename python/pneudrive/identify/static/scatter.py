@@ -29,7 +29,7 @@ CLEARLY = 6.6
 def with_scatter(
     model: FrictionModel, data: Observations, found: RobustEstimate, *, loss: str
 ) -> tuple[Observations, RobustEstimate, float]:
-    """Add a scatter to the standard errors if the residuals are too large and become more likely by it.
+    """Add a scatter to the standard errors if the residuals are too large and this makes them more likely.
 
     The alternative is an estimate without scatter, whose standard errors are too small by a common factor. It is kept
     only if it is clearly more likely.

@@ -137,7 +137,7 @@ def held_out(
 
 
 def pressure_levels(data: Observations) -> NDArray[np.int64]:
-    """Return the number of the pressure level of each value: within 10 %, or 0.1 bar, of the first of the level."""
+    """Return the index of the pressure level of each value. A level spans 10 %, or 0.1 bar, above its first value."""
     levels: list[tuple[float, float]] = []
     out = np.empty(len(data), dtype=np.int64)
     for i, (a, b) in enumerate(zip(data.gauge_a_pa, data.gauge_b_pa, strict=True)):

@@ -120,7 +120,7 @@ def _dwell_blocks(topic: Topic, found: CampaignCharacteristics, shown: list[Dwel
 
 
 def best_of(laws: tuple[DwellLawFit, ...], *, saturates: bool) -> DwellLawFit | None:
-    """Return the best law among those that saturate, or among the others."""
+    """Return the best law among the laws that saturate, or among those that do not."""
     return next((law for law in laws if law.form.saturates == saturates and law.name != "none"), None)
 
 

@@ -32,15 +32,15 @@ if TYPE_CHECKING:
 
 #: How the page is to be read.
 READING = (
-    "Everything on this page is simulated. Times, speeds, energies and pressures are those that 1 % of the draws pass, "
+    "Everything on this page is simulated. Times, speeds, energies and pressures are exceeded by 1 % of the samples, "
     "pressures are absolute, and air is the mean of a cycle in litres at 100 kPa, 20 °C and 65 % humidity. A time runs "
-    "from the command to the first contact with the end; energy is that of all that moves at this contact. Between two "
-    "ends (a … b) 98 % of the draws lie: 1 % are below, 1 % above."
+    "from the command to the first contact with the end; energy is that of all moving masses at this contact. A "
+    "range (a … b) contains 98 % of the samples: 1 % are below, 1 % above."
 )
 MARGIN = (
-    "The margin is the share of a limit that 99 % of the draws leave; below 0 the limit is missed. A choice meets the "
-    "task if 99 % of the draws keep all limits. At least: lower bound of that probability at 95 % confidence, after "
-    "Clopper and Pearson, as if the draws were independent."
+    "The margin is the fraction of a limit that 99 % of the samples leave unused; below 0 the limit is missed. "
+    "A choice meets the task if 99 % of the samples keep all limits. At least: lower bound of that probability at "
+    "95 % confidence, after Clopper and Pearson, as if the samples were independent."
 )
 NOT_CHECKED = (
     "Guides are not checked for moments, and life only against a B10 that the catalogue states.",
@@ -137,8 +137,8 @@ def _candidates(found: SizingResult) -> Section:
         "Candidates that miss a limit but use less air than the best" if found.ranked else "Nearest candidates, by air"
     )
     caption = (
-        "Time that 1 % of the draws pass, against the air of a cycle: every choice that was simulated. The lines reach "
-        "over 98 % of the draws of the best one."
+        "Time that 1 % of the samples exceed, against the air of a cycle, for every simulated choice. The lines contain "
+        "98 % of the samples of the best choice."
     )
     return section(
         "candidates",
@@ -165,7 +165,7 @@ def _limits(found: SizingResult) -> Section | None:
         "limits",
         "Limits of each",
         Paragraph(MARGIN),
-        PageTable(head, rows, "Values of 98 % of the draws, and margin in brackets"),
+        PageTable(head, rows, "Values of 98 % of the samples, and margin in brackets"),
     )
 
 
@@ -192,7 +192,7 @@ def _best(found: SizingResult) -> list[Section]:
     said = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
     drawn = Picture("circuit", f"Circuit of the best choice, {_called(best)}.", draw_circuit(circuit))
     figures = tuple((what, ends, unit) for what, name, factor, unit in FIGURES if (ends := _ends(best, name, factor)))
-    does = PageTable(("", "98 % of the draws", ""), figures, "Simulated motion") if figures else None
+    does = PageTable(("", "98 % of the samples", ""), figures, "Simulated motion") if figures else None
     return [
         section("best", "The best choice", Items((*said, set_to(best))), drawn, does, synthetic=False),
         section(
@@ -241,7 +241,7 @@ def _method(found: SizingResult) -> Section:
         Items((sentences(found)[-1 - len(found.notes)], *NOT_CHECKED)),
         Paragraph(
             f"With the task below as task.toml, each gives the same numbers (pneudrive {__version__}, Python "
-            f"{platform.python_version()}; the draws are points of a Sobol sequence, the same each time)."
+            f"{platform.python_version()}; the samples are points of a Sobol sequence, the same each time)."
         ),
         *(Paragraph(line, "code") for line in lines),
         Paragraph(toml.write(found.task.to_dict()).strip(), "code"),

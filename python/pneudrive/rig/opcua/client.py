@@ -264,7 +264,7 @@ class OpcUaRig:
         """Raise an error once if the connection was lost and reopened."""
         if self._gone:
             self._gone = False
-            raise _back("waiting", "the server was unreachable meanwhile", self._link.url)
+            raise _back("waiting", "the server was unreachable in between", self._link.url)
 
     @contextlib.contextmanager
     def _one_connection(self, doing: str) -> Iterator[Callable[[], None]]:
@@ -329,7 +329,7 @@ class OpcUaRig:
             self._link.connect()
             self._await(self._start(Verb.STOP, {}), 0.0, Verb.STOP)
             if (name := self._told_name()) != self._told:
-                raise RigError(f"another rig answers: {name!r} instead of {self._told!r}", where=self._link.url)
+                raise RigError(f"another rig is served: {name!r} instead of {self._told!r}", where=self._link.url)
 
     def _told_name(self) -> str:
         """Return the server's name of the rig; empty without a name."""

@@ -187,7 +187,7 @@ class Link:
             await _hang_up(client)
             waited = isinstance(error, (TimeoutError, asyncio.TimeoutError))
             hung_up = not waited and not getattr(error, "errno", None)  # the server did answer
-            says = " (a server is silent, or closes the connection, if server_certificate is not its own)"
+            says = " (a server is silent, or closes the connection, if server_certificate is not its certificate)"
             hint = says if (waited or hung_up) and self.access.certificate is not None else ""
             raise (HungUpError if hung_up else LinkError)(f"{_reason(error)}{hint}") from None
         return client

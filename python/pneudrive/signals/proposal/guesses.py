@@ -360,7 +360,7 @@ def _chamber(roles: Roles, pressures: list[Array]) -> tuple[str, str]:
     strongest = max(range(len(together)), key=lambda at: abs(together[at]))
     if abs(together[strongest]) > CLEAR_SHARE:
         side = "b" if (together[strongest] > 0) == (strongest == 0) else "a"
-        return side, f"the force towards +x {'grows' if together[strongest] > 0 else 'falls'} with it"
+        return side, f"the force towards +x {'grows' if together[strongest] > 0 else 'falls'} with this pressure"
     return "", ask
 
 

@@ -93,7 +93,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     problem = "; ".join(question.text for question in roles.questions)
     try:
         if problem:
-            raise RecordingError(f"the file does not tell everything. {problem}")
+            raise RecordingError(f"the file does not contain all information. {problem}")
         layout = Layout.loads(text, origin="proposed layout")
         if kind == "fixed-volume":
             read_volume_recordings([path], layout)

@@ -87,7 +87,7 @@ def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
         if form.comment != "#":
             lines.append(f'comment = "{form.comment}"')
         if form.delimiter == form.decimal:
-            lines.append("quoted = true  # numbers stand in quotation marks")
+            lines.append("quoted = true  # numbers are in quotation marks")
         lines.append(f"header = {'true' if form.header else 'false'}")
         lines.append(f'decimal = "{form.decimal}"')
         if form.thousands:

@@ -189,7 +189,7 @@ def _without_column(signals: TableSignals, count: int, numbered: list[int]) -> T
     times = Times(None, np.arange(count, dtype=float))
     if len(set(preamble.steps_s)) > 1:
         shown = ", ".join(f"{step:g} s" for step in sorted(set(preamble.steps_s)))
-        times.question = f"the channels have rates of their own ({shown}): resample them, or export one rate"
+        times.question = f"the channels have different rates ({shown}): resample them, or export one rate"
     elif preamble.step_s:
         times.rate_hz = 1.0 / preamble.step_s
         times.reason = f"the file states it: {' '.join(preamble.source.split())[:40]}"

@@ -218,7 +218,7 @@ def _time_of(
                 f"the time begins again in segment {number}",
                 where=f"{where}, row {row + 1}",
                 value=f"{time[row]:g} after {time[row - 1]:g}",
-                remedy="read each segment as a file of its own; if they follow each other without a gap, "
+                remedy="save each segment as a separate file; if they follow each other without a gap, "
                 'give the rate: time = { rate = "50 Hz" }',
             )
     return time, 0 if column.wraps is not None else wraps

@@ -63,7 +63,7 @@ def verdict(
 
 
 def count_verdicts(claims: Sequence[Claim]) -> str:
-    """Return the numbers of sentences that hold, hold in part and do not hold, in words.
+    """Return, as text, how many sentences hold, hold in part, and do not hold.
 
     Examples
     --------

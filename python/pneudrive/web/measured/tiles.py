@@ -274,7 +274,7 @@ class _Pixels(NamedTuple):
 
 
 def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
-    """Return columns as `per_pixel` does. If it thins them, also return ``NAME/at``: the values at the sent times.
+    """Return columns in the form of `per_pixel`. Thinned columns also have ``NAME/at``: the values at the sent times.
 
     Lowest and highest values of pixels are for drawing. A number that the user reads is the value of the run at that
     time.

@@ -5,8 +5,8 @@ use super::Chambers;
 use crate::part::mechanics::cylinder::INNER;
 use math::Both;
 
-/// Position, velocity, acceleration, friction, end stop force towards -x. Then pressure, temperature and net mass flow
-/// of chamber a, then of b, as in the nodes.
+/// Position, velocity, acceleration, friction, end stop force towards -x. Next come pressure, temperature and net mass
+/// flow of chamber a, then of b, as in the nodes.
 pub(crate) type Glance = [f64; 11];
 
 /// Indices of a [`Glance`].

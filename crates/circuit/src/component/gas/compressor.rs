@@ -34,7 +34,7 @@ impl Component for Compressor {
         }
         let name = &own.name;
         Err(Error::Specification(format!(
-            "{name}.start_pressure = {start} Pa must be below {name}.stop_pressure = {stop} Pa: else it would turn on and off at once"
+            "{name}.start_pressure = {start} Pa must be below {name}.stop_pressure = {stop} Pa: otherwise it would turn on and off without end"
         )))
     }
 

@@ -11,7 +11,7 @@ pub struct Bumper;
 pub(in crate::component) const SIDE: Choice = Choice {
     name: "side",
     options: &["b", "a"],
-    meaning: "Side: b is met in +x, like the end of chamber b, a in -x",
+    meaning: "Side: b is hit by a motion in +x, like the end of chamber b; a by a motion in -x",
 };
 
 /// Returns the position of contact of a component with a position and a side.

@@ -17,7 +17,7 @@ impl Component for MagneticCoupling {
         parameters: table! {
             holding_force: "N", physics::above(0.0), "Holding force F_h: the greatest force of the magnets";
             pole_pitch: "m", physics::above(0.0), default 0.01, assumed "usual for magnets for a bore of 20 to 32 mm",
-                "Pole pitch L_p: at half of it they carry the holding force";
+                "Pole pitch L_p: at a shift of half of it the magnets transmit the holding force";
             damping: "N s/m", physics::at_least(0.0), default 0.0, "Damping c while they are coupled";
         },
         outputs: &[

@@ -17,7 +17,7 @@ impl Component for Motor {
         parameters: table! {
             velocity: "m/s", physics::any(), default 0.0, "Velocity u in +x, until the input sets another";
             stiffness: "N/m", physics::above(0.0), default 1e6, assumed "usual for a servo axis with a ball screw", "Stiffness k";
-            damping: "N s/m", physics::at_least(0.0), default 2e3, assumed "usual for such an axis with 1 kg", "Damping c";
+            damping: "N s/m", physics::at_least(0.0), default 2e3, assumed "usual for a servo axis with 1 kg", "Damping c";
         },
         inputs: &[("velocity_m_s", "m/s", "prescribed velocity in +x")],
         outputs: &[

@@ -135,7 +135,7 @@ fn check_pulses(own: &Instance<f64>) -> Result<(), Error> {
 const KIND: Kind = Kind {
     sources: &["iso6358-2013"],
     discrete: &["time_on", "time_off", "travel_share", "pwm_frequency"],
-    inputs: &[("command", "1", "1: on, 0: off; with pulses the share of a period for which it is on")],
+    inputs: &[("command", "1", "1: on, 0: off; with pulses, the fraction of a period in which it is on")],
     ..Kind::PLAIN
 };
 

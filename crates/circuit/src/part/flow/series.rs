@@ -6,8 +6,8 @@ use physics::flow::Iso6358;
 use std::slice;
 
 gathered! {
-    /// Restrictions in series as one flow path. The series rule depends on the order in which gas passes them, so each
-    /// direction has its own law.
+    /// Restrictions in series as one flow path. The series rule depends on the order in which gas passes the
+    /// restrictions, so each direction has a separate law.
     pub struct Series {
         numbers {}
         laws { forward: Iso6358, backward: Iso6358 }

@@ -248,7 +248,7 @@ impl<P: Real> Axis<P> {
         self.contact().event(&at(&net.axis[self.node]), z, self.mode)
     }
 
-    /// Sets position, velocity and the inner states of friction as given.
+    /// Sets position, velocity and the inner states of friction to given values.
     pub(in crate::part) fn begin_in(&self, given: &Given<P>, (motion, z): (&mut [P], &mut [P])) {
         if let Some(start) = given.axis(self.node) {
             motion[..2].copy_from_slice(&start);

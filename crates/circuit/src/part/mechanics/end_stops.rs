@@ -24,7 +24,7 @@ pub struct EndStops<P> {
 pub(crate) struct Follows<P> {
     /// The stop for a start without excess pressure.
     pub law: EndStop<P>,
-    /// Whether its damping is derived, too.
+    /// Whether the damping of the stop is derived, too.
     pub damped: bool,
     /// Highest pressure of the supplies, Pa absolute.
     pub supply: P,

@@ -78,8 +78,10 @@ crate::parameters! {
     ///   `e = max(0.04 Fd/Fs, 0.0015), with the Fs at that age`
     ///
     /// Here w is the plastic slip rate: v - dz/dt for bristles, v for a law that sticks exactly. The elastic motion
-    /// before breakaway therefore renews nothing. Nor does the creep of bristles below their limit. It stops the ageing, but only
-    /// slip of the whole contact (w = v) makes the contact younger. In a stop phi grows with time. In steady sliding,
+    /// before breakaway therefore renews nothing. The creep of bristles below their limit does not renew the contact
+    /// either. It stops the ageing, but only
+    /// slip of the whole contact (w = v) makes the contact younger. During a stop, phi grows with time. In steady
+    /// sliding,
     /// phi = L/|v|. The stiffness of bristles does not depend on phi. Their stored energy is therefore that of the law,
     /// which keeps passivity, with Fs + Fd as breakaway force. Sources: [dieterich1979] for phi. The factor r is
     /// assumed (docs/theory/friction.md). For Psi see [`Growth`].

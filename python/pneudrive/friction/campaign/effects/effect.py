@@ -170,7 +170,7 @@ class Asymmetry:
 class StickSlipPoint:
     """Stick-slip at one condition and speed: medians over strokes.
 
-    ``share`` of the strokes show it. ``amplitude_n`` is the swing of the force over a period.
+    ``share`` of the strokes show it. ``amplitude_n`` is the range of the force over a period.
     """
 
     condition: Condition

@@ -182,7 +182,7 @@ class Noise:
         return float(np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory)))
 
     def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
-        """Return the deviation of a weighted sum of samples `spacing` apart.
+        """Return the standard deviation of a weighted sum of samples that are `spacing` s apart.
 
         `share` is the fraction of white variance.
         """

@@ -1,6 +1,6 @@
 """The age of a contact from peaks after stops, in the form of a drive's friction.
 
-  dphi/dt = 1 - phi |v|/L      age: that of the stop while the piston stands, L/|v| while it slides
+  dphi/dt = 1 - phi |v|/L      age: the duration of the stop while the piston rests, L/|v| while it slides
   Fd = B (1 + s_a p_a + s_b p_b) psi(phi/tau)
 
 A peak after a stop of duration t therefore exceeds the earlier friction at the speed v by Fd(t) - Fd(L/v). The excess

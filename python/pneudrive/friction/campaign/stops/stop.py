@@ -1,7 +1,7 @@
 """Stops in the middle of a move: relaxation while held, breakaway peak, way back to uninterrupted sliding.
 
 Every number is a difference within one move (or to an uninterrupted one of the same cycle), so the zero of the
-sensor and slow drift cancel. Samples are raw; friction here is direction * balance, with the offset still in it.
+sensor and slow drift cancel. Samples are raw; friction here is direction * balance, and still contains the offset.
 """
 
 from __future__ import annotations
@@ -304,7 +304,7 @@ def find_stops(
 def read_stops(
     files: Sequence[CycleFile], identity: Identity, others: Sequence[UninterruptedStroke]
 ) -> list[Stop | Skipped]:
-    """Read some stops in turn.
+    """Read some stops one after the other.
 
     Parameters
     ----------
