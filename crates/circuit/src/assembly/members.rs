@@ -150,9 +150,7 @@ impl Network {
 /// Refuses a repeated name.
 fn check_names(names: &[String]) -> Result<(), Error> {
     match (1..names.len()).find(|&i| names[..i].contains(&names[i])) {
-        Some(twice) => {
-            refuse(format!("\"{}\" is given twice: it has one value for each member", names[twice]))
-        }
+        Some(twice) => refuse(format!("\"{}\" is given twice: members have one value of it", names[twice])),
         None => Ok(()),
     }
 }

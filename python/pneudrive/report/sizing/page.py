@@ -137,7 +137,7 @@ def _candidates(found: SizingResult) -> Section:
         "Candidates that miss a limit but use less air than the best" if found.ranked else "Nearest candidates, by air"
     )
     caption = (
-        "Time that 1 % of the samples exceed, against the air of a cycle, for every simulated choice. The lines contain "
+        "Time that 1 % of the samples exceed, against the air of a cycle, for every simulated choice. Lines contain "
         "98 % of the samples of the best choice."
     )
     return section(
