@@ -164,7 +164,7 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    """Package in which a public function takes precedence over the module of the same name.
+    """Package whose public functions take precedence over modules of the same name.
 
     Importing ``pneudrive.simulate`` would otherwise bind the module to ``pn.simulate``, and ``pn.simulate(...)``
     would work or fail depending on earlier imports.

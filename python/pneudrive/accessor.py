@@ -35,7 +35,7 @@ class Pneu:
         self._run = run.assign_attrs(attributes(run))
 
     def to(self, *wanted: str) -> xr.Dataset:
-        """Return the run in other units: each converts all columns and coordinates of its quantity.
+        """Return the run in other units: each unit converts all columns and coordinates of the same quantity.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ class Pneu:
         """
         if self._run.attrs.get("description_hash") != drive.description_hash or "command" not in self._run:
             raise CommandError(
-                f'this run is not one of the drive "{drive.name}" in its present description',
+                f'this run was made with another description of "{drive.name}"',
                 remedy="Give the drive that was simulated.",
             )
         time, command = (self._run[name].to_numpy() for name in ("time", "command"))

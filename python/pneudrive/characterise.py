@@ -1,4 +1,4 @@
-"""Recordings into friction maps and other curves, with uncertainty.
+"""Friction maps and other curves from recordings, with uncertainty.
 
 ``characterise`` is ``pn.characterise``: the friction map of recordings or of a campaign, as a Dataset.
 ``characterise_recordings`` also returns the intermediate results for recordings.

@@ -1,4 +1,4 @@
-"""Physical constants and numbers of standards; a test holds them equal to the core's."""
+"""Physical constants and numbers of standards; a test compares them with those of the core."""
 
 #: Standard acceleration of gravity, exact by definition [bipm2019].
 STANDARD_GRAVITY_M_S2 = 9.80665

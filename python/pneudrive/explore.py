@@ -153,7 +153,7 @@ def explore(
     initial: Initial | Mapping[str, object] | str | None = None,
     sliders: str | Sequence[str] = (),
 ) -> Explorer:
-    """Show a drive in a notebook with sliders. Its run follows them.
+    """Show a drive in a notebook with sliders. The run is simulated again when they change.
 
     Parameters
     ----------

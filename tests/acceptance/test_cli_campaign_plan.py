@@ -79,7 +79,7 @@ def test_a_protocol_that_takes_too_long_gets_a_fraction_that_fits(capsys, tmp_pa
     status, out, _ = plan(capsys, file)
     assert status == 0
     assert minutes(out) > 90
-    assert "A fraction takes" in out
+    assert "This fraction takes" in out
     status, out, _ = plan(capsys, file, "--fraction", part)
     assert status == 0
     assert out.rstrip().endswith(str(part))

@@ -69,8 +69,8 @@ def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, capsys):
     ("arguments", "words"),
     [
         (["empty"], "this is not a campaign folder"),
-        (["campaign", "empty"], "a campaign is characterised alone, without other files"),
-        (["campaign", "--layout", "layout.toml"], "a campaign is characterised alone, without other files"),
+        (["campaign", "empty"], "a campaign cannot be characterised together with other files"),
+        (["campaign", "--layout", "layout.toml"], "a campaign cannot be characterised together with other files"),
     ],
 )
 def test_what_is_no_campaign_is_one_message_and_status_2(tmp_path, capsys, monkeypatch, arguments, words):

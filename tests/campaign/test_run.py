@@ -373,7 +373,7 @@ def test_a_campaign_waits_for_conditions_and_goes_on(tmp_path, undisturbed, name
     assert run_campaign(protocol(), rig, tmp_path / "c", options=QUICK).ended == DONE
     log = (tmp_path / "c" / "campaign.log").read_text(encoding="utf-8")
     assert f"waiting before b1/sweep/v50/a0/b0/r1: {said}" in log
-    assert "going on after" in log
+    assert "continued after" in log
     assert contents(tmp_path / "c") == undisturbed
 
 

@@ -1,5 +1,5 @@
 """Campaigns: a protocol becomes a plan of cycles, a rig runs them, a folder stores each one.
 
-``protocol`` reads the TOML file. ``plan`` lays out the cycles and checks them against a rig. ``run`` runs them on a
-rig. ``folder`` stores the results, which every later step reads.
+``protocol`` reads the TOML file. ``plan`` lists the cycles and checks them against a rig. ``run`` runs them on a
+rig. ``folder`` stores the results for all later steps.
 """

@@ -15,9 +15,9 @@ KINDS = {
     "sentinel": "the reference speed, repeated to show drift",
     "warm-up": "strokes that bring rig and seal to a steady state",
     "tare": "standing, force released: the zero of the force sensor",
-    "blank": "a slow stroke before a block, to compare with the one after it",
+    "blank": "a slow stroke before a block, to be compared with the slow stroke after it",
     "leak": "standing under pressure, supply shut: the fall of pressure",
-    "weight": "standing under a known weight: the gain of the force sensor",
+    "weight": "at rest under a known weight: gives the gain of the force sensor",
     "operator": "a change by hand (mounting, seal, drive) and its confirmation",
 }
 

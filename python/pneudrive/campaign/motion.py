@@ -81,6 +81,6 @@ def _standing(position: Array, tolerance: float, width: int) -> NDArray[np.bool_
 
 
 def _spread(numbers: NDArray[np.int64], usable: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Give samples between usable ones the number of the sample before them."""
+    """Give unusable samples the step number of the usable sample before them."""
     last = np.maximum.accumulate(np.where(usable, np.arange(numbers.size), -1))
     return np.where(last >= 0, numbers[np.maximum(last, 0)], 0)

@@ -125,7 +125,7 @@ class ReplayRig:
         return self._identity
 
     def limits(self) -> Envelope:
-        """Return the limits of the recordings; those of the rig if they are known."""
+        """Return the limits of the rig if they are known, otherwise the range of the recordings."""
         return self._limits
 
     def state(self) -> RigState:
@@ -147,7 +147,7 @@ class ReplayRig:
         self._state = replace(self._state, position_m=to_m)
 
     def hold(self, duration_s: float, released: bool = False) -> None:
-        """Stand still without recording."""
+        """Wait at rest without recording."""
         self._halted.clear()
         self._wait(time.monotonic(), duration_s)
 

@@ -1,6 +1,6 @@
 """Sources of a replay: a campaign folder, foreign files with a layout, or a rig file that names them.
 
-This module lies above `pneudrive.rig` because it reads campaign folders; the registry of rigs names it.
+This module is in a layer above `pneudrive.rig` because it reads campaign folders. The registry of rigs has its name.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class RecordedCycle(ReplaySource):
         return self.file.samples()
 
     def range_m(self) -> tuple[float, float] | None:
-        """Return the range of the moves, m; without moves in the header, that of the samples."""
+        """Return the range of the moves, m; without moves in the header, the range of the samples."""
         if self.steps:
             return _range(self.steps)
         position = self.file.samples().position_m
@@ -106,7 +106,7 @@ class RecordedCycle(ReplaySource):
 class ForeignRecording(ReplaySource):
     """Strokes of a foreign file.
 
-    They are played from the first one in the requested direction, and their ends may differ by ``slack_m``.
+    Strokes are played from the first one in the requested direction. Their ends may differ by ``slack_m``.
     """
 
     file: RecordingFile
@@ -234,7 +234,7 @@ def _folder_rig(folder: Path, pace: float | None, tolerance: Tolerance) -> Repla
         return recordings_rig(folder, None, "*", pace, tolerance)
     raise RigError(
         f"{folder} holds neither a campaign nor recordings with a layout",
-        rule=f"a campaign folder holds {ABOUT} and {CYCLES}/, a folder of recordings holds layout.toml",
+        rule=f"a campaign folder has {ABOUT} and {CYCLES}/, a folder of recordings has layout.toml",
         remedy='Or name folder, layout and pattern in a rig file with kind = "replay"',
     )
 
@@ -316,7 +316,7 @@ def _identity(folder: Path, recording: Recording) -> Identity:
         stiffness_n_m=recording.stiffness_n_m,
         accuracy=dict(recording.accuracy),
         limits=dict(recording.limits),
-        calibration={**recording.calibration, "temperature_k": "assumed: it was not measured"},
+        calibration={**recording.calibration, "temperature_k": "assumed, because this was not measured"},
         labels={key: text for key, text in recording.labels.items() if key not in ("run", "pressure")},
         synthetic=recording.synthetic,
         force_calibration=recording.force_calibration,

@@ -81,7 +81,7 @@ def run_campaign(
     subscribers: Sequence[Callable[[str, dict], None]] = (),
     cancel: Flag | None = None,
 ) -> Result:
-    """Run a campaign into a folder, or resume it if the folder already has it.
+    """Run a campaign into a folder, or resume it if the folder already contains it.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def _go_on(
         raise CampaignError(
             "this folder holds a campaign of another protocol",
             where=str(folder),
-            value=f"in it: {campaign.about.get('name', '')!r}; asked for: {protocol.name!r}",
+            value=f"the folder has {campaign.about.get('name', '')!r}; requested: {protocol.name!r}",
             remedy=f"Name another folder, or resume the campaign in this one: pneudrive campaign resume {folder}",
         )
     plan = plan_of(campaign)
@@ -235,7 +235,7 @@ def _rig_again(
         raise CampaignError("the folder does not name its rig", where=where, remedy="Add --rig RIG.")
     if allow_code is not None and made_with != allow_code.strip().lower():
         raise CampaignError(
-            "the folder was made with other code than the allowed one",
+            "the folder was made with other code than allowed",
             where=where,
             value=f"SHA-256 {made_with or 'not stated'}",
             rule=f"--allow-code {allow_code}",
@@ -248,7 +248,7 @@ def _rig_again(
 def _bench(rig: Rig | str | Path, seed: int, pace: float | None, **found: str | None) -> Iterator[tuple[Rig, str]]:
     """Return the rig and its address for a resumed run.
 
-    The address is empty for a rig that the caller made and closes.
+    The address is empty for a rig that the caller has made and closes itself.
     """
     from pneudrive.rig.loading import load_rig, opened
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def command_of(described: Drive | Circuit, given: list[str] | None) -> str | list[str] | None:
-    """Return the commands of a circuit, or the only one of a drive.
+    """Return the commands of a circuit, or the only command of a drive.
 
     Raises
     ------

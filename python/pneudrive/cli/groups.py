@@ -39,7 +39,7 @@ class RenamedOptions(TyperCommand):
 class LazyGroup(TyperGroup):
     """Group of commands from a table: name -> module with a function or a group of that name.
 
-    A command module itself imports heavy libraries inside its function.
+    Each command module imports heavy libraries only inside its function.
     """
 
     table: ClassVar[Mapping[str, str]] = {}

@@ -69,7 +69,7 @@ def one_of(option: str, word: str, known: Mapping[str, Value]) -> Value:
 
 
 def check_used(context: typer.Context, to: str, used: Mapping[str, tuple[Sequence[str], str]]) -> None:
-    """Refuse a given option that the target of an export does not use.
+    """Refuse an option that the target of an export does not use.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def quantity(name: str, text: str, si_unit: str) -> float:
 
 @contextmanager
 def option(name: str) -> Iterator[None]:
-    """Add the name of the option to an error in its text.
+    """Add the name of an option to errors in the text of the option.
 
     Raises
     ------

@@ -99,7 +99,7 @@ def tell(paths: Iterable[Path | None]) -> None:
 
 
 def file_name(text: str) -> str:
-    """Return a text as a part of a file's name."""
+    """Return a text in a form that can be part of a file name."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", text)
 
 

@@ -1,4 +1,4 @@
-"""Axis of a controller: whether the controllers can model it, and the parts that the model leaves out."""
+"""Check of a drive for control: whether the controllers can model it, and the parts that their model leaves out."""
 
 from __future__ import annotations
 

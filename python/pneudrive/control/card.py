@@ -323,7 +323,7 @@ def _so_far(folder: Path, references: Mapping[str, str]) -> Iterator[ControlledR
 
 
 def finished(folder: Path) -> int:
-    """Count the runs in the folder of a comparison, of this or of an earlier one."""
+    """Count the runs in the folder of this comparison, or of an earlier one."""
     files = sum(1 for _ in (folder / RUNS).glob("[!.]*.parquet"))
     with suppress(OSError):
         files += (folder / KEPT).read_bytes().count(b"\n")

@@ -159,8 +159,9 @@ def benchmark(
 ) -> ControlComparison:
     """Run laws along references with several seeds, and score them.
 
-    Each run is a file in ``out/runs``, written whole or not at all. A run that is already there is not repeated, so an
-    interrupted comparison is resumed. Equal seeds give equal bits, but for the time of a step. Custom laws, whose code
+    Each run is a file in ``out/runs``, written whole or not at all. Runs that are already in the folder are not
+    repeated, so an interrupted comparison is resumed. Equal seeds give equal bits, but for the time of a step. Custom
+    laws, whose code
     may read anything, are run anew once a comparison is finished.
 
     Parameters
@@ -406,7 +407,7 @@ def _key(prepared: Prepared, seed: int, mark: str) -> str:
 
 @dataclass
 class _Store:
-    """Runs of a comparison: a file of each kept run, and one line with the score of every other run."""
+    """Runs of a comparison: a file for each run that is kept, and a line with the score for every other run."""
 
     folder: Path
     lines: Path

@@ -116,7 +116,7 @@ class Controller(Described):
     """A controller as its file describes it.
 
     Gains and valve parameters have units. `pneudrive.control.tune` reads them, because the core lists them by
-    controller and valves. Those that are left out follow from the drive.
+    controller and valves. Values that are left out are derived from the drive.
 
     Examples
     --------

@@ -128,7 +128,10 @@ def _proportional(kind: str, table: dict[str, Any]) -> dict[str, Any]:
 
 
 def path_of(table: Mapping[str, Any], *, exhaust: bool) -> dict[str, Any]:
-    """Return size and shape of a path of a valve. The exhaust has those of the supply unless they are given."""
+    """Return size and shape of a path of a valve.
+
+    The exhaust has the values of the supply unless other values are given.
+    """
     shape = {key: table[key] for key in ("critical_pressure_ratio", "subsonic_index", "linear_above") if key in table}
     out = {key: table[key] for key in _SIZES if key in table} | shape
     own = {key.removeprefix(_EXHAUST): value for key, value in table.items() if key.startswith(_EXHAUST)}
@@ -139,7 +142,7 @@ def path_of(table: Mapping[str, Any], *, exhaust: bool) -> dict[str, Any]:
 
 
 def positions_of(kind: str, table: Mapping[str, Any]) -> dict[float, float]:
-    """Return the tried commands of a valve, each with the command of the proportional valve that replaces it."""
+    """Return the commands to try for a valve, each with the command of the proportional valve that replaces it."""
     if kind == LOCK:
         return {0.0: 0.0}  # open
     if kind.startswith("valve/proportional"):

@@ -129,7 +129,7 @@ def equilibrium(
     if load is None:
         return at_velocity(plant, command, x, 0.0 if velocity is None else number_of(velocity, "m/s", "velocity"))
     if velocity is not None:
-        raise CommandError("velocity and load are both given", remedy="Give one; the other one follows.")
+        raise CommandError("velocity and load are both given", remedy="Give one of them; the other one is computed.")
     return under_load(plant, command, x, number_of(load, "N", "load"))
 
 
@@ -167,7 +167,10 @@ def state_at(plant: HeldDrive, command: float, position: float, velocity: float,
 
 
 def under_load(plant: HeldDrive, command: float, position: float, load: float) -> Equilibrium:
-    """Return the steady motion that a drive at rest reaches under a load in +x; its velocity is 0 if it stays."""
+    """Return the steady motion that a drive at rest reaches under a load in +x.
+
+    The velocity is 0 if it does not move.
+    """
     search = _SteadySearch(plant, command, position, load, free=True)
     gas = search.settle(search.toward * SLOWEST)
     velocity = 0.0 if search.rests else search.velocity
@@ -232,7 +235,7 @@ class _SteadySearch:
                 z[-1] = self.toward * SLOWEST
         raise SimulationError(
             f"there is no steady state at command = {self.command:g}, velocity = {float(z[-1]):.3g} m/s",
-            remedy="A shut valve holds any pressure. Gas that leaves at its speed of sound limits the velocity.",
+            remedy="A shut valve holds any pressure. Choked exhaust flow limits the velocity.",
         )
 
     def _check_held(self, z: Array, found: Array) -> None:
@@ -260,7 +263,7 @@ class _SteadySearch:
         return min(SHORTER, key=left)
 
     def _step(self, z: Array, found: Array, own: int, lasting: float) -> tuple[Array, bool]:
-        """Return an implicit step over a time, and whether the step was too long and was cut."""
+        """Return an implicit step over a time, and whether the step was shortened because it was too long."""
         slopes = np.empty((own, own))
         for k in range(own):
             beside = z.copy()

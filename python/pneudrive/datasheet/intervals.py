@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SAID = "each identified value moved to both ends of its interval, the effects added with the correlations of the values"
+SAID = "each identified value moved to both ends of its interval; effects added with the correlations of the values"
 
 
 class Ends(NamedTuple):
@@ -62,9 +62,10 @@ def with_intervals(
 ) -> xr.Dataset:
     """Add the lower and upper end of each result, as variables ``NAME_low`` and ``NAME_high``.
 
-    At each end of a value's interval, a result differs by an amount d from the result for the value. For several values
+    If a value is moved to an end of its interval, the result changes by an amount d. For several values
     with
-    correlations r, d^2 = sum r_ij d_i d_j. The sign of d_i is that of its end. This is exact for results that are
+    correlations r, d^2 = sum r_ij d_i d_j. d_i is the amount for the end that moves the result in the same direction as
+    value i. This is exact for results that are
     linear in the values. A drive without identified values is returned unchanged.
     """
     ends, left_out = ends_of(drive)

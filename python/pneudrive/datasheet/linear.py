@@ -1,4 +1,7 @@
-"""The drive as a linear model: exact derivatives of the core, with the caller's choice of friction and of opening."""
+"""Linear model of a drive from exact derivatives of the core.
+
+The caller chooses the friction model and the side of the valve opening.
+"""
 
 from __future__ import annotations
 

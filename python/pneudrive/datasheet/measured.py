@@ -144,7 +144,7 @@ class MeasuredBeside:
 
 
 def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch) -> MeasuredBeside:
-    """Read recordings, simulate their commands, and read the same numbers from both.
+    """Read recordings, simulate their commands, and compute the same numbers from both.
 
     Raises
     ------

@@ -147,7 +147,7 @@ class HeldDrive:
         return session
 
     def varied(self, tables: dict[str, Any]) -> HeldDrive:
-        """Return the drive with other tables of its circuit, under the same commands."""
+        """Return the drive with changed tables of its circuit and the same commands."""
         return HeldDrive(type(self.circuit).model_validate(tables), actuation=self.actuation)
 
     def sizes(self, commands: Sequence[float]) -> tuple[float, ...]:
@@ -164,7 +164,7 @@ class HeldDrive:
 
         The components are ordered from the valve.
 
-        Each component has its port towards the valve and that towards the chamber.
+        Each component is given with its port towards the valve and its port towards the chamber.
 
         Raises
         ------

@@ -73,7 +73,7 @@ class Figure(NamedTuple):
 FIGURES = {
     "nominal_flow": Figure("m^3/s ANR", _nominal_flow, "flow from 6 to 5 bar gauge, virtual test stand"),
     "theoretical_force_6bar": Figure("N", _theoretical, "blocked force at 6 bar gauge"),
-    "effective_force_6bar": Figure("N", _effective, "blocked force less friction at 50 mm/s, 6 bar gauge"),
+    "effective_force_6bar": Figure("N", _effective, "blocked force minus friction at 50 mm/s, 6 bar gauge"),
     "minimum_operating_pressure": Figure("", _minimum, "minimum pressure, above ambient"),
 }
 
@@ -113,10 +113,10 @@ def _published(plant: HeldDrive) -> Found:
         raise CommandError(f"{plant.name}: no part of the catalogue with a printed figure is in this drive")
     printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])
     along = ("figure",)
-    return {"figure": ResultValue(along, [row[0] for row in rows], "1", "part, figure and where it is printed")}, {
-        "printed": ResultValue(along, printed, "SI", "as the maker prints it, in SI"),
+    return {"figure": ResultValue(along, [row[0] for row in rows], "1", "part, figure and source")}, {
+        "printed": ResultValue(along, printed, "SI", "value printed by the maker, in SI"),
         "computed": ResultValue(along, computed, "SI", "of this drive, in SI"),
-        "difference": ResultValue(along, computed / printed - 1.0, "1", "computed over printed, less one"),
+        "difference": ResultValue(along, computed / printed - 1.0, "1", "computed over printed value, minus 1"),
     }
 
 

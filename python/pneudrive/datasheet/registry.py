@@ -1,4 +1,4 @@
-"""All characteristics, by name: the list from which command line, documentation and datasheet come."""
+"""All characteristics by name: the list that command line, documentation and datasheet use."""
 
 from __future__ import annotations
 

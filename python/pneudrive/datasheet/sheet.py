@@ -84,7 +84,7 @@ class Datasheet(Shown):
     def _card(self) -> Card:
         return Card(
             f"datasheet of {self.drive.name}, simulated",
-            ("number", "out, or the only one", "back", "standard"),
+            ("number", "command out, or the only command", "back", "standard"),
             self.numbers,
             self.headlines,
         )
@@ -215,7 +215,7 @@ def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
 
 
 def _life(drive: Drive | Circuit) -> list[SheetNumber]:
-    """Return the stated life of the drive and its parts. It is not computed."""
+    """Return the life that drive or parts state; it is not computed."""
     stated: list[tuple[str, object]] = [("drive, by its label", drive.labels[LIFE])] if LIFE in drive.labels else []
     stated += [
         (f"{part.name} [{one.source}]", str(one.value))

@@ -135,7 +135,10 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
 
 
 def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMAL_S) -> Found:  # noqa: ANN401
-    """Shut one chamber under pressure, with the other one at ambient pressure. Friction or the end holds the piston."""
+    """Shut one chamber under pressure, with the other one at ambient pressure.
+
+    The piston is held by friction or by the end stop.
+    """
     filled = plant.supply_pa if pressure is None else float(gas_at(plant, pressure)[0, 0])
     ambient, kelvin = plant.ambient
     times = np.linspace(0.0, duration, 61)

@@ -39,13 +39,13 @@ LAST_SAMPLES = 6  # whose slope is the end speed where no velocity was measured
 #: Number -> unit and meaning.
 STROKE_MEANING: dict[str, tuple[str, str]] = {
     "stroke_time": ("s", "from the command to the first contact with the end"),
-    "time_99": ("s", "from the command until 99 % of the way"),
-    "dead_time": ("s", "from the command until 0.2 % of the way"),
-    "rise_time": ("s", "from 10 % to 90 % of the way"),
-    "settling_time": ("s", "from the command to the last time outside of 1 % of the way about the final position"),
-    "overshoot": ("m", "largest distance beyond the final position, or into the end stop"),
+    "time_99": ("s", "time from the command until 99 % of the stroke"),
+    "dead_time": ("s", "time from the command until 0.2 % of the stroke"),
+    "rise_time": ("s", "time from 10 % to 90 % of the stroke"),
+    "settling_time": ("s", "time from the command until the position stays within 1 % of the stroke"),
+    "overshoot": ("m", "largest distance beyond the final position or into the end stop"),
     "way": ("m", "from the position at the command to the end, or to the final position"),
-    "mean_speed": ("m/s", "way over stroke_time, or over time_99 if the end is not reached"),
+    "mean_speed": ("m/s", "distance divided by stroke_time, or by time_99 if the end is not reached"),
     "top_speed": ("m/s", "largest speed"),
     "end_speed": ("m/s", "speed at the first contact with the end"),
     "end_energy": ("J", "kinetic energy of the moving mass at the first contact with the end"),
@@ -313,7 +313,7 @@ def litres_anr(mass_kg: float, density_kg_m3: float = ANR_DENSITY_KG_M3) -> floa
 
 
 def drawn_mass(columns: Mapping[str, Any], begin_s: float = 0.0, end_s: float = math.inf) -> float:
-    """Return the mass that a drive takes from its supply, kg, from the flow that a circuit's trajectory holds.
+    """Return the mass that a drive takes from its supply, kg, from the flow in the trajectory of its circuit.
 
     Parameters
     ----------

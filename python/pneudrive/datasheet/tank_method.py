@@ -78,7 +78,7 @@ def _label(recording: VolumeRecording, key: str, unit: str) -> float:
     where, example = str(recording.source or recording.name), f'[labels] {key} = "{LABELS[key]}" in the layout'
     if key not in recording.labels:
         raise RecordingError(
-            f"air of a tank needs its {key.replace('_', ' ')}", where=where, remedy=f"Write {example}."
+            f"the air of a tank needs its value {key.replace('_', ' ')}", where=where, remedy=f"Write {example}."
         )
     text = recording.labels[key]
     try:
@@ -103,7 +103,7 @@ def _at_rest(recording: VolumeRecording) -> tuple[float, float]:
             raise RecordingError(
                 f"the tank is not at rest where its recording {which}",
                 where=where,
-                value=f"its pressure changes by {100.0 * moved:.2g} % there",
+                value=f"its pressure changes by {100.0 * moved:.2g} % in this part",
                 rule=f"at most {100.0 * STILL:g} % within {100.0 * RESTING:g} % of the recording",
                 remedy="Record until the tank has the temperature of the room again.",
             )

@@ -1,4 +1,4 @@
-"""Units and names of results as people read them."""
+"""Units and names of results in readable form."""
 
 from __future__ import annotations
 

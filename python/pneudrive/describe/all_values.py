@@ -77,7 +77,7 @@ def leaves(table: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, An
 
 
 def _assumptions(described: Drive | Circuit) -> dict[str, str]:
-    """Return the reason of each value that is assumed by default, by its key."""
+    """Return the reason for each value that is assumed by default, by key."""
     out = {}
     for line in described.assumed():
         key, equals, reason = line.partition(" = ")

@@ -316,7 +316,7 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:  # noqa: ANN401 - pydantic's own
-        """Add each field's key of the file as an attribute in Python."""
+        """Add the file key of each field as an attribute in Python."""
         for name, field in cls.model_fields.items():
             if field.alias and field.alias != name and not hasattr(cls, field.alias):
                 setattr(cls, field.alias, _by_key(name, mark_of(field)))
@@ -354,7 +354,7 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def keys(cls) -> list[str]:
-        """Return the keys as users write them."""
+        """Return the keys in the form that users write."""
         return [field.alias or name for name, field in cls.model_fields.items()]
 
     @classmethod
@@ -441,7 +441,7 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def default(cls, key: str) -> Any:  # noqa: ANN401 - any kind of value
-        """Return the default of a key as users write values."""
+        """Return the default of a key in the form that users write."""
         field = next(field for name, field in cls.model_fields.items() if key in {name, field.alias})
         mark = mark_of(field)
         return field.default if mark is None else mark.show(field.default)
@@ -505,7 +505,7 @@ def as_tables(value: Any) -> Any:  # noqa: ANN401 - any type of a field
 
 
 def _placed(error: DescriptionError, place: str) -> DescriptionError:
-    """Return an error of a value or a table with the full key from the top of the file."""
+    """Return an error of a value or a table, with its full key in the file."""
     key = error.key or ""
     if not place or (key and key.partition(".")[0] == place.partition(".")[0]):
         return error

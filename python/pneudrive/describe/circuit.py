@@ -84,7 +84,7 @@ class Circuit(Described):
     plugged: tuple[str, ...] = ()
     junctions: Literal["volume", "series"] = Field(
         default="volume",
-        description="Joints of two restrictions: with a small volume, or without volume, with both restrictions merged",
+        description="Joints of two restrictions: with a small volume, or without (both restrictions are merged)",
     )
     initial: dict[str, Any] = Field(default_factory=dict)
     labels: dict[str, str] = Field(default_factory=dict)
@@ -185,7 +185,7 @@ class Circuit(Described):
             return cls.model_validate(tables)
 
     def replace(self, changes: dict[str, Any]) -> Circuit:
-        """Return a circuit with some values changed and checked again.
+        """Return a checked circuit with some values changed.
 
         Parameters
         ----------
@@ -266,7 +266,7 @@ class Circuit(Described):
 
     @property
     def circuit(self) -> Circuit:
-        """The circuit itself, as `Drive.circuit` of a drive."""
+        """The circuit itself; this property exists because drives have `Drive.circuit`."""
         return self
 
     def read_start(self, given: object) -> dict[str, float]:
@@ -477,7 +477,7 @@ def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError
 
 
 def _relocate(error: Any, short: Short) -> Any:  # noqa: ANN401 - an error
-    """Set the key of an error to that of the short form."""
+    """Set the key of an error to the key of the short form."""
     error.key = short.located(getattr(error, "key", None))
     return error
 
@@ -497,7 +497,7 @@ def _completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[s
             short.places |= {f"components.{name}.{key}": f"components.{name}.{key}" for key in table}
         else:
             what = f'two components have the name "{name}": [{short.places[f"components.{name}"]}] is already one'
-            remedy = "Rename it, or leave kind out to add keys."
+            remedy = "Rename it, or leave out kind if you only want to add keys."
             problems.add(
                 wrong(f"components.{name}.kind", what, rule="each component has a different name", remedy=remedy)
             )

@@ -80,7 +80,7 @@ def _is_bare(parameter: Mapping[str, Any]) -> bool:
 
 
 def flow_keys(entry: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the alternative keys of a flow path's size. For other parameters, return their key."""
+    """Return the alternative keys of a flow path's size. For other parameters, return the key itself."""
     keys = {p["key"] for p in entry["parameters"]}
     if key.endswith("conductance") and keys.issuperset(_FLOW):
         return tuple(key.removesuffix("conductance") + name for name in valve_flow.FLOW_KEYS)
@@ -148,7 +148,7 @@ class _Points(Quantity):
 
     @property
     def needed(self) -> list[str]:
-        """Columns that a point has to give."""
+        """Columns that each point must have."""
         return [key for (key, _), default in zip(self.columns, self.defaults, strict=True) if default is None]
 
     def read(self, given: object) -> tuple[tuple[float, ...], ...]:  # type: ignore[override]

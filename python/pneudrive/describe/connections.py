@@ -53,7 +53,10 @@ class Port(NamedTuple):
 
     @property
     def is_single(self) -> bool:
-        """Whether only one connection may name the port, like a hole for one fitting. Pilot lines do not count."""
+        """Whether only one connection may name the port, like a hole for one fitting.
+
+        Pilot lines are not counted as connections.
+        """
         return self.kind == "gas" and self.holds in ("", "set")
 
     @property
@@ -194,7 +197,7 @@ class Wiring:
                         self._join(one, other, chain, key)
 
     def element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | str | None, Port | str | None]:
-        """Return the ports by which a chain enters and leaves an element; None if they are unknown."""
+        """Return the ports by which a chain enters and leaves a component; None if they are unknown."""
         if word == AMBIENT:
             return AMBIENT, AMBIENT
         name, dot, port = word.partition(".")

@@ -155,7 +155,7 @@ class Drive(Described):
         return made
 
     def replace(self, changes: dict[str, Any]) -> Drive:
-        """Return a drive with some values changed and checked again.
+        """Return a checked drive with some values changed.
 
         Parameters
         ----------
@@ -260,7 +260,7 @@ class Drive(Described):
 
     @property
     def commandable(self) -> dict[str, Signal | None]:
-        """The valve, without a name because the drive has only one, and its electrical input if one is described."""
+        """The valve (without a name, because a drive has only one) and its electrical input, if described."""
         return {"": self.valve.command}
 
     @property
@@ -283,7 +283,7 @@ class Drive(Described):
         return hashlib.sha256(json.dumps(self.short_form(), sort_keys=True).encode()).hexdigest()
 
     def short_form(self) -> dict[str, Any]:
-        """Return supply, valve, cylinder, friction and load in SI, without lines and the shape of the valve."""
+        """Return supply, valve, cylinder, friction and load in SI, without lines, overlap and leakage of the valve."""
         v, spring = self.valve, self.carried.spring
         return {
             "gas": self.gas.core(),
@@ -438,7 +438,7 @@ class Drive(Described):
 
 
 def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """Merge changes over a base, table by table.
+    """Apply changes to base values, table by table.
 
     A change removes keys that it excludes: another size of the valve, the parameters of another friction law.
     """
@@ -450,7 +450,7 @@ def merge(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def _kept(table: str, old: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of a table that a user's changes keep."""
+    """Return the values of a table that remain valid after a user's changes."""
     dropped: set[str] = set()
     if table == "valve" and set(FLOW_KEYS) & set(own):
         dropped = set(FLOW_KEYS)

@@ -26,7 +26,7 @@ class Reads(Mark):
 
 @dataclass(frozen=True)
 class Choice(Mark):
-    """Annotation of a field for one of some words."""
+    """Annotation of a field that accepts one of several words."""
 
     choices: tuple[str, ...]
 

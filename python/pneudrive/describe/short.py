@@ -147,13 +147,13 @@ def _flow_control(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def beside_control(old: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys that a flow control keeps: a user's size of a flow path replaces its old size."""
+    """Return the keys of a flow control without sizes that a user's size of the same flow path replaces."""
     given = {_path(key) for key in own} - {""}
     return {key: value for key, value in old.items() if _path(key) not in given}
 
 
 def _path(key: str) -> str:
-    """Return the flow path, needle or check valve, whose size a key is; empty for another key."""
+    """Return the flow path (needle or check valve) to which a size belongs; empty for other keys."""
     size = key.removeprefix(_NEEDLE).removeprefix(_CHECK)
     return "" if size not in FLOW_KEYS else _CHECK if key.startswith(_CHECK) else _NEEDLE
 

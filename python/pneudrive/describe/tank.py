@@ -1,6 +1,6 @@
 """Tanks: a fixed volume on a line, optionally through a tube, with a leak.
 
-Leak-down, discharge and charging tests use it.
+It describes tests of leakage, discharge and charging.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def _tube(table: object) -> object:
 
 
 class Tank(Described):
-    """Fixed volume on a line, or shut without a line. A tube may connect line and volume.
+    """Fixed volume on a line; without a line it is closed. A tube may connect line and volume.
 
     Examples
     --------
@@ -120,7 +120,7 @@ class Tank(Described):
         return toml.has(source, "volume")
 
     def replace(self, changes: dict[str, Any]) -> Tank:
-        """Return a tank with some values changed and checked again: ``{"line.conductance": "2 dm3/(s bar)"}``."""
+        """Return a checked tank with some values changed: ``{"line.conductance": "2 dm3/(s bar)"}``."""
         tables = self.to_dict()
         for key, value in changes.items():
             toml.put(tables, key, value)

@@ -117,7 +117,7 @@ class CircuitVariation(Variation):
 
     @cached_property
     def _moved(self) -> tuple[list[str], list[str], bool]:
-        """Return dependent paths and start values, and whether each number changes only its own path."""
+        """Return the paths and start values that the numbers change, and whether each changes only its own path."""
         base, starts = self._leaves(self._nominal)
         paths = [core_path(one.name) for one in self.numbers if not one.name.startswith(INITIAL)]
         names = self.drive.start_names

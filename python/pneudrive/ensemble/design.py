@@ -92,7 +92,7 @@ class EnsembleDesign(Shown):
         seed: int = 0,
         correlation: Mapping[tuple[str, str], float] | None = None,
     ) -> EnsembleDesign:
-        """Points of a scrambled Sobol sequence: they fill the space evenly. `n` is best a power of 2.
+        """Points of a scrambled Sobol sequence: they fill the space evenly. `n` should be a power of 2.
 
         Parameters
         ----------
@@ -274,7 +274,7 @@ def design_of(
             raise CommandError("a design has its own n and seed", remedy="Leave n and seed out.")
         return vary
     if not isinstance(vary, Mapping) or not vary:
-        remedy = 'Give vary={"cylinder.bore": [...]}, a distribution of each number, or a pn.EnsembleDesign.'
+        remedy = 'Give vary={"cylinder.bore": [...]}, a distribution for each number, or a pn.EnsembleDesign.'
         raise CommandError(f"vary is {type(vary).__name__ if vary else 'empty'}", remedy=remedy)
     each = {name: read_text(value) if isinstance(value, str) else value for name, value in vary.items()}
     for name, one in each.items():
@@ -295,9 +295,9 @@ def design_of(
     design = EnsembleDesign("grid" if kind == "a grid" else "table", each)
     sizes = {name: len(one) for name, one in each.items()} if kind == "values" else {}
     if n is not None and kind == "values" and set(sizes.values()) != {n}:
-        raise CommandError(f"n = {n} does not fit the values of vary", rule="leave n out where values are given")
+        raise CommandError(f"n = {n} does not fit the values of vary", rule="leave out n if values are given")
     if n is not None and kind == "a grid":
-        raise CommandError("a grid has as many members as combinations", remedy="Leave n out.")
+        raise CommandError("a grid has one member for each combination", remedy="Leave n out.")
     return design
 
 

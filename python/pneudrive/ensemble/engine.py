@@ -1,4 +1,4 @@
-"""Interface to the core: members in, outputs of each run out. Only this module knows how the core runs them."""
+"""Interface to the core: members in, outputs of each run out. Only this module calls the core for ensembles."""
 
 from __future__ import annotations
 

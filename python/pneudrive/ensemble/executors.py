@@ -1,7 +1,7 @@
 """Execution of chunks: in this process by default, or on the workers of a Dask cluster.
 
 Any object that maps a function over items is an executor. Results may come in any order, each exactly once. An item
-lost with its worker runs again.
+that is lost with its worker is run again.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class DaskExecutor:
                     raise SimulationError(
                         "a chunk of the study lost its worker again and again",
                         value=error,
-                        remedy="Look at the workers' memory, take smaller chunks, or let Dask try more often: its "
+                        remedy="Check the memory of the workers, use smaller chunks, or let Dask try more often: its "
                         "setting distributed.scheduler.allowed-failures.",
                     ) from None
                 except TimeoutError:  # chunks take long, or the lost chunk of a worker is repeated

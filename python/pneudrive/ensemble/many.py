@@ -71,8 +71,8 @@ def simulate_many(
 ) -> xr.Dataset:
     """Simulate a drive or a circuit in many variants, its members, and keep selected numbers of each run.
 
-    A member has, to the last bit, the result of `pneudrive.simulate` for the drive with its numbers. It depends only on
-    the description and its row of the design, and not on other members, chunks or the executor.
+    A member has, to the last bit, the result of `pneudrive.simulate` for the drive with its numbers. The result depends
+    only on the description and the row of the design, not on other members, chunks or the executor.
 
     Parameters
     ----------
@@ -236,9 +236,9 @@ def study_of(
     taken = {*(number.name for number in variation.numbers), "member", "status", "reason"}
     taken |= {"time"} if any(one.word == "samples" for one in kept) else set()
     for name in taken.intersection(one.name for one in kept):
-        raise CommandError(f'outputs: the result has its own "{name}"', remedy='Give another name: "NAME = ...".')
+        raise CommandError(f'outputs: the name "{name}" is already used', remedy='Give another name: "NAME = ...".')
     if len(plans.durations) > 1 and any(one.word in ("samples", "own") for one in kept):
-        rule = "samples, settling and functions of yours need one duration for all members"
+        rule = "samples, settling and user functions need one duration for all members"
         raise CommandError("outputs: members of different durations are sampled", rule=rule)
     for first, last in _blocks(rows.size) if refuse else ():
         variation.check(rows.take(first, last), first)

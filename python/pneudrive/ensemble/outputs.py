@@ -165,7 +165,7 @@ def settling(signal: str, band: str | float, rate: str | float = "1 kHz", name: 
 
 
 def samples(signal: str, rate: str | float = "1 kHz", name: str = "") -> Output:
-    """Keep the sampled signal itself. This takes more time and space than all other outputs.
+    """Keep the sampled signal itself. This output takes more time and space than all others.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def _settling(signals: SignalNames, signal: str, band: str | float, rate: str | 
         half -= units.parse(f"0 {band.strip().partition(' ')[2]}", unit)  # a band is a difference: 5 degC are 5 K
     if not half > 0.0:
         raise CommandError(f"outputs: settling({signal}, {band})", rule="the band is greater than 0")
-    said = f"time from which on it stays within {band} of its end: {long_name}"
+    said = f"time after which it stays within {band} of its final value: {long_name}"
     function = partial(_settled, half)
     return Reduction("own", (column,), f"settling_time_{name}", "s", said, half, _rate(rate), function=function)
 
@@ -319,7 +319,7 @@ def _stroke_time(signals: SignalNames) -> Reduction:
     if signals.towards_b is None:
         raise CommandError(
             "outputs: there is no stroke time",
-            rule="one piston, which the commands of all members first move the same way",
+            rule="needs one piston, which the commands of all members first move in the same direction",
             remedy='Write the condition: "time_when(left.end_stop_force > 0.001 N)".',
         )
     end, level = ("b", TOUCH_N) if signals.towards_b else ("a", -TOUCH_N)
@@ -397,13 +397,11 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
     names = [one.name for one in made]
     for name in names:
         if names.count(name) > 1:
-            raise CommandError(f"outputs: two are called {name}", remedy='Give one another name: "NAME = ...".')
+            raise CommandError(f"outputs: two have the name {name}", remedy='Give one another name: "NAME = ...".')
     if not made:
         raise CommandError("outputs: nothing is kept", remedy='For instance "final(position)".')
     if len({one.rate_hz for one in made if one.word == "samples"}) > 1:
-        raise CommandError(
-            "outputs: samples have several rates", rule="one rate in all samples(...): one dimension time"
-        )
+        raise CommandError("outputs: samples have several rates", rule="all samples(...) need the same rate")
     return made
 
 

@@ -100,7 +100,7 @@ class MemberPlans:
         return MemberPlans(own, self.durations if len(self.durations) == 1 else self.durations[first:last])
 
     def alike(self) -> Iterator[Alike]:
-        """Yield the members by the times of their commands. Those with equal times run side by side."""
+        """Yield the members by the times of their commands. Members with equal times are computed together."""
         longest = max((len(each) for each in self.steps.values()), default=1)
         if longest == 1:
             plans = [(name, list(each[0][0]), np.array(each[0][1])) for name, each in self.steps.items()]
@@ -119,7 +119,7 @@ class MemberPlans:
             yield Alike(places, plans, self.durations if len(self.durations) == 1 else self.durations[places])
 
     def about(self) -> dict[str, Any]:
-        """Describe them as plain data. Long data are replaced by their SHA-256."""
+        """Describe them as plain data. Long data are represented by their SHA-256."""
         said = {name: _said(each) for name, each in self.steps.items()}
         command = next(iter(said.values())) if list(said) == ["command"] else said
         durations = self.durations.tolist()
@@ -162,7 +162,7 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, Signal |
     elif isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
         each = [dict(_member(place, commands.plans, one, commandable)) for place, one in enumerate(command)]
         if any(set(one) != set(each[0]) for one in each):
-            raise CommandError("the members have commands of different components", rule="the same ones in each member")
+            raise CommandError("the members have commands of different components", rule="the same in each member")
         rows = {name: [one[name] for one in each] for name in each[0]}
     elif _is_many(command) and not commands.are_named(command):
         ((own, _),) = commands.plans(0.0, commandable)
@@ -195,7 +195,7 @@ def read_rows(given: Any, signal: Signal | None) -> EachSteps:  # noqa: ANN401
 
 
 def _is_many(given: Any) -> bool:  # noqa: ANN401
-    """Return whether it is a list of commands: an entry is then not a pair of time and value."""
+    """Return whether a value is a list of commands: its entries are then not pairs of time and value."""
     if isinstance(given, np.ndarray):
         return given.ndim in (1, 3) and len(given) > 0
     if isinstance(given, str) or not isinstance(given, Sequence):
@@ -204,7 +204,7 @@ def _is_many(given: Any) -> bool:  # noqa: ANN401
 
 
 def _is_pair(given: object) -> bool:
-    """Return whether it is (time, value)."""
+    """Return whether an entry is a pair of time and value."""
     return (
         isinstance(given, list | tuple | np.ndarray)
         and len(given) == 2

@@ -57,7 +57,7 @@ class Rows(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TableRows:
-    """Rows as given. Those before the member `begin` are left out."""
+    """Rows as given. Rows before the member `begin` are left out."""
 
     names: tuple[str, ...]
     given: Array
@@ -218,8 +218,8 @@ class Marginals:
 class NormalCoordinates:
     """Values whose coordinates (`pneudrive.estimate.transforms`) are jointly normal: the posterior of a fit.
 
-    On the scale of the coordinates, as for intervals of a fit. A positive value stays positive. A `folded` value, next
-    to zero, loses its sign.
+    The distribution is normal on the scale of the coordinates, as for intervals of a fit. A positive value stays
+    positive. A `folded` value is nearly zero, and its absolute value is used.
     """
 
     names: tuple[str, ...]

@@ -175,7 +175,7 @@ def _labelled(
     for name, ends in intervals.items():
         long_name = f"interval of the {said[name]}"
         variables[f"{name}_interval"] = (("end", *plane), ends, {"long_name": long_name, **share})
-    variables["used"] = ("output", used, {"long_name": "points that count: all values are finite", "units": "1"})
+    variables["used"] = ("output", used, {"long_name": "number of points used: those with finite values", "units": "1"})
     coordinates = {
         "number": ("number", list(study.rows.names), {"long_name": "number of the drive"}),
         "output": ("output", [one.name for one in study.outputs], {"long_name": "output"}),

@@ -117,7 +117,7 @@ class Variation:
         return [number.name for number in self.numbers]
 
     def start_said(self) -> dict[str, str]:
-        """Return the start state of all members in words. Studies with the same words have the same start."""
+        """Return the start state of all members in words. Studies with the same text have the same start."""
         return {key: str(value) for key, value in self._start_table().items()}
 
     def _start_table(self) -> dict[str, Any]:
@@ -238,7 +238,7 @@ class QuantityReader:
     def _absolute(self, pressure: units.Pressure) -> float:
         if pressure.gauge and self._gauge_from is None:
             raise CommandError(
-                f'"{pressure}" counts from the ambient pressure, which varies', remedy="Write it as abs."
+                f'"{pressure}" is relative to the ambient pressure, which varies', remedy="Write it as abs."
             )
         return pressure.absolute_pa(self._gauge_from or 0.0)
 

@@ -7,8 +7,8 @@ each sample of a prior, and criteria are means over the samples:
     D   mean of ln det M_d                the volume of the confidence region
     I   mean of trace(M_d^-1 W_d)         the variance of the prediction, averaged over a range
 
-For p parameters, a weighting of the candidates is D-optimal if and only if mean g' M^-1 g <= p at every candidate.
-Equality holds at its support [fedorov1972].
+For p parameters, weights of the candidates are D-optimal if and only if mean g' M^-1 g <= p at every candidate.
+Candidates with a weight above zero have equality [fedorov1972].
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class DesignSpace:
         return np.where(size > 0.0, size, 1.0)
 
     def scaled(self) -> DesignSpace:
-        """Return the candidates with columns of size one, and a ridge that makes every matrix regular."""
+        """Return the candidates with columns of size one, and a diagonal term that makes every matrix regular."""
         s = self.scale
         known = self.known / np.outer(s, s) + RIDGE * self.gradients.shape[1] * np.eye(s.size)
         region = None if self.region is None else self.region / np.outer(s, s)

@@ -24,7 +24,7 @@ SURE = 3.0  # standard errors of one value
 def student(dof: float, confidence: float = CONFIDENCE) -> float:
     """Return the two-sided quantile of Student's t, by default 95 %.
 
-    Without degrees of freedom, the quantile of the normal distribution.
+    Without degrees of freedom, use the quantile of the normal distribution.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class Estimate:
 
     @property
     def verdict(self) -> str:
-        """Statement on whether the value differs from zero beyond chance."""
+        """Statement on whether the value differs from zero by more than chance."""
         return f"{'beyond' if self.p < CHANCE else 'not beyond'} chance (p = {self.p:.2g})"
 
     @property
@@ -120,7 +120,7 @@ class Estimate:
 
 
 def _chance(value: float, stderr: float, freedom: float) -> float:
-    """Return the probability of a value as far from zero by chance."""
+    """Return the probability that chance alone gives a value at least as far from zero."""
     from scipy.special import stdtr
 
     if not stderr > 0.0:
@@ -162,7 +162,7 @@ class FTest:
 
 
 def changed(values: NDArray[np.float64], stderr: float = 0.0) -> bool:
-    """Return whether a quantity was varied: by a relevant fraction of its mean, and beyond its scatter.
+    """Return whether a quantity was varied: by a relevant fraction of its mean, and by more than its scatter.
 
     If one of two quantities was not varied, their correlation is noise.
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def levels(values: NDArray[np.float64], reach: float) -> NDArray[np.int64]:
-    """Return the level number of each value. A level holds the values within `reach` of its smallest value.
+    """Return the level number of each value. A level contains the values within `reach` of its smallest value.
 
     Examples
     --------

@@ -193,7 +193,7 @@ class Predicted:
         return np.asarray(stdtrit(self.freedom, 0.975), dtype=float) * np.sqrt(self.variance)
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
-        """Return each function as an estimate with its interval and the p-value of zero."""
+        """Return each function as an estimate with its interval and its p-value (hypothesis: zero)."""
         every = zip(self.mean.tolist(), np.sqrt(self.variance).tolist(), self.freedom.tolist(), strict=True)
         return [Estimate.of(value, stderr, freedom, unit) for value, stderr, freedom in every]
 
@@ -274,13 +274,13 @@ class MixedFit:
         return replace(every[int(np.argmax(log))], weights=weights, states=states), share[1:]
 
     def contrast(self, row: Array, unit: str = "N") -> Estimate:
-        """Estimate a linear function of b with its interval and the p-value of zero."""
+        """Estimate a linear function of b with its interval and its p-value (hypothesis: zero)."""
         return self.predict(np.atleast_2d(row)).estimates(unit)[0]
 
     def f_test(self, rows: Array, extra: float = 0.0) -> FTest:
         """Test that several linear functions of b, shape (q, p), are all zero (Wald's test, approximate F).
 
-        `extra` is an additional variance of the first of them, beyond the random effects.
+        `extra` is an additional variance of the first function, beyond the random effects.
         """
         from scipy.special import fdtrc
 
@@ -348,12 +348,15 @@ class Functionals:
         return self.fit.predict(self.fixed, self.cross, {name: np.diag(part) for name, part in self.own.items()})
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
-        """Estimate each function with its interval and the p-value of zero."""
+        """Estimate each function with its interval and its p-value (hypothesis: zero)."""
         return self.predict().estimates(unit)
 
 
 def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:
-    """Average over the points, shape (q, m) to (m,); scatter of the variances gives the freedom of Student's t."""
+    """Average over the points, shape (q, m) to (m,).
+
+    The scatter of the variances gives the degrees of freedom of Student's t.
+    """
     mean = weights @ means
     within = weights @ variances
     scatter = weights @ (variances - within) ** 2
@@ -413,7 +416,8 @@ def _search(model: MixedModel, start: Array, scales: Array) -> Array:
 def _points(model: MixedModel, best: Array, scales: Array) -> tuple[list[Array], Array]:
     """Return points about the optimum, on the axes of the likelihood's curvature, weighted by their probability.
 
-    The rule of 2 d + 1 points integrates cubics under a normal distribution exactly. The ratio of the true density to
+    The rule with 2 d + 1 points is exact for cubic polynomials under a normal distribution. The ratio of the true
+    density to
     the normal one is a factor of the weights and corrects for skew.
     """
     d = best.size

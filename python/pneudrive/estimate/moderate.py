@@ -55,7 +55,7 @@ def moderate(variance: Array, dof: Array, speed: Array) -> Array:
 
 
 def _trend(values: Array, x: Array, most: int) -> tuple[NDArray, float]:
-    """Fit the constant, line or parabola with the smallest AICc; return it and the variance about it."""
+    """Fit the constant, line or parabola with the smallest AICc; return the curve and the variance around the curve."""
     best: float = np.inf
     out = (np.zeros(values.size) + float(values.mean()), float(np.var(values, ddof=1)))
     for count in range(1, min(3, most) + 1):

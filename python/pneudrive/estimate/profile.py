@@ -30,7 +30,8 @@ def profile_interval(
 ) -> tuple[float, float]:
     """Return the interval of one coordinate in which the cost grows by no more than `allowed`.
 
-    The root of the cost's growth is linear for a linear model, so that a secant finds each end. The secant stays within
+    For a linear model, the square root of the growth of the cost is linear, so a secant method finds each end. The
+    secant stays within
     a bracket: the farthest point below the limit and the nearest one beyond it. Incompletely minimised costs scatter,
     but the bracket keeps its points. A side is open only if no point is beyond the
     limit.

@@ -1,6 +1,6 @@
 """Sensitivity of a function to its arguments: Sobol indices and Morris' elementary effects.
 
-Both take points in the unit cube. The caller converts them to the distribution of each argument.
+Both methods use points in the unit cube. The caller converts them to the distribution of each argument.
 """
 
 from __future__ import annotations
@@ -46,8 +46,9 @@ class SobolIndices:
 def sobol_points(n: int, d: int, seed: int) -> Array:
     """Return the points at which Sobol indices are estimated, shape (n (d + 2), d), within the unit cube.
 
-    First n points A, then n points B, then for each argument A with that argument of B [saltelli2010]. A and B are
-    halves of one scrambled Sobol sequence in 2 d dimensions; n is best a power of 2.
+    The points are n points A, n points B, and for each argument the points A with this argument from B [saltelli2010].
+    A and B are
+    halves of one scrambled Sobol sequence in 2 d dimensions; n should be a power of 2.
     """
     both = qmc.Sobol(2 * d, scramble=True, rng=seed).random_base2(int(np.ceil(np.log2(n))))[:n] + HALF_CELL
     a, b = both[:, :d], both[:, d:]
@@ -149,8 +150,8 @@ def morris_points(trajectories: int, d: int, seed: int, levels: int = 4) -> Arra
     """Return Morris' trajectories through a grid in the unit cube, shape (trajectories (d + 1), d) [morris1991].
 
     Each trajectory starts at a random point of a grid of `levels` cells. It moves one argument after the other, in
-    random order and by levels / (2 (levels - 1)) of its range. The grid uses the middles of cells, so that no point is
-    on a face of the cube, where a normal distribution is infinite.
+    random order and by levels / (2 (levels - 1)) of its range. The grid uses the centres of cells, so no point is on a
+    face of the cube, where the value of a normal distribution would be infinite.
     """
     rng = np.random.default_rng(seed)
     step = levels // 2

@@ -1,4 +1,4 @@
-"""Covariances of smooth functions, for random effects of mixed models; shape (m, n) between m and n points."""
+"""Covariances of smooth functions for random effects of mixed models, shape (m, n) for m and n points."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Linear algebra on one thread.
 
 The matrices of a campaign are small. Threads that wait for each other on a busy machine cost more than they save. On
-two processors under other load, 47 s instead of 3 s were measured.
+two busy processors, a computation took 47 s instead of 3 s.
 """
 
 from __future__ import annotations

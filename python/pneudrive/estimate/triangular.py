@@ -1,6 +1,6 @@
 """Positive definite and triangular systems with LAPACK only.
 
-Checks would cost most for small systems that are solved often.
+Arguments are not checked, because small systems are solved very often and the checks would take most of the time.
 """
 
 from __future__ import annotations

@@ -38,11 +38,11 @@ class Bound:
 
 BOUNDS: dict[str, Bound] = {
     "text_bytes": Bound(16e6, "bytes", "descriptions, protocols and fits are far below 1 MB"),
-    "nesting": Bound(64, "levels", "files of pneudrive are at most 8 levels deep", raised=False),
+    "nesting": Bound(64, "levels", "files of pneudrive have at most 8 levels of nesting", raised=False),
     "file_bytes": Bound(1e11, "bytes", "1e9 samples of 12 channels of 8 bytes"),
     "unpacked_bytes": Bound(4e9, "bytes", "4e7 rows of 100 characters"),
     "line_bytes": Bound(1e6, "bytes", "a row of 50,000 columns"),
-    "count": Bound(1e4, "", "10,000 levels, repeats or strokes take a rig months"),
+    "count": Bound(1e4, "", "10,000 levels, repeats or strokes take months on a rig"),
     "cycles": Bound(1e6, "cycles", "a rig runs 1,000 cycles a day"),
     "samples": Bound(2e8, "samples", "recordings are below 1e8 samples"),
     "seconds": Bound(3.2e7, "s", "one year"),

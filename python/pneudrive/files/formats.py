@@ -82,7 +82,7 @@ def open_parquet(path: Path) -> Opened:
 def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, NDArray[Any]]]:
     """Read columns of several Parquet files at once; columns that a file lacks are left out.
 
-    A query costs more than the columns of a small file: files with the same columns are read by one query.
+    Files with the same columns are read by one query, because a query takes longer than reading a small file.
 
     Parameters
     ----------

@@ -63,9 +63,11 @@ def is_held(path: Path) -> bool:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Let one thread of one process at a time work in a folder. Without folder locks, this holds within one process.
+    """Let one thread of one process at a time work in a folder.
 
-    Hold it only briefly: a second process waits until the first one is done.
+    If the system has no folder locks, only threads of this process are excluded.
+
+    The lock should be held only briefly: a second process waits until it is released.
     """
     with _THREADS:
         file = None

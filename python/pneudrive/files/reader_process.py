@@ -38,7 +38,7 @@ ALIGNED = 8  # bytes; offset of the arrays of an answer
 
 
 class _Files:
-    """Cache of the last opened file: a request for columns follows one for names."""
+    """Cache of the last opened file, because a request for names is followed by a request for columns."""
 
     def __init__(self) -> None:
         self._key: object = None
@@ -96,7 +96,7 @@ def answer(request: dict[str, Any], path: str, files: _Files) -> tuple[dict[str,
 def _alike(request: dict[str, Any]) -> list[dict[str, NDArray[Any]]] | None:
     """Read several Parquet files with one query. Return None on an error.
 
-    Reading the files one by one then shows the faulty file.
+    If this fails, reading the files one by one shows the faulty file.
     """
     if request["ask"] != "some columns" or len(request["paths"]) < 2:
         return None
@@ -109,7 +109,7 @@ def _alike(request: dict[str, Any]) -> list[dict[str, NDArray[Any]]] | None:
 
 
 def answers(request: dict[str, Any], files: _Files) -> tuple[list[dict[str, Any]], list[NDArray[Any]]]:
-    """Answer for each file; the arrays of all files go together, each with its offset."""
+    """Answer for each file; the arrays of all files are sent together, each with its offset."""
     each, arrays = [], []
     end = 0
     alike = _alike(request)

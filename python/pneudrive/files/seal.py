@@ -38,16 +38,16 @@ def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
 
 
 def put_seal(path: Path) -> None:
-    """Put the seal into a Parquet file that was written with a blank one."""
+    """Put the checksum into a Parquet file that was written with a placeholder."""
     with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as parquet:
         footer = _footer(parquet)
         at = None if footer is None else _seal_at(parquet, footer)
-        assert at is not None, "the file was written without a blank seal"
+        assert at is not None, "the file was written without a placeholder for the checksum"
         parquet[at : at + len(BLANK)] = hashlib.sha256(parquet).hexdigest().encode()
 
 
 def damage(parquet: Bytes) -> str | None:
-    """Return the damage of a Parquet file's bytes in words, before a library parses them.
+    """Return a description of the damage in the bytes of a Parquet file, before a library parses them.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def damage(parquet: Bytes) -> str | None:
 
 
 def _look(parquet: Bytes) -> tuple[str | None, bool]:
-    """Return the damage, see `damage`, and whether the checksum is valid."""
+    """Return the damage (see `damage`) and whether the checksum is valid."""
     if not len(parquet):
         return "the file is empty", False
     if parquet[:4] != PARQUET or len(parquet) < 12:

@@ -1,10 +1,10 @@
 """Columns of a binary file, read by a persistent child process. If a library crashes, only that process ends.
 
-A Parquet file with a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of pneudrive) has
-unchanged bytes of pneudrive, and is read here. All others are read in `reader_process`. Measured on two cores: the
-first file
-costs the start of a process and the import of its library (0.2 to 0.6 s). Each further message costs 0.3 ms and the
-transfer of the columns. Many small files are therefore one message.
+A Parquet file with a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of pneudrive) is
+unchanged since pneudrive wrote it, and is read in this process. All other files are read in `reader_process`. The first
+file costs the start of a process and the import of its library (0.2 to 0.6 s on two cores). Each further message costs
+0.3 ms and the
+transfer of the columns. Many small files are therefore requested by one message.
 """
 
 from __future__ import annotations
@@ -316,7 +316,7 @@ def _column(told: dict[str, Any], memory: memoryview) -> NDArray[Any]:
 
 
 class _Reader:
-    """Client of the kept reader process, one request at a time."""
+    """Client of the persistent reader process, for one request at a time."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -438,7 +438,7 @@ def _crashed(path: Path, form: str, seconds: int, status: int | None, kind: type
         return kind(
             f"the file was not read as {name} within {seconds} s",
             where=str(path),
-            rule="an intact file takes less time (bound reader_seconds)",
+            rule="reading an intact file takes less time (bound reader_seconds)",
             remedy=f'If the file is intact, allow more time: {VARIABLE}="reader_seconds=600".',
         )
     return kind(

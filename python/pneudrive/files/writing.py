@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 #: Flag of `os.open` that refuses a link; Windows has none, and makes links for administrators alone.
 NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
-_RULE, _REMEDY = "a link could lead to a file of yours", "Remove the link."
+_RULE, _REMEDY = "a link could point to another of your files", "Remove the link."
 
 
 def open_to_append(path: Path) -> TextIO:

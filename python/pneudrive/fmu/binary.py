@@ -56,7 +56,7 @@ _LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ct
 
 
 def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
-    """Check and start a plan in the library, and return its event indicators and the sizes of its states.
+    """Check and start a plan in the library; return the number of its event indicators and the sizes of its states.
 
     Parameters
     ----------

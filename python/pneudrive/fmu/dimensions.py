@@ -55,7 +55,7 @@ def exponents(unit: str) -> dict[str, int]:
                 continue
             found = _ONE.fullmatch(word)
             if found is None or found["unit"] not in _KNOWN:
-                raise DescriptionError(f"the unit {unit} has no place in an FMU")
+                raise DescriptionError(f"the unit {unit} cannot be expressed in an FMU")
             for base, power in _KNOWN[found["unit"]].items():
                 out[base] = out.get(base, 0) + sign * power * int(found["power"] or 1)
     return {base: power for base, power in out.items() if power}

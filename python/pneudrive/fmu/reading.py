@@ -21,7 +21,7 @@ _SHOWN = ("input", "output", "parameter")
 
 @dataclass(frozen=True)
 class SeenVariable:
-    """A variable as another tool sees it, with its unit as written in the description."""
+    """A variable of an FMU, with its unit as written in the description."""
 
     name: str
     unit: str
@@ -32,7 +32,7 @@ class SeenVariable:
 
 @dataclass(frozen=True)
 class SeenFmu:
-    """Content of an FMU as another tool sees it.
+    """Content of an FMU that is visible to other tools.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Variables of a drive or a circuit as another tool sees them, and the plan that the library runs."""
+"""Variables of a drive or a circuit in an FMU, and the plan that the library runs."""
 
 from __future__ import annotations
 
@@ -208,7 +208,10 @@ def session_notes(described: Drive | Circuit) -> list[str]:
 
 
 def _as_actuator(described: Drive | Circuit) -> Drive:
-    """Check that a description is a drive, and remove the load's force and spring. The other tool models them."""
+    """Check that a description is a drive, and remove the load's force and spring.
+
+    The other tool models force and spring.
+    """
     if not isinstance(described, Drive):
         raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
     load = described.carried.model_copy(update={"force_n": 0.0, "spring": None})

@@ -1,4 +1,4 @@
-"""Exact derivatives of a trajectory by numbers of the drive: those of the discrete solution, including events."""
+"""Exact derivatives of a trajectory by numbers of the drive: those of the numerical solution, including events."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ _AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
 
 @dataclass(frozen=True)
 class Parameter:
-    """Number of the description.
+    """A number of the description.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ def find(drive: Drive, names: Sequence[str]) -> list[Parameter]:
         if known[name].discrete:
             raise CommandError(
                 f"{name} cannot be free: it acts on the schedule, or is rounded to whole cells",
-                rule="runs need a derivative by each free number",
+                rule="each free number must have a derivative",
             )
     if len(set(names)) < len(names):
         raise CommandError("a parameter is given twice", value=", ".join(names))
@@ -293,7 +293,7 @@ class DriveFamily:
         return json.dumps(self._form, sort_keys=True)
 
     def settle(self, values: Array) -> bool:
-        """Hold rounded derived values at these values; return whether there are any."""
+        """Fix derived values that are rounded at these values; return whether there are any."""
         self._set(values)
         rounded = [one for one in self.moving if one.digits is not None]
         for one in rounded:

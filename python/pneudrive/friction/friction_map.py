@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 # Column -> (unit, meaning), in the order of the files; the labels of the recordings follow them.
 COLUMNS: dict[str, tuple[str, str]] = {
     "recording": ("", "name of the recording"),
-    "direction": ("1", "+1 where position grows, -1 where it falls"),
+    "direction": ("1", "+1 if position grows, -1 if it falls"),
     "velocity_m_s": ("m/s", "mean speed in the window, with the sign of the direction"),
     "pressure_a_pa": ("Pa", "mean absolute pressure in chamber a"),
     "pressure_b_pa": ("Pa", "mean absolute pressure in chamber b"),
@@ -29,8 +29,8 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "offset_n": ("N", "half the sum of both directions at equal position"),
     "stderr_n": ("N", "statistical standard uncertainty of friction_n"),
     "u_systematic_n": ("N", "systematic standard uncertainty of friction_n"),
-    "samples": ("1", "samples that entered the mean"),
-    "strokes": ("1", "strokes that entered the mean"),
+    "samples": ("1", "samples used for the mean"),
+    "strokes": ("1", "strokes used for the mean"),
     "strokes_recorded": ("1", "strokes of this direction and speed class in the recording"),
     "position_from_m": ("m", "lower end of the window"),
     "position_to_m": ("m", "upper end of the window"),

@@ -141,7 +141,7 @@ def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN
 
 
 def _after_stop(samples: Samples, cycle: Cycle, identity: Identity) -> QuickPoint:
-    """Return the greatest force in the move after the longest hold, against that move's direction."""
+    """Return the largest force against the motion in the move after the longest hold."""
     holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
     number = max(holds)[1] + 1 if holds else len(cycle.steps) - 2
     part = np.flatnonzero((samples.step == number) & np.isfinite(samples.force_n) & np.isfinite(samples.position_m))
@@ -214,7 +214,7 @@ def _cell(cycle: Cycle) -> str:
 
 
 def _again(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[Cycle, str] | None:
-    """Return a repeat of the last cycle if it is not a good point."""
+    """Return a repeat of the last cycle if this cycle is not a good point."""
     last = finished[-1]
     if last.cycle.kind not in MEASURED or not rules.repeats:
         return None
@@ -337,7 +337,10 @@ def _bend(x: Array, y: Array) -> Array:
 
 
 def _prediction_variance(speed: Array, usable: Sequence[Finished], candidates: Array) -> Array | None:
-    """Return the variance of the fitted Stribeck curve at the candidates, up to a factor; None without a fit."""
+    """Return the variance of the fitted Stribeck curve at the candidates, except for a constant factor.
+
+    None without a fit.
+    """
     from pneudrive.errors import FitError
     from pneudrive.estimate.design import DesignSpace, prediction_variance
     from pneudrive.identify.static.model import FrictionModel, Observations

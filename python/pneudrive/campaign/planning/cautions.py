@@ -46,7 +46,7 @@ def _sampling(protocol: Protocol, way: Way) -> Iterator[str]:
     if rate < BASE_RATE_HZ:
         yield (
             f"at {1e3 * slowest:.4g} mm/s, {samples.samples_per_stroke} samples a stroke are {rate:.2g} a second "
-            "between the bursts: enough for a mean force, not for stick-slip"
+            "between the bursts: enough for a mean force, but not for stick-slip"
         )
 
 
@@ -86,9 +86,9 @@ def _design(protocol: Protocol) -> Iterator[str]:
 
 def _rig(protocol: Protocol, identity: Identity, envelope: Envelope) -> Iterator[str]:
     if envelope.expected_friction_n <= 0.0:
-        yield "the rig does not state an expected friction: the check of the force leaves friction out"
+        yield "the rig does not state an expected friction: the check of the force ignores friction"
     if identity.chambers == "open" and protocol.before_block.leak_check_s is not None:
-        yield "before_block.leak_check: the rig's chambers are open, so the check shows nothing"
+        yield "before_block.leak_check: the chambers of the rig are open, so this check has no effect"
     asked = protocol.conditions.supply_pressure
     ambient = identity.ambient_pressure_pa
     least = max(envelope.supply_pressure_pa, asked.absolute_pa(ambient) if asked is not None else 0.0)

@@ -138,7 +138,7 @@ def propose(plan: Plan, limit_s: float) -> CellProposal:
 
 
 def _candidates(plan: Plan) -> dict[str, list[_Candidate]]:
-    """Gather the cells of a plan with the time of all their repeats; in the order of their first appearance."""
+    """Return the cells of a plan, in the order of their first cycles, with the time of all their repeats."""
     groups: dict[str, dict[str, tuple[dict[str, Any], float]]] = {}
     for one in plan.planned:
         if one.cell is None:
@@ -229,9 +229,9 @@ def _model(candidates: list[_Candidate], factors: dict[str, list[Any]], interact
 
 
 def _effects(candidates: list[_Candidate], name: str, levels: Sequence[Any]) -> Array:
-    """Effect coding: a column for each level except the last, which has -1 in all columns.
+    """Return the effect coding: a column for each level except the last, which has -1 in all columns.
 
-    The columns therefore sum to zero over levels.
+    The sum of each column over all levels is therefore zero.
     """
     index = np.array([levels.index(c.levels[name]) for c in candidates])
     out = (index[:, None] == np.arange(len(levels) - 1)).astype(float)
@@ -240,7 +240,7 @@ def _effects(candidates: list[_Candidate], name: str, levels: Sequence[Any]) -> 
 
 
 def _score(candidates: list[_Candidate], name: str, levels: Sequence[Any]) -> Array:
-    """Place each level along its factor, from -1 to 1: by the logarithm of a number, otherwise by rank."""
+    """Return a coordinate from -1 to 1 for each level of a factor: by the logarithm of a number, otherwise by rank."""
     if all(isinstance(level, float) for level in levels):
         least = min(level for level in levels if level > 0.0)
         values = [math.log10(level if level > 0.0 else 0.1 * least) for level in levels]  # no stop: a decade below
@@ -340,7 +340,7 @@ def _updated(inverse: Array, row: Array) -> Array:
 def _lost(
     candidates: list[_Candidate], factors: dict[str, list[Any]], model: Array, chosen: list[int]
 ) -> dict[str, tuple[int, int]]:
-    """Return for each pair of factors the estimable part of its interaction in addition to the model."""
+    """Return, for each pair of factors, the part of its interaction that can be estimated in addition to the model."""
     rows = model[chosen]
     base, out = _rank(rows), {}
     for one, other in combinations(factors, 2):

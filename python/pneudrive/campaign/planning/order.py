@@ -19,7 +19,7 @@ T = TypeVar("T")
 def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
     """Return the levels of the hard-to-change factors block by block, one replicate after the other.
 
-    Levels of the factor that is hardest to change stay together, even if shuffled.
+    Equal levels of the factor that is hardest to change follow each other, even if levels are shuffled.
     """
     blocks: list[dict[str, str]] = []
     for replicate in range(1, protocol.order.replicates + 1):

@@ -158,7 +158,7 @@ class _Layout:
             self._add(make.blank("after", blank_m_s))
 
     def _prepare(self, *, new: bool) -> None:
-        """Run in new parts, warm up, then check the sensors. Their zero is then that of the warm rig."""
+        """Run in new parts, warm up, then check the sensors. The zero of the sensors is then that of the warm rig."""
         make, warm_up, checks = self.make, self.protocol.warm_up, self.protocol.before_block
         if warm_up is not None:
             if new and warm_up.run_in_cycles:

@@ -230,7 +230,7 @@ class Builder:
         return min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes)
 
     def sentinel(self, number: int) -> Cycle:
-        """Return a control run. Each block counts them from 1."""
+        """Return a control run. They are counted from 1 in each block."""
         sentinel = self.protocol.sentinel
         assert sentinel is not None
         pair = self.first if sentinel.pressure is None else Pair(sentinel.pressure, sentinel.pressure)

@@ -74,7 +74,7 @@ def check(plan: Plan) -> tuple[str, ...]:
 
 
 def _alike(plan: Plan) -> list[list[Cycle]]:
-    """Group cycles with equal demands on the rig, such as repeats, in the order of the first of each."""
+    """Group cycles with equal demands on the rig, such as repeats, in the order of their first cycles."""
     found: dict[tuple, list[Cycle]] = {}
     for cycle in plan.cycles:
         asks = (cycle.kind, cycle.steps, cycle.speed_m_s, cycle.start_m, cycle.pressure_a_pa, cycle.pressure_b_pa)
@@ -188,7 +188,7 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
                 raise protocol.fail(
                     f"{name}.levels",
                     f"{name}.levels: the rig has no {name} '{level}'",
-                    remedy=nearest(level, known[name]) if known[name] else f"It has one {name} only.",
+                    remedy=nearest(level, known[name]) if known[name] else f"The rig has only one {name}.",
                 )
 
 
@@ -243,8 +243,8 @@ def _force(cycle: Cycle, allowed: Allowed) -> Found:
     push = abs(allowed.pressure_force_n(cycle) - allowed.weight_n)
     holds = allowed.envelope.expected_friction_n
     if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
-        limit = f"friction alone holds a released axis, at most {holds:.3g} N"
-        remedy = 'Take equal pressures, or [stop] axis = "held"; leave out the tare of an inclined rig.'
+        limit = f"only friction holds a released axis, with at most {holds:.3g} N"
+        remedy = 'Take equal pressures, or [stop] axis = "held"; do not release an inclined rig for its tare.'
         yield "release", f"pressure and weight push with {push:.3g} N", limit, remedy
     parts = allowed.forces_n(cycle)
     total = sum(parts.values())
@@ -305,7 +305,10 @@ def _measuring(cycle: Cycle) -> Iterator[tuple[float, Move]]:
 
 
 def _peak_acceleration(distance_m: float, speed_m_s: float, limits: Limits) -> float:
-    """Return the largest acceleration of a move, m/s2: below the axis' limit if the jerk limit ends the ramp first."""
+    """Return the largest acceleration of a move, m/s2.
+
+    Below the limit of the axis if the jerk limit does not allow more.
+    """
     speed = min(speed_m_s, limits.top_speed_m_s(distance_m))
     return min(limits.acceleration_m_s2, math.sqrt(speed * limits.jerk_m_s3))
 

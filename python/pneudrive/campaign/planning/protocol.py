@@ -63,7 +63,7 @@ class Protocol(Described):
     )
     repeats: Count = Field(default=1, description="repetitions of every point within each block")
     directions: Literal["both", "+x", "-x"] = Field(
-        default="both", description="of sweeps and stops; x grows as chamber a grows"
+        default="both", description="pressures of sweeps and stops; x grows as chamber a grows"
     )
     labels: dict[str, str] = Field(default_factory=dict, description="free text, kept with every result")
     speed: Speeds | None = None

@@ -60,15 +60,15 @@ class Speeds(Described):
         default="log", description="speeds between the ends, rounded to 4 significant digits"
     )
     order: Literal["ascending", "descending", "up-and-down"] = Field(
-        default="ascending", description="order of the speeds; up-and-down measures each one twice"
+        default="ascending", description="order of the speeds; up-and-down measures each speed twice"
     )
     settled_time_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
         default=1.0,
-        description="strokes are repeated until constant speed lasted this long in each direction; 0 s: one each",
+        description="least time at constant speed in each direction, reached by repeated strokes; 0 s: one stroke each",
     )
     most_strokes: Count = Field(default=20, description="highest number of these repetitions")
     return_speed_m_s: Speed = Field(
-        default=0.1, description="speed of the way back where only one direction is measured"
+        default=0.1, description="speed of the return stroke if only one direction is measured"
     )
 
     @model_validator(mode="after")
@@ -84,7 +84,7 @@ class Speeds(Described):
             raise wrong(
                 f"speed.{missing[0]}",
                 f"speed.{missing[0]} is missing",
-                rule="either list, or from, to and count",
+                rule="give either list, or from, to and count",
                 remedy='Write list = ["1 mm/s", ...], or from = "1 mm/s", to = "450 mm/s", count = 20.',
             )
         self._spaced()
@@ -116,7 +116,7 @@ class Pressures(Described):
         default=None, description="`[{ a = ..., b = ... }, ...]`"
     )
     settling_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=5.0, description="wait after each change of pressure, once the rig has set it"
+        default=5.0, description="wait after the rig has set a new pressure"
     )
 
     @model_validator(mode="after")
@@ -133,7 +133,7 @@ class Pressures(Described):
 
     @property
     def levels(self) -> tuple[Pair, ...]:
-        """All pairs (a, b), in the order given; chamber a outermost."""
+        """All pairs (a, b) in the given order; chamber a changes last."""
         if self.pairs is not None:
             return self.pairs
         if self.both is not None:
@@ -148,7 +148,7 @@ class Preconditioning(Described):
 
     table_name: ClassVar[str] = "stop.preconditioning"
     strokes: CountOrNone = Field(default=3, description="full strokes out and back")
-    speed_m_s: Speed = Field(default=0.1, description="their speed, and that of every way back")
+    speed_m_s: Speed = Field(default=0.1, description="speed of these strokes and of every return stroke")
 
 
 class Stops(Described):
@@ -156,18 +156,18 @@ class Stops(Described):
 
     table_name: ClassVar[str] = "stop"
     durations_s: Annotated[tuple[float, ...], ListOf(Quantity(*TIME, MAY_LAST), "log")] = Field(
-        description="one, a list or { from, to, count, spacing }; 0 s: not interrupted"
+        description="duration, a list or { from, to, count, spacing }; 0 s: not interrupted"
     )
     axis: Literal["held", "released", "both"] = Field(
         default="held",
         description="held: the axis keeps its position; released: it moves until the force is zero; both: a factor",
     )
     restart_speed_m_s: Annotated[tuple[float, ...], ListOf(SPEED_MARK, "log")] = Field(
-        default=(0.01,), description="speed after the stop; one or a list"
+        default=(0.01,), description="speed after the stop; a value or a list"
     )
     approach_speed_m_s: MaybeSpeed = Field(default=None, description="speed before the stop; absent: the restart speed")
     position: Annotated[tuple[Place, ...], ListOf(PlaceMark())] = Field(
-        default=(Place(0.5, share=True),), description='positions, one or a list: "50 %" of the range, or "120 mm"'
+        default=(Place(0.5, share=True),), description='positions; a value or a list: "50 %" of the range, or "120 mm"'
     )
     approach_m: MaybeDistance = Field(
         default=None, description="length of the move before the stop; absent: from the end of the range"
@@ -177,7 +177,7 @@ class Stops(Described):
     )
     preconditioning: Preconditioning = Field(default=Preconditioning(), description="see below")
     reference_strokes: CountOrNone = Field(
-        default=1, description="uninterrupted strokes over the same way and at the restart speed, before the stop"
+        default=1, description="uninterrupted strokes before the stop, over the same distance at the restart speed"
     )
 
     @property
@@ -190,7 +190,7 @@ class HardFactor(Described):
     """A factor that is changed by hand, between blocks."""
 
     levels: Annotated[list[str], Field(min_length=1)] = Field(description="names of the levels")
-    ask: str = Field(default="", description="request to the operator; {level} is replaced by the level")
+    ask: str = Field(default="", description="text of the request to the operator; {level} is replaced by the level")
     time_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(default=1200.0, description="time of a change")
 
     @model_validator(mode="after")
@@ -235,7 +235,7 @@ class Order(Described):
     )
     replicates: Count = Field(
         default=1,
-        description="how often all blocks are run, each time set up anew; 2 or more separate a level from its block",
+        description="runs of all blocks, each set up again; 2 or more separate the effects of level and block",
     )
 
 
@@ -258,7 +258,7 @@ class SamplingTable(Described):
         default=5000, description="evenly spaced in time over each stroke; the paper has about 5000 a cycle [bracha]"
     )
     burst_rate_hz: Rate = Field(
-        default=5000.0, description="least rate around each reversal and restart; 0 Hz: no bursts"
+        default=5000.0, description="lowest sampling rate around each reversal and restart; 0 Hz: no bursts"
     )
     burst_before_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
         default=0.05, description="duration of a burst before the end of a move"
@@ -272,13 +272,13 @@ class SamplingTable(Described):
 
 
 class KnownWeight(Described):
-    """A weight that the operator hangs on the force sensor, the drive uncoupled, to check the sensor's gain."""
+    """A weight that the operator hangs on the force sensor, without the drive, to check the gain of the sensor."""
 
     table_name: ClassVar[str] = "before_block.known_weight"
-    mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)] = Field(description="its mass; the force is m g")
+    mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)] = Field(description="mass; the force is m g")
     time_s: Time = Field(default=10.0, description="duration of its recording")
     change_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(
-        default=120.0, description="time to hang it on, and to take it off"
+        default=120.0, description="time to attach the weight, and to remove it"
     )
 
 
@@ -302,7 +302,7 @@ class Sentinel(Described):
     table_name: ClassVar[str] = "sentinel"
     speed_m_s: Speed = Field(description="out and back at this speed")
     every: Count = Field(default=10, description="points between two of them")
-    pressure: MaybePressure = Field(default=None, description="in both chambers; absent: the protocol's first pair")
+    pressure: MaybePressure = Field(default=None, description="pressures; absent: the first pair of the protocol")
 
 
 class Filter(Described):
@@ -333,7 +333,7 @@ class Adaptive(Described):
     )
     least_repeats: Annotated[int, Whole(at_least=2)] = Field(default=3, description="least number of added repeats")
     added_speeds: CountOrNone = Field(
-        default=0, description="highest number of added speeds at each pair of pressures, where the curve bends most"
+        default=0, description="most speeds that are added at a pair of pressures, where the curve bends most"
     )
 
 

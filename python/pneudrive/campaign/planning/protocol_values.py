@@ -91,7 +91,7 @@ class PressurePair(StatedPressure):
         return super().read(given["a"]), super().read(given["b"])
 
     def show(self, value: tuple[units.Pressure, units.Pressure]) -> dict[str, str]:  # type: ignore[override]
-        """Return both pressures as users write them."""
+        """Return both pressures in the form that users write."""
         return {"a": str(value[0]), "b": str(value[1])}
 
     def schema(self) -> dict[str, Any]:
@@ -142,7 +142,7 @@ class ListOf(Mark):
         return tuple(units.Pressure(value, ends[0].gauge) for value in values)
 
     def show(self, value: tuple[Any, ...]) -> list[Any]:
-        """Return all levels as users write them."""
+        """Return all levels in the form that users write."""
         return [self.one.show(one) for one in value]
 
     def named(self, value: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -142,12 +142,12 @@ class Attempts:
             raise GivenUpError("the axis was stopped")
 
     def finished(self, cycle: Cycle, memory: dict[str, Any]) -> None:
-        """Record a cycle as done, now or in an earlier run: the next one continues from its end."""
+        """Record a cycle as done, now or in an earlier run; the next cycle starts from its end."""
         self._memory = dict(memory)
         self._pressures_after = (cycle.pressure_a_pa, cycle.pressure_b_pa)
 
     def rest(self) -> str:
-        """Bring the rig to rest. Return the reason why it may not be at rest, in words."""
+        """Bring the rig to rest. If this may have failed, return the reason as text."""
         trouble = self._thread.rest()
         self._pressures = None
         self._homed = self._homed and self._whole
@@ -159,7 +159,7 @@ class Attempts:
 
 
 def as_plain(memory: dict[str, Any]) -> dict[str, Any]:
-    """Return the snapshot as read back from a file, so that a resumed campaign equals an uninterrupted one.
+    """Return the snapshot after a conversion to JSON and back, so that a resumed campaign equals an uninterrupted one.
 
     Raises
     ------

@@ -53,7 +53,7 @@ class CampaignRun:
     """A running campaign.
 
     The thread that calls `run` decides and writes. The rig's verbs run on another thread. While the first thread waits
-    for them, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
+    for the rig, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
 
     Parameters
     ----------
@@ -105,12 +105,12 @@ class CampaignRun:
 
     @property
     def now(self) -> str:
-        """Progress in words: cycles finished and in total."""
+        """Progress as text: number of finished cycles, and total number."""
         return f"{len(self.finished)} of {self.total} cycles"
 
     @property
     def total(self) -> int:
-        """Number of cycles in total, as known now."""
+        """Total number of cycles, as far as known."""
         done = {one.cycle.key for one in self.finished} | needless(self.plan, self.finished)
         return len(self.finished) + sum(p.cycle.key not in done for p in self.plan.planned)
 
@@ -119,7 +119,7 @@ class CampaignRun:
         self._display.say(text)
 
     def run(self) -> bool:
-        """Run the rest of the plan, with its pauses.
+        """Run the remaining cycles of the plan, with pauses.
 
         The next cycle depends only on the plan and the finished cycles.
 
@@ -144,7 +144,7 @@ class CampaignRun:
         return True
 
     def close(self) -> str:
-        """Bring the rig to rest; return why it may not be at rest, in words."""
+        """Bring the rig to rest; if this may have failed, return the reason as text."""
         trouble = self._attempts.rest() and self._attempts.rest()  # a second attempt if the first failed
         self._thread.close()
         return trouble
@@ -316,7 +316,7 @@ class CampaignRun:
             raise of_rig
         if failures >= self.options.attempts:
             raise CampaignError(
-                f"cycle {cycle.key} was given up {failures} times",
+                f"cycle {cycle.key} was stopped {failures} times",
                 value=reason,
                 rule=f"a cycle is begun {self.options.attempts} times",
                 remedy="Check the rig, then resume: finished cycles are kept.",
@@ -359,7 +359,7 @@ class CampaignRun:
             self._sleep(options.look_s)
             waited += options.look_s
         if last_wrong:
-            self._tell(f"going on after {waited:.3g} s: conditions are met again")
+            self._tell(f"continued after {waited:.3g} s: conditions are met again")
             self._lock.tell(state="running", text="")
 
     def _check_space(self, cycle: Cycle) -> None:

@@ -93,7 +93,7 @@ def _first_of_each(table: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.bo
 
 
 def _dropped(time: Array, step: NDArray[np.int64], cycle: Cycle) -> int:
-    """Count the samples missing within steps: intervals longer than usual there and than planned."""
+    """Count missing samples within steps, from intervals longer than usual in the step and than planned."""
     intervals = np.maximum(np.diff(time), 0.0)  # undefined if the clock jumps back
     if intervals.size < 2 * NEIGHBOURS:
         return 0

@@ -44,7 +44,7 @@ class Display:
         """Show that a cycle begins."""
 
     def part(self, samples: Samples) -> None:
-        """Show samples that arrived; called on the rig's thread."""
+        """Show samples that have arrived; this is called on the thread of the rig."""
 
     def finished(self, one: Finished) -> None:
         """Show that a cycle is stored."""
@@ -65,7 +65,7 @@ class Display:
 class CampaignProgress:
     """Number of finished cycles, and remaining time at the pace so far.
 
-    A rig takes the planned time; a simulated rig without a pace takes time by the number of its samples.
+    A real rig needs the planned time. For a simulated rig without a pace, the time depends on the number of samples.
 
     Parameters
     ----------

@@ -117,7 +117,7 @@ class LiveFiles(Display):
 
 
 def thinned(points: Points, most: int) -> Points:
-    """Return at most `most` rows, in their order: those of lowest and highest force of each stretch of equal length.
+    """Return at most `most` rows, in order: lowest and highest force of each interval of equal length.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ class LiveCycle(NamedTuple):
 
 
 def read_live(folder: Path) -> LiveCycle | None:
-    """Return the files of a campaign's present cycle, or None if they are missing or being replaced."""
+    """Return the files of the present cycle of a campaign, or None if they are missing or just being replaced."""
     try:
         about = read_json(folder / FOLDER / LIVE, CampaignError)
         data = read_bytes(folder / FOLDER / LIVE_POINTS, CampaignError)

@@ -1,4 +1,4 @@
-"""Prompts to the operator, which also watch for requests of other processes."""
+"""Prompts to the operator. While they wait, requests of other processes are served."""
 
 from __future__ import annotations
 

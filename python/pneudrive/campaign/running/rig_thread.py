@@ -53,7 +53,7 @@ class RigThread:
         return self._last
 
     def rest(self) -> str:
-        """Bring the axis to rest and release the pressure at once.
+        """Bring the axis to rest and release the pressure immediately.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Small plots of points as text, eight to a character."""
+"""Small plots of points as text, with up to eight points in a character."""
 
 from __future__ import annotations
 

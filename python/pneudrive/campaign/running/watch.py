@@ -68,7 +68,7 @@ class MeasuringBounds:
         return ""
 
     def broken_by_samples(self, samples: Samples) -> str:
-        """Return the condition that the samples of a running cycle break; NaN is not checked here."""
+        """Return the condition that the samples of a running cycle violate; NaN is not checked."""
         with np.errstate(invalid="ignore"):
             force = np.abs(samples.force_n)
             high = force >= self.force_n

@@ -1,7 +1,7 @@
 """Documents of bluesky's event model for the subscribers of a campaign.
 
 A start, a descriptor, an event for each finished cycle, a stop. Their keys are those of the schemas of the package
-event-model; docs/decisions/0004-bluesky.md says why they are made here.
+event-model; docs/decisions/0004-bluesky.md explains why pneudrive makes them itself.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ def make_folder(path: Path) -> None:
 
 
 def no_links(folder: Path) -> None:
-    """Refuse a folder that holds links, pipes or devices: writing to one would write or block elsewhere.
+    """Refuse a folder that contains links, pipes or devices, because writing to them would change other files or block.
 
     Raises
     ------
@@ -108,11 +108,11 @@ def no_links(folder: Path) -> None:
     for entry in (*own, *deeper):
         if not (entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)):
             raise CampaignError(
-                "a campaign folder must hold ordinary files only",
+                "a campaign folder must contain ordinary files only",
                 where=entry.path,
                 value=f"a link to {Path(entry.path).readlink()}" if entry.is_symlink() else "a pipe or a device",
                 rule="a link could redirect writing to another place",
-                remedy="Put the file itself there. The whole folder may be a link.",
+                remedy="Replace the link by the file. The whole folder may be a link.",
             )
 
 

@@ -177,7 +177,7 @@ def file_name(index: int, key: str) -> str:
 
 
 def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
-    """Write one cycle: to a temporary name, flushed, then renamed, so that it exists whole or not at all.
+    """Write one cycle: to a temporary name, flushed, then renamed, so that it exists completely or not at all.
 
     Parameters
     ----------
@@ -427,7 +427,7 @@ def create(folder: Path, protocol: str, identity: Identity, about: dict[str, Any
 
 
 def tidy(campaign: Campaign) -> tuple[list[CycleFile], list[str]]:
-    """Prepare a folder for resuming: remove leftovers of a killed process, put damaged cycles aside.
+    """Prepare a folder for resuming: remove incomplete files of a killed process, and rename damaged cycles.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The plan of a campaign folder, computed again."""
+"""Plan of a campaign folder, computed again from its protocol and rig."""
 
 from __future__ import annotations
 

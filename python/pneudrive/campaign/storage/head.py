@@ -1,4 +1,4 @@
-"""The header of a cycle's file, and how it is read if another program wrote it."""
+"""The header of a cycle's file, also of a file from another program."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def read_head(text: str, where: str, *, index: int | None = None, key: str = "")
         )
     for name in POSITIVE:
         if name in cycle and not 0.0 < cycle[name] < math.inf:
-            rule = "it is positive; pressures absolute"
+            rule = "must be positive; pressures are absolute"
             raise CampaignError(f"cycle.{name} = {cycle[name]:g}", where=where, rule=rule)
     if head["index"] is None or head["index"] < 1:
         raise CampaignError(f"index = {head['index']}", where=where, rule="cycles are counted from 1")

@@ -27,7 +27,7 @@ class Journal:
         self._lock = threading.Lock()
 
     def write(self, text: str) -> None:
-        """Append a line; on a full disk it is lost."""
+        """Append a line; if the disk is full, the line is lost."""
         line = " | ".join(part for part in text.splitlines() if part.strip())
         with self._lock, contextlib.suppress(OSError, CommandError), open_to_append(self._path) as file:
             file.write(f"{now()} {line}\n")

@@ -62,7 +62,7 @@ class Holder:
 
 
 class FolderLock:
-    """The lock of a campaign folder: held by the kernel (`flock`), which frees it when the process ends.
+    """The lock of a campaign folder: a lock of the kernel (`flock`), which ends with the process.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class FolderLock:
             raise CampaignError(
                 "another process works in this campaign folder",
                 where=str(folder),
-                value=str(_read(path) or "it did not name itself"),
+                value=str(_read(path) or "a process without a name"),
                 remedy=f"Wait for it, or end it: pneudrive campaign abort {folder}",
             )
         self._holder = Holder(os.getpid(), socket.gethostname(), user(), now())

@@ -73,7 +73,10 @@ def tune(
     out: Annotated[Path | None, typer.Option(help="Controller file (TOML) with all gains.")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Tune a controller from the description of a drive, with the rule and limits of each gain, and its result."""
+    """Tune a controller from the description of a drive.
+
+    Print the rule and limits of each gain, and a simulated result.
+    """
     from pneudrive.control.tuning import tune as tuned
     from pneudrive.describe.files.load import load_described
     from pneudrive.simulation.trajectory import check_target
@@ -295,7 +298,7 @@ def _show_comparison(found: ControlComparison) -> None:
 
 
 def _show_failures(found: ControlComparison) -> None:
-    """Print each reason for early ends once, with the number of runs."""
+    """Print each reason why runs ended early once, with the number of runs."""
     reasons = Counter((run.law, run.reason) for run in found.runs if run.reason)
     for (law, reason), count in reasons.items():
         typer.echo(f"{count} {'run' if count == 1 else 'runs'} of {law} ended early: {reason}", err=True)

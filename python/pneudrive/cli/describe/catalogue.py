@@ -27,12 +27,13 @@ def catalogue(
         str | None, typer.Option(help='Parts of a bore: "25 mm", "20 mm .. 40 mm".', metavar="LENGTHS")
     ] = None,
     stroke: Annotated[
-        str | None, typer.Option(help="Parts of a stroke, including those made to order.", metavar="LENGTHS")
+        str | None, typer.Option(help="Parts with this stroke, also those made to order.", metavar="LENGTHS")
     ] = None,
     flow: Annotated[
         str | None,
         typer.Option(
-            help='Parts of a flow: "1 dm3/(s bar) .. 3 dm3/(s bar)", "500 l/min ANR .. 800 l/min ANR".', metavar="FLOWS"
+            help='Flow of the parts: "1 dm3/(s bar) .. 3 dm3/(s bar)", "500 l/min ANR .. 800 l/min ANR".',
+            metavar="FLOWS",
         ),
     ] = None,
 ) -> None:
@@ -112,7 +113,7 @@ def _show(e: Entry) -> None:
     lines += [(f"printed.{v.key}", _plain(v.value), v.said) for v in e.printed]
     typer.echo(aligned(lines))
     if not e.is_drive and e.open:
-        typer.echo(f"\nNot in the catalogue, to be given with the part: {', '.join(e.open)}.")
+        typer.echo(f"\nNot in the catalogue; give these values with the part: {', '.join(e.open)}.")
     for note in filter(None, notes):
         typer.echo(f"\n{note}")
     from pneudrive.references import bibtex

@@ -16,8 +16,8 @@ _WHOLE, _FRICTION = ("fmu", "c"), ("simscape", "modelica", "csv", "st")
 _USED = {
     "pressure_a": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_a = 3 bar abs".'),
     "pressure_b": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_b = 3 bar abs".'),
-    "speeds": (_FRICTION, "Remove it: a whole drive runs at every speed."),
-    "initial": (_WHOLE, "Remove it: friction has no start state; its pressures are --pressure-a and --pressure-b."),
+    "speeds": (_FRICTION, "Remove this option: a whole drive runs at every speed."),
+    "initial": (_WHOLE, "Remove it: friction has no start state; set pressures by --pressure-a and --pressure-b."),
     "fmi": (("fmu",), "Remove it, or write --to fmu."),
     "actuator": (("fmu",), "Remove it, or write --to fmu."),
 }
@@ -46,7 +46,7 @@ def export(
     ] = None,
     fmi: Annotated[str, typer.Option(help="Version of the interface of an FMU: 2.0 or 3.0.")] = "2.0",
     actuator: Annotated[
-        bool, typer.Option("--actuator", help="FMU whose piston the other tool moves: its output is the force.")
+        bool, typer.Option("--actuator", help="FMU whose piston is moved by the other tool; its output is the force.")
     ] = False,
     initial: Annotated[
         str | None, typer.Option(help='Start state of a drive, e.g. "position = 50 mm, pressure_a = 3 bar abs".')

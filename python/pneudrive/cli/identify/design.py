@@ -77,7 +77,7 @@ def design(
         said = "\n".join([str(plan), *_shared(found, plan)])
     typer.echo(said)
     whole = lay_out(parse_protocol(text), identity, envelope)
-    typer.echo(f'on "{identity.name}" the protocol takes {duration(whole.time_s)}')
+    typer.echo(f'the protocol takes {identity.name} on "{duration(whole.time_s)}"')
     if out is None:
         typer.echo("\n" + text.rstrip())
     else:
@@ -85,7 +85,7 @@ def design(
 
 
 def _shared(fit: FrictionFit, plan: Design) -> list[str]:
-    """Return a note on shared errors that exceed the errors that more points reduce."""
+    """Return a note if errors shared by all points exceed the errors that more points reduce."""
     from pneudrive.identify.determined import shown_in
     from pneudrive.identify.static.model import unit_of
 

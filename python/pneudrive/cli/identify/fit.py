@@ -94,7 +94,10 @@ def fit(
 
 
 def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, CampaignCharacteristics | None]:
-    """Read a map, or make one. The second result contains the other measurements of a single campaign."""
+    """Read a friction map, or make it from recordings.
+
+    The second result contains the other measurements of a single campaign.
+    """
     from pneudrive.errors import CommandError, PneudriveError
     from pneudrive.friction.campaign.characteristics import campaign_friction
     from pneudrive.friction.friction_map import read_map
@@ -159,7 +162,7 @@ def _seals(curves: xr.Dataset, by: str, ambient_pa: float, direction: int | None
 
 
 def _averaged(curves: xr.Dataset, by: str) -> list[str]:
-    """Return notes on labels with several values, over which the fit averages."""
+    """Return notes on labels that have several values, because the fit averages over these values."""
     from pneudrive.friction.friction_map import COLUMNS
 
     said = []

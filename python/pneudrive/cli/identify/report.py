@@ -23,7 +23,7 @@ def report(
 ) -> None:
     """Write a report of a fit, with intervals and undetermined values.
 
-    Residuals need the data: --map for the fit of a friction map, and `pneudrive identify --report` for the fit of a
+    Residuals need the data: use --map for the fit of a friction map, and `pneudrive identify --report` for the fit of a
     drive.
     """
     from pneudrive.errors import CommandError

@@ -36,9 +36,9 @@ def check_target(path: Path, protocol: Protocol) -> None:
 def proposal_lines(proposal: CellProposal, whole: Plan, part: Plan, file: Path | None) -> list[str]:
     """Return lines on the kept and the lost effects of a proposed fraction."""
     limit_s = whole.protocol.limits.time_s
-    out = ["", f"A fraction takes {duration(part.time_s)} instead of {duration(whole.time_s)}:"]
+    out = ["", f"This fraction takes {duration(part.time_s)} instead of {duration(whole.time_s)}:"]
     if part.time_s > limit_s:
-        out.append(f"  more than {duration(limit_s)}: no smaller fraction keeps all levels and effects distinguishable")
+        out.append(f"  more than {duration(limit_s)}: a smaller fraction cannot distinguish all levels and effects")
     for family in proposal.families:
         levels = ", ".join(f"{name} {least}" for name, least in family.levels.items())
         first, second = family.interaction or ("", "")
@@ -46,7 +46,7 @@ def proposal_lines(proposal: CellProposal, whole: Plan, part: Plan, file: Path |
         lost = [f"{name} ({kept} of {total} degrees of freedom left)" for name, (kept, total) in family.lost.items()]
         out += [
             f"  {family.kind}: {family.cells} of {family.of} cells, each with all its repeats",
-            f"    kept: every level of every factor (fewest cells at one level: {levels or 'one factor only'})",
+            f"    kept: every level of every factor (at least {levels or 'one factor only'} cells at each)",
             f"    kept: every main effect{slopes}",
             f"    standard errors: {family.error_ratio:.2g} times those of the full factorial (geometric mean)",
             f"    lost: {'; '.join([*lost, 'interactions of three and more factors'])}",

@@ -185,7 +185,7 @@ def _display() -> Display:
 
 
 def _again(folder: Path, rig: str, allow_code: str = "") -> str:
-    """Return the command to resume, with the rig if the folder is not allowed to name it."""
+    """Return the command to resume; it names the rig if the folder alone is not sufficient."""
     from pneudrive.rig.loading import must_be_named
 
     named = f" --rig {rig}" if must_be_named(rig) else ""
@@ -196,7 +196,7 @@ def _again(folder: Path, rig: str, allow_code: str = "") -> str:
 def _running(again: str) -> Iterator[None]:
     """Exit with status 1 if an error ends a running campaign, and print how to resume.
 
-    SIGTERM acts like Ctrl-C. While the campaign runs, the campaign handles both.
+    SIGTERM acts like Ctrl-C. During a campaign, the campaign itself handles Ctrl-C and SIGTERM.
     """
     from pneudrive.campaign.run import can_be_resumed
     from pneudrive.errors import PneudriveError

@@ -94,7 +94,7 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
 
     if len(recordings) > 1 or layout is not None:
         raise CommandError(
-            "a campaign is characterised alone, without other files",
+            "a campaign cannot be characterised together with other files",
             value=" ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else ""),
             rule="one folder, no recordings and no layout",
             remedy="To compare two campaigns: pneudrive compare A B.",
@@ -113,7 +113,7 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
 
 @contextmanager
 def _output(out: Path) -> Iterator[Path]:
-    """Make the output folder before any work. If it stays empty or the work is cancelled, remove a new folder."""
+    """Make the output folder before any work. Remove a new folder if it stays empty or the work is cancelled."""
     is_new = not out.exists()
     writable_folder(out)
     try:

@@ -92,7 +92,7 @@ def _curves(before: FrictionFit, after: FrictionFit) -> None:
 
 
 def _say(comparison: Comparison) -> None:
-    """Print one line per question, and the notes."""
+    """Print one line for each compared property, and the notes."""
     show_lines(
         f"{letter}: {one.folder} ({one.name}, {len(one.cycles)} cycles)"
         for letter, one in zip("AB", (comparison.first, comparison.second), strict=True)

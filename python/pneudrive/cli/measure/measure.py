@@ -17,7 +17,7 @@ def measure(
         typer.Option("--compare-with", help="Another recording, measured at the same times.", metavar="RECORDING"),
     ] = None,
     strokes: Annotated[
-        str, typer.Option(help="Strokes of the two recordings that begin together.", metavar="N,N")
+        str, typer.Option(help="Strokes of the two recordings that are aligned at their beginning.", metavar="N,N")
     ] = "1,1",
 ) -> None:
     """Measure between two times of a recording.

@@ -22,7 +22,7 @@ TABLES = (".csv", ".parquet")
 SAID = (
     "Tubes are steady: C = 0.029 d^2/sqrt(L/d^1.25 + 510), an empirical formula (assumed; smooth-pipe theory gives "
     "10 to 15 % more), and their volume; waves are left out. Strokes are simulated from rest at the start of the "
-    "stroke, the emptying chamber at supply pressure; the choked speed is the limit from the exhaust path alone."
+    "stroke, the emptying chamber at supply pressure; the choked speed is the limit that the exhaust path alone causes."
 )
 
 

@@ -53,7 +53,7 @@ def sweep(
     seed: Annotated[int, typer.Option(help="Random seed of the sampling.")] = 0,
     correlation: Annotated[
         list[str] | None,
-        typer.Option(help='Such as "cylinder.bore, friction.coulomb = 0.6".', metavar="A,B=R"),
+        typer.Option(help='Correlated numbers, such as "cylinder.bore, friction.coulomb = 0.6".', metavar="A,B=R"),
     ] = None,
     output: Annotated[
         list[str] | None,
@@ -136,7 +136,7 @@ def _design(
     if correlation and (files or not all("(" in text and "grid(" not in text for text in vary)):
         raise CommandError("--correlation has no effect here", rule="all numbers that vary have distributions")
     if files and len(vary) > 1:
-        raise CommandError("--vary has a file and more", rule="one file, or NAME = VALUES for each number")
+        raise CommandError("--vary has a file and more", rule="give one file, or NAME = VALUES for each number")
     if files:
         path = Path(files[0])
         if path.suffix == ".toml":

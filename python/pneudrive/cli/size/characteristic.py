@@ -23,7 +23,7 @@ TABLES = (".csv", ".nc")
 
 def characteristic(
     drive: Described,
-    name: Annotated[str, typer.Argument(help="Characteristic; without, all are listed.", metavar="NAME")] = "",
+    name: Annotated[str, typer.Argument(help="Name; without a name, all are listed.", metavar="NAME")] = "",
     setting: Annotated[
         list[str] | None, typer.Option("--set", help='A setting, "command = 0.6"; repeatable.', metavar="NAME=VALUE")
     ] = None,

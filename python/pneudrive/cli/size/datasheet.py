@@ -24,7 +24,7 @@ def datasheet(
     ] = None,
     layout: Layout = None,
     out: Annotated[Path, typer.Option(help="Page: .html or .pdf.")] = Path("datasheet.html"),
-    intervals: Annotated[bool, typer.Option(help="Carry intervals of identified values through.")] = True,
+    intervals: Annotated[bool, typer.Option(help="Compute intervals from those of identified values.")] = True,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Write a data sheet of a drive, with standards and sources."""

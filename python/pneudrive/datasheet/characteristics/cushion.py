@@ -39,12 +39,12 @@ def _cushion(
     axes = {
         "mass": ResultValue(("mass",), masses, "kg", "moving mass"),
         "speed": ResultValue(("speed",), speeds, "m/s", "speed at the beginning of the cushion"),
-        "needle": ResultValue(("needle",), list(NEEDLES), "1", "opening of the needle over the described one"),
+        "needle": ResultValue(("needle",), list(NEEDLES), "1", "opening of the needle, relative to its description"),
     }
     over = ("mass", "speed")
     allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
-    limits = f"1 where the end speed is at most {end_speed:g} m/s, the pressure at most {1e-5 * most:g} bar (assumed)"
-    ends = f"speed at the end of chamber {side}; 0 if it does not get there"
+    limits = f"1 if the end speed is at most {end_speed:g} m/s and the pressure at most {1e-5 * most:g} bar (assumed)"
+    ends = f"speed at the end of chamber {side}; 0 if it stops before"
     one = f"end speed from {speed:g} m/s with the described mass"
     return axes, {
         "end_speed": ResultValue(over, grid[:, :, 0], "m/s", ends),
@@ -92,7 +92,7 @@ CHARACTERISTICS = (
         title="Capacity of the cushion",
         definition="Speed at the end and peak pressure of a piston that enters its cushion with a speed, full "
         "command, pressures of slow steady motion; over mass, speed, and the opening of the needle.",
-        algorithm="one simulated approach for each point",
+        algorithm="one simulated stroke into the cushion for each point",
         find=_cushion,
         x="speed",
         y="end_speed",

@@ -59,12 +59,12 @@ class EnergyBalance(Shown):
 
     def _card(self) -> Card:
         rows = [
-            ("over the boundary, positive inward", name, f"{plain(value)} J") for name, value in self.accounts_j.items()
+            ("across boundary, positive inward", name, f"{plain(value)} J") for name, value in self.accounts_j.items()
         ]
         rows += [("exergy lost", name, f"{plain(value)} J") for name, value in self.lost_j.items()]
         rows += [("exergy lost", "all", f"{plain(sum(self.lost_j.values()))} J")]
         rows += [("air given", name, f"{plain(value)} l ANR") for name, value in self.air_litres_anr.items()]
-        notes = [f"Not explained: {self.open_share:.1e} of the energy turned over. Simulated."]
+        notes = [f"Residual: {self.open_share:.1e} of the converted energy. Simulated."]
         return Card("Energy of the run", ("what", "where", "value"), rows, notes)
 
 

@@ -66,7 +66,7 @@ def _bode(
         "position_response": ResultValue(
             over, np.abs(velocity) / (2.0 * math.pi * f), "m", "position over command, size"
         ),
-        "pressure_response": ResultValue(over, np.abs(a - b), "Pa", "pressure a less b over command, size"),
+        "pressure_response": ResultValue(over, np.abs(a - b), "Pa", "magnitude of pressure a minus b, over command"),
         "velocity_gain": number(gain, "m/s", "velocity over command at low frequency"),
         "resonance": number(f[int(np.argmax(np.abs(velocity)))], "Hz", "frequency of the largest response"),
     }
@@ -110,7 +110,7 @@ def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[fl
 
 
 def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
-    """Return gain and phase, in degrees, of the first harmonic over a sine, and the distortion."""
+    """Return gain and phase, in degrees, of the first harmonic relative to a sine, and the distortion."""
     spectrum = np.fft.rfft(values)[::COUNTED] * 2.0 / (COUNTED * STEPS)
     first = spectrum[1] * 1j
     distortion = float(np.sqrt(np.sum(np.abs(spectrum[2 : HARMONICS + 1]) ** 2))) / abs(first)
@@ -166,7 +166,7 @@ CHARACTERISTICS = (
         name="bode",
         title="Frequency response",
         definition="Response of velocity, position, pressures to a small command about an operating point: mid stroke, "
-        "pressures of slow steady motion, valve at its centre seen from positive commands, viscous friction.",
+        "pressures of slow steady motion, slopes of the valve for small positive commands, viscous friction.",
         algorithm="exact linearisation by the core, evaluated at frequencies",
         find=_bode,
         x="frequency",

@@ -1,4 +1,4 @@
-"""Runs of a drive for its characteristics: one stroke, and a cycle out and back that repeats itself."""
+"""Runs of a drive for its characteristics: one stroke, and a periodic cycle out and back."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def cycle(
     repeats: int = REPEATS,
     **more: Any,  # noqa: ANN401
 ) -> StrokeRun:
-    """Run out and back until the cycle repeats itself; columns and strokes are those of the last cycle."""
+    """Run out and back until the cycle is periodic; columns and strokes are those of the last cycle."""
     expected = expected_time(plant, command)
     times, half = 1.0, half_s or expected
     start = start_of(plant, 0.0, plant.before(1.0))

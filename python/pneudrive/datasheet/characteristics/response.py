@@ -98,7 +98,7 @@ def _impact(plant: HeldDrive) -> Found:
     found = {name: ResultValue(over, values[:, :, k], unit, what) for k, (name, unit, what) in enumerate(said)}
     ratio = values[:, :, 0] / values[:, :, 5]
     found["end_over_mean_speed"] = ResultValue(
-        over, ratio, "1", "end speed over mean speed (makers reckon with 1.4 to 1.5)"
+        over, ratio, "1", "end speed divided by mean speed (makers assume 1.4 to 1.5)"
     )
     return {"command": ResultValue(("command",), commands, "1", "size of the command"), "direction": DIRECTIONS}, found
 
@@ -129,23 +129,23 @@ CHARACTERISTICS = (
         y="position",
         settings={
             "command": (1.0, "of the valve"),
-            "position": (None, "at rest before, m; default: the end from which the command leads away"),
-            "pressures": (None, "of both chambers before; default: ambient, and supply in the emptying one"),
+            "position": (None, "start position, m; default: the end from which the piston moves away"),
+            "pressures": (None, "start pressures; default: ambient, and supply in the emptying chamber"),
         },
         held=False,
     ),
     Characteristic(
         name="square-response",
         title="Response to a square command",
-        definition="Strokes out and back under a square command, once the cycle repeats itself. Results as for a step.",
-        algorithm="three simulated cycles, the last one is evaluated; the half period suffices for both strokes",
+        definition="Periodic strokes out and back under a square command. Results as for a step.",
+        algorithm="three simulated cycles, of which the last is evaluated; half a period suffices for a stroke",
         find=_square,
         cites=("iso6358-2013", "steinebach2023"),
         x="time",
         y="position",
         settings={
             "command": (1.0, "size of the command"),
-            "half_period": (None, "s; default: both ends are reached"),
+            "half_period": (None, "half period, s; default: long enough to reach both ends"),
         },
         held=False,
     ),

@@ -60,7 +60,7 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
             ("direction",),
             [gain for gain, _ in gains],
             "m/s",
-            "slope of the velocity over the command, small commands, without load",
+            "slope of velocity over command, for small commands without load",
         ),
         "dead_zone": ResultValue(
             ("direction",), [zone for _, zone in gains], "1", "command at which that line crosses zero velocity"
@@ -135,7 +135,7 @@ def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
         "pressure_difference": ResultValue(
             ("command",), difference, "Pa", "pressure a less pressure b, piston blocked"
         ),
-        "pressure_gain": number(slope, "Pa", "its slope at a small command; infinite for a valve without leakage"),
+        "pressure_gain": number(slope, "Pa", "its slope at a small command; infinite without leakage"),
         "centre_pressure_a": number(centre[0], "Pa", "absolute pressure in chamber a at the centre"),
         "centre_pressure_b": number(centre[1], "Pa", "absolute pressure in chamber b at the centre"),
     }
@@ -145,9 +145,9 @@ CHARACTERISTICS = (
     Characteristic(
         name="velocity",
         title="Steady velocity against command and load",
-        definition="Velocity at which no pressure, no temperature and no velocity changes, piston held at mid stroke; "
+        definition="Velocity at which pressures, temperatures and velocity are constant, at mid stroke; "
         "load against the motion. Velocity gain and dead zone: line through commands 0.05 and 0.1 without load.",
-        algorithm="zero of the core's rates by implicit steps that become Newton steps; steady friction",
+        algorithm="all rates of the core are zero, by implicit steps that become Newton steps; steady friction",
         find=_velocity,
         cites=("iso6358-2013",),
         x="command",

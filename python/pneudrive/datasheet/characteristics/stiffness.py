@@ -46,9 +46,9 @@ def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: A
 
 
 def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times: float = 1.0) -> float:  # noqa: ANN401
-    """Return the stiffness of gas without heat, N/m, at the natural frequency of a mass, times the moving one.
+    """Return the stiffness of the gas without heat exchange, N/m, at the natural frequency of a multiple of the mass.
 
-    Gas in lines contributes to the extent that the lines pass its flow.
+    Gas in lines contributes as far as the lines let it flow at this frequency.
     """
     found = dynamic_stiffness(_at(plant, position, pressures), plant.piston, 1j * FAST).real
     if len(plant.nodes) == CHAMBERS:
@@ -83,7 +83,7 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     }
     grid = ("position", "pressure")
     return axes, {
-        "adiabatic_stiffness": ResultValue(grid, fast, "N/m", "fast: gas without heat, valve shut"),
+        "adiabatic_stiffness": ResultValue(grid, fast, "N/m", "fast: gas without heat exchange, valve shut"),
         "isothermal_stiffness": ResultValue(grid, slow, "N/m", "slow: gas at the temperature of the wall, valve shut"),
         "stiffness": ResultValue(
             ("frequency",),
@@ -120,7 +120,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
             grid,
             np.sqrt(bare / plant.mass) / (2.0 * math.pi),
             "Hz",
-            "of the mass on the air spring without friction and heat, valve shut",
+            "natural frequency of the mass on the air spring without friction and heat exchange, valve shut",
         ),
         "mode_frequency": ResultValue(
             grid, modes[:, :, 0], "Hz", "size of the eigenvalue pair, with sliding friction and heat; 0 if overdamped"
@@ -147,7 +147,7 @@ CHARACTERISTICS = (
         name="stiffness",
         title="Stiffness of the air spring",
         definition="Force over displacement of the piston with a shut valve, both chambers at one pressure and at wall "
-        "temperature; fast without heat, slow at the temperature of the wall.",
+        "temperature; fast: without heat exchange; slow: at the temperature of the wall.",
         algorithm="exact linearisation by the core without friction; states of the chambers eliminated at a frequency",
         find=_stiffness,
         cites=("bejan2016",),

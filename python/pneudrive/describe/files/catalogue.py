@@ -1,6 +1,6 @@
 """Catalogue of parts and drives: every value has a source or is marked as assumed.
 
-A file holds a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and either
+A file contains a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and either
 ``source`` (a key of references.bib, or of ``[sources]`` in the same file) or ``assumed`` (the reason). The values of a
 part are keys of its kind of component; those of a drive are keys of the drive file. A drive names its parts and adds
 missing values. The kinds of components are loaded only when a part is used: drives do not need them.
@@ -55,7 +55,7 @@ class Entry:
 
     @property
     def open(self) -> list[str]:
-        """Keys that a user of the part must give."""
+        """Keys that the user of a part must give."""
         from pneudrive.describe.components import component_class, component_kinds, is_needed
 
         entry = component_kinds()[self.kind]
@@ -251,7 +251,7 @@ def _leaves(given: object, before: str) -> Iterator[tuple[str, Any]]:
 
 
 class SourceTable(Described):
-    """Source of a file of the catalogue that references.bib does not have."""
+    """Source in a file of the catalogue that is not in references.bib."""
 
     model_config = ConfigDict(extra="ignore")
     title: str
@@ -260,7 +260,7 @@ class SourceTable(Described):
 
 
 class EntryTable(Described):
-    """Part or drive, as a file of the catalogue holds it."""
+    """Part or drive in the form of a catalogue file."""
 
     name: str
     title: str
@@ -271,7 +271,7 @@ class EntryTable(Described):
     printed: Annotated[tuple[Value, ...], Reads(_values)] = ()
 
     def entry(self, at: str, sources: Mapping[str, SourceTable], path: Path) -> Entry:
-        """Return the entry, each source in words or as a key of references.bib."""
+        """Return the entry with each source as text or as a key of references.bib."""
         kind = self.kind or next((value.value for value in self.values if value.key == "kind"), None)
         if not isinstance(kind, str):
             rule = f'kind = "{DRIVE}", or a kind of component under [values]'

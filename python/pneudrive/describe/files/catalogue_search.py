@@ -78,7 +78,7 @@ def _fits(value: float | None, low: float, high: float) -> bool:
 
 
 def _is_to_order(entry: Entry, key: str) -> bool:
-    """Return whether a cylinder is made with any stroke: its sheet gives none."""
+    """Return whether a cylinder is available with any stroke (its data sheet gives none)."""
     is_given = any(value.key == key and value.source is not None for value in entry.values)
     return key == "stroke" and entry.kind.startswith("cylinder/") and not is_given
 

@@ -30,7 +30,7 @@ ROUNDING = 1e-9
 
 
 class Interval(NamedTuple):
-    """Lower and upper bound as written: quantities, or ``-inf`` and ``inf`` for open ends."""
+    """Lower and upper bound as in the file: quantities, or ``-inf`` and ``inf`` for open ends."""
 
     low: str
     high: str
@@ -59,8 +59,8 @@ class Origin(Described):
     """Origin of one value.
 
     `interval` holds two quantities, and `confidence` its coverage probability. `source` names the recordings, and `fit`
-    the hash of the fit. `model_error` is the lower limit of the model error, if known. `correlation` is that of its
-    error with the errors of other values, by their names.
+    the hash of the fit. `model_error` is the lower limit of the model error, if known. `correlation` has the
+    correlations with the errors of other values, by their names.
     """
 
     table_name: ClassVar[str] = "provenance"

@@ -69,7 +69,10 @@ def circuit_schema() -> dict[str, Any]:
 
 
 def _for_each_chamber(kind: str, more: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of a table of lines for each chamber; a flow control's size without prefix is its needle's."""
+    """Return the schema of a table of lines for each chamber.
+
+    In a flow control, a size without prefix is that of the needle.
+    """
     own = component_class(kind).model_json_schema(by_alias=True)["properties"]
     keys = {key: form for key, form in own.items() if key != "kind"}
     keys |= {key.removeprefix("needle_"): form for key, form in keys.items() if key.startswith("needle_")}

@@ -234,7 +234,7 @@ def _table(header: str, *, is_one_of_many: bool, counts: dict[str, int]) -> str:
 
 
 def _texts(line: str, name: str, count: int, number: int, lines: dict[str, int]) -> tuple[str, int] | None:
-    """Store the line of each text of a list; return name and count if the list continues on the next line."""
+    """Store the line of each text in a list; return name and count if the list continues on the next line."""
     for found in _TEXTS.finditer(line):
         if found["end"]:
             return (name, count) if found["end"] == "#" else None

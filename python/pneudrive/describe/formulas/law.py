@@ -166,7 +166,7 @@ class FrictionLaw(written.Written):
 
 
 def law_of(given: object, folder: Path | None = None) -> FrictionLaw | None:
-    """Return the custom law of ``friction.law``, or None for the name of a built-in law.
+    """Return the custom law that ``friction.law`` names, or None for a built-in law.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Friction laws and components written as formulas, from a file or from Python: their parameters and steps.
+"""Friction laws and components written as formulas, from a file or from Python: parameters and intermediate values.
 
 The core reads, checks and runs the formulas.
 """
@@ -96,7 +96,7 @@ class Written(Described):
         return self
 
     def check_names(self) -> None:
-        """Raise an error for names already in use, before the core reads the formulas."""
+        """Raise an error for names that are already used, before the core reads the formulas."""
 
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any], outputs: tuple[str, ...], unit: str) -> dict[str, Any]:
@@ -182,7 +182,7 @@ def load(of: Callable[[dict[str, Any]], Made], path: str | Path, guide: str) -> 
 def written_as(
     given: object, slot: str, of: Callable[[dict[str, Any]], Made], guide: str, folder: Path | None = None
 ) -> Made | None:
-    """Return the formulas of a key from their tables or ``file:NAME.toml``; None for another value.
+    """Return the formulas that the value of a key gives, as tables or ``file:NAME.toml``; None for other values.
 
     Raises
     ------

@@ -47,7 +47,7 @@ class Acting(Described):
 
 
 class SealPressure(Acting):
-    """Seal lips: friction added per gauge pressure in each chamber, with any law; stored in N/Pa."""
+    """Seal lips: additional friction for each unit of gauge pressure in a chamber, with any law; stored in N/Pa."""
 
     table_name: ClassVar[str] = "friction.pressure"
     coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
@@ -143,7 +143,7 @@ class PositionDependence(Acting):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
-        """Return the JSON schema with the harmonics inline, as nothing can refer to the friction table."""
+        """Return the JSON schema with the harmonics inline, because the schema cannot refer to the friction table."""
         out = super().__get_pydantic_json_schema__(schema, handler)
         one = Harmonic.model_json_schema(by_alias=True)
         out["properties"]["harmonics"] = {"type": "array", "items": one, "maxItems": MOST_HARMONICS}
@@ -161,7 +161,7 @@ class DirectionDependence(Acting):
 
 
 class SideLoad(Acting):
-    """A force across the axis on a guide: it adds coefficient |force| to the friction, with any law."""
+    """A force across the axis on a guide, which adds coefficient * |force| to the friction, with any law."""
 
     table_name: ClassVar[str] = "friction.side_load"
     force_n: Annotated[float, Quantity("N", "N")]

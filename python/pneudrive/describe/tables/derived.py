@@ -46,7 +46,7 @@ class Derived:
 
 
 def derived(drive: Drive) -> list[Derived]:
-    """Return the derived values of a drive, each after its sources.
+    """Return the derived values of a drive; each comes after the values on which it depends.
 
     Examples
     --------

@@ -216,7 +216,7 @@ class Friction(Described):
 
     Parameters are keys, ``Friction(law="stribeck", coulomb="30 N", ...)``, and attributes: ``friction.coulomb`` shows
     ``30 N``. `parameters` holds their plain SI values, including defaults of the law. `law` is a law of the core, a
-    `FrictionLaw`, or ``file:my_law.toml``; for the last two `formula` is the law itself. Without a law, `DEFAULT_LAW`
+    `FrictionLaw`, or ``file:my_law.toml``; for a custom law, `formula` is the law itself. Without a law, `DEFAULT_LAW`
     is used and its parameters other than Coulomb and breakaway force are assumed, with a `PneudriveWarning`; `assumed`
     lists them.
     """

@@ -67,7 +67,7 @@ VIRIAL: dict[str, tuple[float, float, float]] = {
 
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
-    """Return the density of a gas at the standard reference atmosphere, kg/m3: air is humid there, others are dry.
+    """Return the density of a gas at the standard reference atmosphere, kg/m3. Air is humid in this state.
 
     The core's conductances refer to the same densities.
     """
@@ -218,7 +218,7 @@ class EndStop(Described):
 
 
 #: Keys that a circuit has and a drive has not: the remedy of each.
-_OPENED = "The page opens a drive as a circuit (Edit the circuit), and so does pn.Drive.load(FILE).circuit.to_toml()."
+_OPENED = "To convert it to a circuit, use *Edit the circuit* of the page, or pn.Drive.load(FILE).circuit.to_toml()."
 _PART = 'A part of the catalogue belongs to a circuit: use = "catalogue:NAME" in [components.{}]. ' + _OPENED
 _DYNAMICS = "In a circuit, [components.valve] has {}. " + _OPENED
 _OF_A_CIRCUIT = {

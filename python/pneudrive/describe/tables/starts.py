@@ -150,7 +150,10 @@ class Starts:
         return 0.5 * (self._stroke(of) or 0.0) if last == POSITION else 0.0
 
     def _moved(self, of: str, last: str, known: Mapping[str, float]) -> float:
-        """Return position or velocity of a mass: one without a stroke moves with the mass to which it is coupled."""
+        """Return position or velocity of a mass.
+
+        A mass without a stroke has those of the mass to which it is coupled.
+        """
         for name in self._moves_with(of):
             if f"{name}.{last}" in known:
                 return known[f"{name}.{last}"]
@@ -192,14 +195,14 @@ class Starts:
         return value
 
     def _before(self, cell: str) -> Joint | None:
-        """Return the joint at the first port of a cell's component, if the path to the cell is always open."""
+        """Return the joint at the first port of the component of a gas volume, if the path to it is always open."""
         own = cell.rpartition(".")[0]
         if own not in self.components or not self.components[own].entry["open"]:
             return None
         return next((joint for port, joint in self.wiring.at.items() if port.component == own), None)
 
     def _reached(self, first: Joint | None) -> Iterator[Joint]:
-        """Yield the joints along paths that are always open, nearest first, up to constant pressures."""
+        """Yield the joints along paths that are always open, nearest first, ending at constant pressures."""
         always = {name for name, one in self.components.items() if one.entry["open"]}
         found = [] if first is None else [first]
         for joint in found:  # grows during the loop

@@ -42,7 +42,8 @@ def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> f
 def conductance_from_kv(kv_m3_h: float) -> float:
     """Return C in m3/(s Pa) from Kv, the flow of water in m3/h at 1 bar [iec60534-1].
 
-    Assumes that the effective area is the same for water and for choked air: A = Kv sqrt(rho_water / (2 * 1 bar)) and C
+    The effective area is assumed to be the same for water and for choked air: A = Kv sqrt(rho_water / (2 * 1 bar)) and
+    C
     = A psi / (rho_0 sqrt(R T_0)). One Kv gives 3.9 dm3/(s bar). Printed pairs of Cv and C are between 8 % below and 18
     % above this [smc-eus11-83].
     """
@@ -61,7 +62,7 @@ def conductance_from_cv(cv: float) -> float:
 
 #: Critical pressure ratio of a valve whose data sheet states a flow but not b, and why (assumed): printed values of
 #: valves in the catalogue lie between 0.13 and 0.44.
-USUAL_RATIO, USUAL_RATIO_SAID = 0.3, "usual of valves: the size is given without critical_pressure_ratio"
+USUAL_RATIO, USUAL_RATIO_SAID = 0.3, "usual for valves: the size is given without critical_pressure_ratio"
 
 
 #: Alternative keys of a flow path's size.

@@ -1,4 +1,4 @@
-"""From a campaign folder to its characteristics: one call, one result."""
+"""Characteristics of a campaign folder, by one function with one result."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
 
 
 def _loops(reading: CampaignData, points: Points) -> tuple[Loop, ...]:
-    """Return the loops of the slowest, a middle and the fastest cycle of the first conditions, without the offset."""
+    """Return the loops, without offset, of the slowest, a middle and the fastest cycle of the first conditions."""
     loops = []
     for index in range(len(points.conditions[:SHOWN_CONDITIONS])):
         shown: dict[int, int] = {}  # level -> its first cycle with a loop

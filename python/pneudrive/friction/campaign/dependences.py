@@ -103,7 +103,7 @@ def _direction(
     own = [one for one in found.asymmetry if _is_of(one.condition, levels)]
     shares = [share for one in own if one.basis == "tare" and (share := _share(found, one, viscous_n_s_m)) is not None]
     if own and not shares:
-        notes.append("direction: without tare cycles the zero of the force sensor is in the difference; not applied")
+        notes.append("direction: without tare cycles the difference contains the zero of the force sensor; not applied")
     if not shares or not (mean := _weighted(shares)).differs:
         return
     factors = {
@@ -123,7 +123,7 @@ def _share(found: CampaignCharacteristics, one: Asymmetry, viscous_n_s_m: float)
 
 
 def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
-    """Return the trend and waves of the levels over position; their mean over the common range is one."""
+    """Return trend and waves of the levels over position, scaled so that their mean over the common range is 1."""
     title = ", ".join(level for level in levels if level)
     own = [one for one in found.position if one.levels == title]
     curves = [one for one in found.curves if one.direction == BOTH and _is_of(one.condition, levels)]
@@ -163,7 +163,7 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
 
 
 def _series(found: CampaignCharacteristics, levels: tuple[str, str, str]) -> DwellSeries | None:
-    """Choose the series with most stops with a held axis."""
+    """Return the series that has the most stops with a held axis."""
     own = [one for one in found.dwell if one.conditions and not one.released and _is_of(one.conditions[0], levels)]
     return max(own, key=lambda one: len(one.stops), default=None)
 
@@ -183,7 +183,7 @@ def _contact_age(series: DwellSeries | None, ambient_pa: float, notes: list[str]
 
 def _dwell(age: ContactAge, notes: list[str]) -> Iterator[Part]:
     if age.distance is None:
-        notes.append("stops: no return to sliding was seen: the distance that renews the contact is assumed, 0.1 mm")
+        notes.append("stops: no return to sliding was recorded; the renewal distance of the contact is assumed, 0.1 mm")
     if age.together:
         notes.append("stops: both pressures moved together; half of their effect on ageing is given to each chamber")
     table: dict[str, object] = {

@@ -176,7 +176,7 @@ def _data(found: Sequence[Read]) -> list[CycleData]:
 
 
 def _rests(files: Sequence[CycleFile], durations: dict[str, float]) -> dict[str, float]:
-    """Return the rest before each cycle, s: the stop before it, or the time since the end of the one before."""
+    """Return the time at rest before each cycle, s: its stop, or the time since the end of the previous cycle."""
     rests = {file.head.cycle.key: float("nan") for file in files}
     for last, head in pairwise(file.head for file in files):
         if last.cycle.kind == "stop":
@@ -244,12 +244,12 @@ def _temperature(samples: Samples) -> float:
 
 
 def _light(file: CycleFile) -> CycleFile:
-    """Drop the rig's snapshot: it is not needed here, and would be sent to every process."""
+    """Drop the snapshot of the rig, which is not needed and would be sent to every process."""
     return CycleFile(file.path, replace(file.head, memory={}))
 
 
 def _travel(files: Sequence[CycleFile], ways: dict[str, float]) -> dict[str, float]:
-    """Return the travel up to the middle of each cycle: as planned, or by its samples without a plan."""
+    """Return the travel up to the middle of each cycle, from the plan, or without a plan from the samples."""
     travel: dict[str, float] = {}
     total, at = 0.0, None
     for file in files:

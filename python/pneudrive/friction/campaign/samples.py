@@ -1,4 +1,4 @@
-"""A cycle's file as a recording with a plan. Damaged samples are left out and counted. Cycles at rest."""
+"""A file of a cycle as a recording with a plan. Damaged samples are left out and counted. Cycles at rest."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class Gain:
 
 
 def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequence[CycleData]) -> Gain:
-    """Compare the sensor's readings under known weights with those when released.
+    """Compare the readings of the sensor under known weights with its readings when released.
 
     If a weight pulls the piston in +x, the rig holds it back, and the sensor shows less by this force.
     """
@@ -191,10 +191,12 @@ def _zero(seen: list[tuple[CycleData, OpenPressure]], ambient_pa: float, accurac
 def without_zeros(
     data: Sequence[CycleData], zeros: dict[str, PressureZero], identity: Identity
 ) -> tuple[CycleData, ...]:
-    """Subtract the zeros from cycles and zero runs. The zero of a zero run is then only that of the force sensor.
+    """Subtract the zeros from cycles and zero runs.
 
-    The accuracy of a transducer is then that of its gain, which grows with the reading. If its range is not stated, it
-    is the usual one that holds the highest pressure of the campaign.
+    After this correction, a zero run shows only the zero of the force sensor.
+
+    The accuracy of a transducer is then that of its gain, which grows with the reading. If the range is not stated, the
+    smallest usual range that contains the highest pressure of the campaign is assumed.
     """
     known = {side: zero for side, zero in zeros.items() if zero.tares}
     if not known:

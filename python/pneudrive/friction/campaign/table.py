@@ -63,7 +63,7 @@ def friction_map(
 
 
 def _offsets(points: Points, fits: Fits) -> np.ndarray:
-    """Return half the sum of each cycle without the zero of the sensor. 0 without zero runs."""
+    """Return half the sum of each cycle minus the zero of the sensor, which is 0 without zero runs."""
     if not fits.has_zero:
         return np.zeros(len(points))
     zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))

@@ -1,4 +1,4 @@
-"""Characterisation of recordings: one call, one result."""
+"""Characterisation of recordings, by one function with one result."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ def _read(sources: list[Source], watch: Watch = UNWATCHED) -> list[Recording]:
 
 
 def _sample(loaded: list[Recording], sources: list[Source], usable: set[str]) -> list[Recording]:
-    """Choose recordings evenly over a campaign, for the curves of a report."""
+    """Return recordings that are spread evenly over a campaign, for the curves of a report."""
     units: list[Recording | Source] = [*loaded]
     for source in sources:
         units += [source.part(i, i + 1) for i in range(len(source))] if isinstance(source, Cycles) else [source]

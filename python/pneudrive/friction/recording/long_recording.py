@@ -1,7 +1,8 @@
 """Long recordings, read part by part (some strokes each), with the same equations.
 
 Memory is limited to one part, for any length of the recording. Each part begins one stroke before its first counted
-stroke. Every stroke is thus counted once, with the preceding rest. The results of strokes (their bins, means and peaks)
+stroke. Every stroke is therefore counted once, with the rest before it. The results of strokes (their bins, means and
+peaks)
 are combined as for any other recording: speed classes are found from all strokes. The window is that of the layout, or
 the middle of the strokes of the first part. The samples of the part with the largest force are kept, for figures and
 the uncertainty budget.
@@ -165,7 +166,7 @@ def _numbered(friction: StrokeFriction, first: int) -> StrokeFriction:
 def _levels(
     grids: list[Grid], strokes: list[Stroke], frictions: list[StrokeFriction]
 ) -> list[tuple[Grid, list[StrokeFriction]]]:
-    """Divide the strokes of all parts into speed levels, over the bins of all parts that belong to the window."""
+    """Divide the strokes of all parts into speed levels; use the bins of the window from all parts."""
     if not grids:
         return []
     grid = replace(grids[0], first=min(g.first for g in grids), stop=max(g.stop for g in grids))

@@ -28,7 +28,7 @@ def _under_pressure(results: tuple[RecordingResult, ...]) -> set[str]:
 
 
 def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[Row]) -> float:
-    """Return the correlation of speed and pressure within seals, in the direction with the stronger one."""
+    """Return the correlation of speed and pressure within seals, in the direction in which it is stronger."""
     of_recording = {point.recording: point for point in points}
     strongest = 0.0
     for direction in (1, -1):
@@ -65,7 +65,7 @@ def _stick_slip_note(level: Level) -> str:
 
 
 def _doubts(levels: list[Level]) -> list[str]:
-    """Return each kind of doubtful value once, with the sentence of its first recording."""
+    """Return each kind of doubtful value once, with the sentence for the first recording that has it."""
     found: dict[str, list[tuple[str, str]]] = {}
     for level in levels:
         for flag, doubt in level.doubts.items():
@@ -106,7 +106,10 @@ def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list
 
 
 def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, float | str]]:
-    """Return the difference divided by its U, and its values. A common source has the same error in both levels."""
+    """Return the difference divided by its U, and its values.
+
+    A source of error that both levels share has the same error in both.
+    """
     shares = [
         {e.source: e.friction_n if len(level.sides) == 2 else e.offset_n for e in level.budget}
         for level in (one, other)

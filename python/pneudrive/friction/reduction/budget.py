@@ -14,8 +14,8 @@ A row of a campaign, one cycle:
     u_systematic_n  type B   `SharedTerms`: gain, hysteresis, mean over position
                     type A   state of the campaign, and block or day
 
-The parts of gain, hysteresis and zero of a cycle come from the same `systematic_budget` (`stated_shares`). Zero runs
-and known weights replace some of them by measured values (``campaign/sensors.py``).
+The parts of gain, hysteresis and zero of a cycle come from the same `systematic_budget` (`stated_shares`). With zero
+runs and known weights, some of these parts are measured instead (``campaign/sensors.py``).
 """
 
 from __future__ import annotations
@@ -140,7 +140,9 @@ def _parallel_entries(recording: Recording, up: DirectionMeans, down: DirectionM
 def _sensor_entries(
     recording: Recording, channel: str, name: str, means: tuple[DirectionMeans, DirectionMeans], assumed: _Assumed
 ) -> list[BudgetEntry]:
-    """Return the entries of a common error and of hysteresis. A pair keeps only the change with direction.
+    """Return the entries of a common error and of hysteresis.
+
+    In a pair of directions, only the error that changes with direction remains.
 
     The layout states the standard uncertainty of the channel, and may mark it as assumed. At the largest value of the
     sensor, the whole accuracy may be an error of gain.
@@ -218,7 +220,7 @@ def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionM
     angle = accuracy.get("alignment_rad", float(ASSUMED_ALIGNMENT_RAD))
     known = "layout" if "alignment_rad" in accuracy else "assumed"
     turned, shared = (abs(up.force_n + sign * down.force_n) / 2 * angle**2 / 2 for sign in (-1, 1))
-    words = "cosine error; the friction of a side load is friction of the rig and stays in the result"
+    words = "cosine error; friction from a side load is friction of the rig and remains in the result"
     return [
         BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, note),
         BudgetEntry("alignment of the force axis", angle, "rad", known, "B", turned, shared, words),
@@ -342,7 +344,7 @@ def expanded(stderr_n: float, u_systematic_n: float) -> float:
 
 
 def stated_shares(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> dict[str, Any]:
-    """Divide the budget of a cycle into the parts that campaigns separate, by the fields of `CycleData`.
+    """Divide the budget of a cycle into the parts that campaigns treat separately, by the fields of `CycleData`.
 
     Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.
     """

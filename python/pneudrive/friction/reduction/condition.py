@@ -45,7 +45,7 @@ class Condition:
 
     @property
     def title(self) -> str:
-        """Present levels, in words."""
+        """Present levels, as text."""
         return ", ".join(level for level in self.levels if level)
 
     def label(self, ambient_pressure_pa: float) -> str:

@@ -2,7 +2,7 @@
 
 A cycle is a recording with a plan: one speed, set pressures. A speed level of a recording is a cycle without a plan.
 Samples may be unevenly spaced: bins have equal weight, so a burst around a reversal has only the weight of its travel.
-The strokes that count, their means, scatter and breakaway are those of ``strokes.py``, as for a speed level.
+The selection of strokes, their means, scatter and breakaway are computed by ``strokes.py``, as for a speed level.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ class CycleData:
 
     @property
     def strokes_used(self) -> int:
-        """Strokes of both directions that enter the means."""
+        """Strokes of both directions that are used for the means."""
         return sum(side.strokes for side in self.sides.values())
 
 
@@ -241,7 +241,7 @@ def check_speed(motion: RecordedMotion) -> None:
             "the strokes of the cycle have different speeds",
             where=motion.recording.name,
             value=f"{1e3 * speeds.min():.4g} to {1e3 * speeds.max():.4g} mm/s",
-            rule="a cycle must have one speed: it is one point of the characteristic",
+            rule="a cycle must have one speed, because it is one point of the characteristic",
         )
 
 

@@ -1,4 +1,4 @@
-"""One recording through the chain: strokes, settled samples, profiles, map rows, uncertainty."""
+"""Reduction of one recording: strokes, settled samples, profiles, map rows, uncertainty."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ class Level(Shown):
     """One speed class of one recording.
 
     ``doubts`` has a sentence for some of the ``flags``.
-    ``spreads`` and ``stroke_friction_n`` are by direction +1/-1. The latter holds the mean friction of each stroke in
+    ``spreads`` and ``stroke_friction_n`` have the keys +1 and -1 for the direction. ``stroke_friction_n`` has the mean
+    friction of each stroke in
     the window, direction * (stroke - offset), in N, and ``stroke_times_s`` its time.
     """
 

@@ -88,7 +88,7 @@ def chosen_loops(plans: Sequence[CyclePlan]) -> frozenset[str]:
 def reversal_loop(motion: RecordedMotion, plan: CyclePlan) -> Loop | None:
     """Return the force balance around the first reversal of a cycle; None if it has no reversal.
 
-    The offset, half the sum of both directions, is still in `Loop.friction_n`.
+    `Loop.friction_n` still contains the offset (half the sum of both directions).
     """
     recording = motion.recording
     turns = [(a, b) for a, b in pairwise(motion.strokes) if a.direction != b.direction]
@@ -120,7 +120,7 @@ def reversal_loop(motion: RecordedMotion, plan: CyclePlan) -> Loop | None:
 
 
 def _presliding(recording: Recording, friction: Array, before: Stroke, after: Stroke) -> float:
-    """Return the travel after the reversal in which friction goes from 10 % to 90 % of its swing."""
+    """Return the travel after the reversal in which friction goes from 10 % to 90 % of its change."""
     part = slice(before.stop - 1, after.stop)
     start = float(np.median(friction[max(before.stop - 20, before.start) : before.stop]))
     middle = slice(after.start + (after.stop - after.start) // 3, after.start + 2 * (after.stop - after.start) // 3)

@@ -1,4 +1,4 @@
-"""A recording as motion: strokes, force balance and settled samples, computed once for all later steps."""
+"""Motion of a recording: strokes, force balance and settled samples, computed once for all later steps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class SampleChoice(Protocol):
-    """A rule that selects the samples of a stroke for its mean, and may smooth them."""
+    """A rule that selects, and may smooth, the samples of a stroke for its mean."""
 
     @property
     def name(self) -> str:
@@ -30,7 +30,10 @@ class SampleChoice(Protocol):
 
     @property
     def uses_window(self) -> bool:
-        """Whether the mean is over equal positions of the window. Otherwise it is over all chosen samples."""
+        """Whether the mean is taken over bins of equal position in the window.
+
+        Otherwise it is taken over all chosen samples.
+        """
         ...
 
     def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], Array]:

@@ -1,7 +1,7 @@
 """Comparison of two campaigns: new and worn, one seal and another, before and after grease.
 
-Each question is one test. Holm's correction [holm1979] keeps the probability of a false difference at 5 % for all
-questions together. A check of comparability comes first.
+Each compared property is one statistical test. Holm's correction [holm1979] keeps the probability of a false difference
+at 5 % for all tests together. A check of comparability comes first.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ REPEATABILITY_FACTOR = 2.77
 
 @dataclass(frozen=True)
 class Test:
-    """A test of one question.
+    """Statistical test of one property.
 
     Attributes
     ----------

@@ -83,7 +83,7 @@ class CommonPoints:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CurveComparison(Shown):
-    """Difference of friction, second campaign less the first.
+    """Difference of friction: second campaign minus first.
 
     Attributes
     ----------
@@ -244,7 +244,7 @@ def _places(keys: list[tuple[str, float, float, float]]) -> NDArray[np.int64]:
 
 
 def _groups(campaign: NDArray[np.int64], point: NDArray[np.int64], blocks: list[int]) -> list[list[int]]:
-    """Return the cycles of each row: one, or in large campaigns neighbouring repeats at one point."""
+    """Return the cycles of each row: one cycle, or in large campaigns several neighbouring repeats at one point."""
     if campaign.size <= MOST_CELLS:
         return [[i] for i in range(campaign.size)]
     stretch = np.array(blocks, dtype=np.int64)

@@ -81,7 +81,10 @@ class Fits:
 
     @property
     def blocks(self) -> Array | None:
-        """Fraction of each block, or day, in each point; None if the design does not determine their deviations."""
+        """Fraction of each block (or day) in the cycles of each point.
+
+        None if the design does not determine their deviations.
+        """
         return self.friction.data.blocks
 
     @property
@@ -103,8 +106,8 @@ class Fits:
 def fit_points(points: Points, tares: Sequence[CycleData], *, condensed: bool = False) -> Fits | None:
     """Fit the models; return None with too few points of F(v).
 
-    A cycle far off all others (a failed sensor) is removed, and the rest fitted again.
-    Neighbouring repeats of a condensed campaign are one point: none is sought among them.
+    A cycle that differs much from all others (a failed sensor) is removed, and the remaining ones are fitted again.
+    In a large campaign, neighbouring repeats are merged into one point, and outliers among them are not sought.
     """
     fits = _fit_points(points, tares)
     if fits is None or condensed:
@@ -189,7 +192,10 @@ def _with_tares(tares: Sequence[CycleData], data: CurveData) -> CurveData:
 
 
 def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> SharedTerms:
-    """Return the uncertainties that all points share, at these frictions and half sums (without zero if known)."""
+    """Return the uncertainties that all points share, for these frictions and half sums.
+
+    Without the zero if it is known.
+    """
     points = fits.points
     members = points.use & (points.condition == condition)
     data = points.cycles(members)
@@ -328,7 +334,9 @@ def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
 
 
 def by_chance(fits: Fits, fit: CurveFit, at: CurveSpeeds) -> tuple[Array, Array, Array]:
-    """Return the value, low and high of the 95 % interval by chance, N, with a least width from the scatter there.
+    """Return value, low and high end of the 95 % interval from chance, N.
+
+    The scatter at the point gives a lower limit of its width.
 
     Neighbouring speeds and other pressures contribute. The model may therefore be more certain of a point than the
     cycles at this point alone. This is accepted down to `OWN_SHARE`. Between the measured speeds the number of cycles
@@ -342,7 +350,7 @@ def by_chance(fits: Fits, fit: CurveFit, at: CurveSpeeds) -> tuple[Array, Array,
 
 
 def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
-    """Return the standard deviation that a source of chance adds to a single cycle, at these frictions, N."""
+    """Return the standard deviation that a random source adds to a single cycle, at these frictions, N."""
     fit = fits.friction
     sd = fit.sd[source] * fits.scale_n
     relative = fit.relative if source == "cycle" else float(fit.logarithmic)

@@ -1,12 +1,13 @@
-"""Outliers: cycles that no curve can follow. They are found one at a time, by comparison with all others.
+"""Outliers: cycles that do not fit any curve. They are found one at a time, by comparison with all others.
 
 Two outliers inflate the scatter against which each is judged, and an outlier makes a good repeat look like an outlier.
 Each cycle is therefore compared with its prediction from all others [cook1982]: neighbours in speed, other pressures,
 repeats.
 The cycle with the largest deviation relative to the robust scatter is removed, and the model is fitted again. This
 repeats. The number
-of outliers follows from probability [box1968]: an outlier may show any friction, but is rare. Then each removed cycle
-is compared with the prediction from the good ones. It is used again if the prediction does not exclude it. A cycle is
+of outliers follows from probability [box1968]: an outlier may show any friction, but is rare. Finally each removed
+cycle is compared with the prediction from the good cycles, and is used again if it agrees with this prediction. A cycle
+is
 suspect if the data do not decide.
 """
 
@@ -115,7 +116,7 @@ def _path(data: CurveData) -> list[_Taken]:
 
 
 def _price(data: CurveData) -> float:
-    """Return the negative logarithm of the odds of an outlier times its density, relative to a good cycle's."""
+    """Return the cost of an outlier: -log(odds of an outlier * its density / density of a good cycle)."""
     return float(np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * data.level))
 
 
@@ -145,6 +146,6 @@ def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:
 
 
 def _spare(data: CurveData, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Mark cycles whose curve also has other cycles."""
+    """Mark cycles whose curve has further cycles."""
     curve = data.curve[rows]
     return np.bincount(curve[curve >= 0], minlength=int(curve.max()) + 1)[curve] > 1

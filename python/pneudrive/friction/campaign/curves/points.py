@@ -79,7 +79,7 @@ class Points:
 
     @property
     def order(self) -> Array:
-        """Place of each cycle in the campaign, 0 to 1, shape (n,)."""
+        """Relative place of each cycle in the order of the campaign, 0 to 1, shape (n,)."""
         return np.array([d.plan.order for d in self.reduced.data])
 
     @property
@@ -137,7 +137,7 @@ def _reasons(
 def condensed(points: Points) -> Points:
     """Group successive repeats of one condition, speed class and block.
 
-    With very many cells, neighbouring blocks of the same levels count as one, then neighbouring speeds.
+    If there are very many groups, neighbouring blocks of the same levels are merged, then neighbouring speeds.
     """
     reduced = points.reduced
     used = np.flatnonzero(points.use)
@@ -172,7 +172,7 @@ def condensed(points: Points) -> Points:
 
 
 def _stretches(points: Points) -> NDArray[np.int64]:
-    """Count each cycle's block among those of the same mounting, seal and drive, from 0."""
+    """Return the number of each cycle's block, counted from 0 for each combination of mounting, seal and drive."""
     data = points.reduced.data
     ranks: dict[tuple[str, ...], dict[int, int]] = {}
     found = []
@@ -183,9 +183,9 @@ def _stretches(points: Points) -> NDArray[np.int64]:
 
 
 def grouped(place: Whole, stretch: Whole, level: Whole, rows: int, cells: int) -> tuple[list[list[int]], int]:
-    """Group successive cycles of one place, level and stretch of the campaign.
+    """Group successive cycles with the same place and level in the same part of the campaign.
 
-    With very many combinations of the three, neighbouring stretches of the same levels count as one, then neighbouring
+    If there are very many groups, neighbouring parts of the campaign with the same levels are merged, then neighbouring
     levels.
 
     Parameters

@@ -2,8 +2,9 @@
 
 A curve is a line and a deviation from it whose smoothness follows from the data. The deviation is an integrated Wiener
 process. Its estimate is the cubic smoothing spline, and its posterior gives the band [wahba1983]. Curves of one
-campaign share their shape to the extent that the data support this. Smoothness refers to a stretched speed. It is
-logarithmic at low and proportional at high speed, so the Stribeck part and the viscous part both bend slowly.
+campaign share their shape as far as the data support this. Smoothness refers to a stretched speed. The stretched speed
+is logarithmic at low and proportional at high speed, so both the Stribeck part and the viscous part are smooth curves
+over it.
 """
 
 from __future__ import annotations
@@ -188,7 +189,7 @@ class _Basis:
         return np.nan_to_num(stretched(speed_m_s, self.lowest) / self.width)
 
     def fixed(self, speed_m_s: Array, curve: NDArray[np.int64], *, observed: bool) -> Array:
-        """Return one level per curve, a common slope, and the zero if there is one."""
+        """Return the columns of one level per curve, a common slope, and the zero if there is one."""
         levels = (curve[:, None] == np.arange(self.curves)[None, :]).astype(float)
         slope = np.where(curve >= 0, self.place(speed_m_s) - 0.5, 0.0)
         zero = np.full((curve.size, int((self.data.curve < 0).any())), float(observed))
@@ -215,7 +216,7 @@ class _Basis:
 
 
 def carried_drift(data: CurveData) -> float:
-    """Return the fraction of a steady drift that curves could absorb: 1 if speed changes only with order."""
+    """Return the fraction of a steady drift that curves could absorb: 1 if the order determines the speed."""
     on = data.curve >= 0
     if on.sum() < 3 or np.ptp(data.order[on]) == 0:
         return 1.0
@@ -248,8 +249,8 @@ def _described(data: CurveData, fit: MixedFit, relative: float) -> CurveFit:
 def either_chance(fitted: CurveFit) -> CurveFit:
     """Average over both forms of a cycle's scatter, in newton and in proportion to friction.
 
-    The better response (friction or its logarithm) and the form of the scatter are separate questions. Few cycles do
-    not decide the second question, so the band covers both forms.
+    The better response (friction or its logarithm) and the form of the scatter are separate questions. A few cycles do
+    not determine the form of the scatter, so the band covers both forms.
 
     Parameters
     ----------

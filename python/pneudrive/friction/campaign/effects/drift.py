@@ -103,7 +103,7 @@ def drift_of(fits: Fits, found: Causes) -> Drift:
 
 
 def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
-    """Return the effect of one cause on mean friction, with the smooth drift among the unknowns."""
+    """Return the effect of one cause on mean friction; a smooth drift is estimated at the same time."""
     model = fits.friction.fit.model
     x = np.column_stack([model.x, column - column.mean()])
     if independent(x).size < x.shape[1] or x.shape[0] <= x.shape[1] + 1:
@@ -151,7 +151,7 @@ class Pure:
 def pure_scatter(fits: Fits) -> Pure | None:
     """Estimate the standard deviation of a cycle from repeats and control runs, independent of the curves.
 
-    It uses cycles at one condition and speed, after removal of their mean, a line over the campaign and the means of
+    Cycles at one condition and speed are used, after subtracting their mean, a line over the campaign and the means of
     the blocks. The mean of several cycles scatters less and has a larger weight. None if nothing
     was repeated.
     """

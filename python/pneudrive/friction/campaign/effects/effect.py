@@ -185,7 +185,7 @@ class StickSlipPoint:
 
 @dataclass(frozen=True)
 class StickSlipThreshold:
-    """Speed below which stick-slip starts: between the highest speed with and the lowest one without it."""
+    """Speed below which stick-slip starts: between the highest speed with and the lowest speed without it."""
 
     condition: Condition
     low_m_s: float
@@ -233,8 +233,9 @@ class Repeatability:
     """Standard deviations of the friction of one cycle, as ISO 5725 divides them, N.
 
     ``within`` a block at equal conditions, ``between`` blocks and days, and ``total`` of both, at the mean friction of
-    the repeated cycles. ``relative`` says whether they scale with friction. ``basis`` is the source: repeats,
-    sentinels, or both. It is "smooth curve" (from residuals of the curves) if nothing was repeated.
+    the repeated cycles. ``relative`` states whether they are proportional to friction. ``basis`` is the source:
+    repeats,
+    sentinels, or both. ``basis`` is "smooth curve" (residuals of the curves) if no cycle was repeated.
     """
 
     within: Estimate | None

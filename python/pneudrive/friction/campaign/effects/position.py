@@ -81,9 +81,10 @@ def _trend(
 ) -> tuple[Estimate, float]:
     """Estimate the common change along x without the drift of the sensor's zero, and the rate of that drift, N/s.
 
-    The zero drifts during a cycle. Over +x its change grows along the stroke, over -x it falls. Half the difference
-    shows this as rate / speed along x. Slow cycles show it most. Because the rate varies, they contribute least to the
-    trend. The lengths of the waves are uncertain, and a wave of another length is partly a trend. Each
+    The zero drifts during a cycle. In strokes towards +x the drift grows along x, in strokes towards -x it falls along
+    x. In half the difference it appears as a slope of rate / speed. Slow cycles show this drift most. Because its rate
+    varies, they contribute least
+    to the trend. The lengths of the waves are uncertain, and a wave of another length is partly a trend. Each
     cycle therefore has waves that may be slightly longer or shorter.
     """
     found, variance = _slopes(position, rows, waves, length)

@@ -35,8 +35,9 @@ FOLLOWS_TIME = 0.1
 
 @dataclass(frozen=True, eq=False)
 class _Design:
-    """Cycles of one set of levels. Pressures are in bar, gauge; ``kind`` is both, a, b, sum or line.
+    """Cycles of one set of levels.
 
+    Pressures are in bar, gauge. ``kind`` names the determined slopes: both, a, b, sum or line.
     ``beside`` has a column for each set of equal cycles at other speeds, such as control runs. They do not depend on
     pressure, and show the effect of time. Their ``level`` is -1.
     """
@@ -191,7 +192,7 @@ def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
 class _Hidden:
     """A change of friction over the campaign that the design does not separate from the effects of pressure.
 
-    ``size_n`` is its standard uncertainty. ``of_order`` are the coefficients of the columns with the same effect as a
+    ``size_n`` is its standard uncertainty. ``of_order`` are the coefficients of the pressure columns that look like a
     steady change by 1 N from the first cycle to the last.
     """
 
@@ -199,7 +200,7 @@ class _Hidden:
     of_order: Array
 
     def share(self, row: Array) -> float:
-        """Return the part of the change that a contrast would absorb."""
+        """Return the part of the change that a combination of pressure effects would contain."""
         return abs(float(row @ self.of_order))
 
 
@@ -286,7 +287,10 @@ def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> Iter
 
 
 def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> Said:
-    """Return the sentence on whether the effects add; an interaction within the sensors' accuracy is not proved."""
+    """Return the text on whether the effects of both pressures add.
+
+    An interaction within the accuracy of the sensors does not count.
+    """
     reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
     most = reach * float(np.abs(design.a * design.b).max())
     numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"

@@ -77,5 +77,5 @@ def _threshold(condition: Condition, with_it: list[float], without: list[float])
     text = f"stick-slip starts between {1e3 * top:.3g} and {1e3 * min(above):.3g} mm/s"
     mixed = [speed for speed in without if speed < top]
     if mixed:
-        text += f"; none at {', '.join(f'{1e3 * v:.3g}' for v in sorted(mixed))} mm/s below that"
+        text += f"; none at the lower speed of {', '.join(f'{1e3 * v:.3g}' for v in sorted(mixed))} mm/s"
     return StickSlipThreshold(condition, top, min(above), text)

@@ -1,1 +1,1 @@
-"""Stops: relaxation while held, breakaway peak, way back, and breakaway over stop duration."""
+"""Stops: relaxation while held, breakaway peak, return to sliding, and breakaway over stop duration."""

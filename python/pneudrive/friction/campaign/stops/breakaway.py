@@ -1,7 +1,8 @@
 """Height of a breakaway peak from noisy samples.
 
-The largest of many noisy samples is too high, and the largest of smoothed ones is too low. Here one half of the samples
-gives the place of the peak, and the other half its height. Then the halves are exchanged. The noise that selected the
+The largest of many noisy samples is too high, and the largest of smoothed ones is too low. Therefore one half of the
+samples gives the place of the peak, and the other half its height. Then the halves are exchanged. The noise that
+selected the
 place does not
 enter the height. Samples are smoothed by local parabolas. Their width is the largest whose peak agrees within noise
 with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little and a flat one much.
@@ -154,7 +155,7 @@ class Noise:
     def of(cls, values: Array) -> Noise:
         """Estimate the white part from second differences, the slow one from residuals of a smoothed curve.
 
-        The smoothed curve is used after the largest value, where nothing bends quickly.
+        The smoothed curve is used after the largest value, where the force changes slowly.
         """
         white = max(noise_level(values), 1e-12 * float(np.abs(values).max()) + 1e-300)
         behind = values[int(np.argmax(_quick(values))) + NOISE_HALF_WIDTH // 2 :][:NOISE_SAMPLES]
@@ -178,7 +179,7 @@ class Noise:
         return float(np.hypot(self.white, self.slow))
 
     def of_many(self) -> float:
-        """Return the deviation of one sample for a mean of many: the correlated part counts more."""
+        """Return the standard deviation of one sample for means of many, in which correlated noise counts more."""
         return float(np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory)))
 
     def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
@@ -238,7 +239,10 @@ def _search_end(
 
 
 def _even(time: Array, friction: Array) -> tuple[Array, Array]:
-    """Return samples of one rate around the highest one. If the rate changes there, thin the denser samples."""
+    """Return samples of one rate around the highest one.
+
+    If the sampling rate changes among these samples, thin the denser ones.
+    """
     steps = np.diff(time)
     if steps.size < 2:
         return time, friction
@@ -285,7 +289,10 @@ def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
 
 
 def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
-    """Return the largest sample less its bias by noise; its uncertainty is from noise and the step to the next."""
+    """Return the largest sample minus its bias from noise.
+
+    The uncertainty comes from noise and the step to the next sample.
+    """
     top = int(np.argmax(_quick(friction)))
     near = friction[max(top - SINGLE, 0) : top + SINGLE + 1]
     at = max(top - SINGLE, 0) + int(np.argmax(near))
@@ -295,7 +302,7 @@ def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
 
 
 def _parabola(half: int) -> Array:
-    """Return the weights of the value of a parabola fitted to 2 half + 1 even samples, at their middle."""
+    """Return the weights that give the value at the middle of a parabola fitted to 2 half + 1 evenly spaced samples."""
     j = np.arange(-half, half + 1, dtype=float)
     weights = 3.0 * (3.0 * half * half + 3.0 * half - 1.0) - 15.0 * j * j
     return weights / ((2 * half - 1) * (2 * half + 1) * (2 * half + 3))

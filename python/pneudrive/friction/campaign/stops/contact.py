@@ -8,7 +8,8 @@ after a restart has fallen to 5 % at
 
   psi(L/v + (t - L/v) exp(-travel/L)) = psi(L/v) + 0.05 [psi(t) - psi(L/v)]
 
-This gives L for each time tau. B and the pressure coefficients follow by least squares, tau by the profile.
+This gives L for each time tau. B and the pressure coefficients are found by least squares, and tau by a scan over its
+values.
 """
 
 from __future__ import annotations
@@ -168,7 +169,7 @@ def _distance(growth: str, exponent: float, time: float, dwell: Array, speed: Ar
 
 
 def _lengths(growth: str, exponent: float, time: float, dwell: Array, speed: Array, back: Array) -> Array:
-    """Return the distance L of each stop from its way back, by halving its logarithm."""
+    """Return the distance L of each stop from its return to sliding, by bisection on its logarithm."""
 
     def psi(age: Array) -> Array:
         return _psi(growth, age / time, exponent)

@@ -4,8 +4,8 @@
 
 Smoothing reduces the height of a corner; a fit does not. This module does not treat peaks that are round over several
 samples. The parameters p, r, d, q are linear. Corner c and roundness s are evaluated on a grid. The height is the
-average over the grid,
-weighted by the fit of each place. Its uncertainty therefore covers that of c and s.
+average over the grid, weighted by the quality of each fit. Its uncertainty therefore includes the uncertainty of c and
+s.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float,
 def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
     """Fit corners at all places and roundnesses, and return a weight for each.
 
-    Places are as close as the samples resolve.
+    The distance of places in the grid is the smallest that the samples resolve.
     """
     low, high = max(top - 6.0, 0.5), top + 6.0
     tried = _scanned(friction, low, high, many_n)

@@ -3,8 +3,9 @@
   y = level_c + slope_c u + bend + place + drift + block + block slope + scatter,   u = log10(stop duration)
 
 at each condition c. The bend is smooth over u (a slow and a quicker part), and partly common to all conditions. The
-bend, the blocks, their slopes and the scatter between cycles are random effects. Results are averages over their sizes
-(`pneudrive.estimate.mixed`). Intervals therefore cover the choice of the law as well as the scatter.
+bend, the blocks, their slopes and the scatter between cycles are random effects. Results are averages over the possible
+sizes of these effects (`pneudrive.estimate.mixed`). Intervals therefore cover the choice of the law as well as the
+scatter.
 """
 
 from __future__ import annotations
@@ -223,7 +224,7 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
 
 
 def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect, ...]:
-    """Return the sources of scatter, that from stop to stop first."""
+    """Return the sources of scatter; the scatter from stop to stop comes first."""
     y, u = data.increment_n, data.log_s
     line = np.abs(x @ np.linalg.lstsq(x, y, rcond=None)[0])
     size = np.clip(line / max(float(line.mean()), 1e-300), *GROWTH_RANGE)

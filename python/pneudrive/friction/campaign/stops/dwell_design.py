@@ -78,9 +78,8 @@ def design_stops(
 ) -> StopDesign:
     """Choose durations of stops that determine level, increment and time constant of a dwell law.
 
-    The design is D-optimal by exchange, averaged over a time constant that is known only within a factor. The increment
-    is linear, so
-    its size affects only the expected interval of the time constant.
+    The design is D-optimal by exchange, averaged over a time constant that is known only within a factor. The model is
+    linear in the increment, so the size of the increment affects only the expected interval of the time constant.
 
     Parameters
     ----------

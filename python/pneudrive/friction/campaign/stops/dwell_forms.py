@@ -1,9 +1,9 @@
 """Laws of breakaway over stop duration, fitted side by side and compared by information criteria.
 
-  y = a_c + B_c psi(t; shape)      at each condition c; the shape is common to all of them
+  y = a_c + B_c psi(t; shape) at each condition c; the shape is common to all conditions
 
-psi is a growth of the core, named as in drive files, with a time and an exponent. The shape's interval comes from its
-profile, and is open if the data set no bound.
+psi is a growth of the core, named as in drive files, with a time and an exponent. The interval of the shape comes from
+its profile, and is open if the data do not limit it.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class DwellForm:
 
     @property
     def saturates(self) -> bool:
-        """Whether it is bounded."""
+        """Whether the growth has a limit."""
         return self.growth in {"saturating", "hyperbolic"}
 
     def derivatives(self, duration_s: Array, time_s: float, exponent: float | None = None) -> Array:

@@ -139,7 +139,7 @@ def _data(stops: list[Stop], conditions: list[Condition]) -> DwellData:
 
 
 def _running_drift(stops: Sequence[Stop]) -> float:
-    """Return the relative drift of running friction over half the campaign, assumed for ageing too."""
+    """Return the relative drift of running friction over half the campaign. The same drift is assumed for ageing."""
     time = np.array([s.began_s for s in stops])
     if np.ptp(time) == 0:
         return 0.0
@@ -152,7 +152,7 @@ def _running_drift(stops: Sequence[Stop]) -> float:
 
 
 def _pressure(curve: DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
-    """Regress slopes and increments of the conditions on their pressures, as functionals of one model."""
+    """Regress slopes and increments of the conditions on their pressures, as linear functions of one model."""
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
     if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None

@@ -126,7 +126,7 @@ class DwellSeries(Shown):
 
     @property
     def name(self) -> str:
-        """Levels, speed and axis in words."""
+        """Levels, speed and state of the axis (held, released) as text."""
         held = "released" if self.released else "held"
         parts = [self.levels, f"restart at {1e3 * self.speed_m_s:.3g} mm/s", held]
         return ", ".join(part for part in parts if part)

@@ -1,4 +1,7 @@
-"""The stop within a cycle: approach, rest, restart. It is found from the cycle's steps, otherwise from motion."""
+"""The phases of a stop in a cycle: approach, rest, restart.
+
+They are found from the steps of the cycle, otherwise from motion.
+"""
 
 from __future__ import annotations
 
@@ -124,7 +127,7 @@ def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[
 
 
 def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
-    """Return the signed speed over a time long enough for the noise of position, shape (n,)."""
+    """Return the signed speed, shape (n,), averaged long enough to suppress the noise of position."""
     noise = max(noise_level(position_m), 1e-12)
     width = float(np.clip(20.0 * noise / max(speed_m_s, 1e-9), *SPEED_WINDOW_S))
     low, high = np.maximum(time_s - width / 2, time_s[0]), np.minimum(time_s + width / 2, time_s[-1])
@@ -188,7 +191,7 @@ def _by_motion(cycle: Cycle, time_s: Array, position_m: Array) -> Phases | str:
 
 
 def _without_gaps(rests: list[list[int]], position_m: Array) -> list[tuple[int, int]]:
-    """Join rests between which only noise moved the carriage."""
+    """Join rests that are separated only by noise of the position."""
     reach = SAME_PLACE * max(noise_level(position_m), 1e-12)
     whole: list[tuple[int, int]] = []
     for begin, end in rests:

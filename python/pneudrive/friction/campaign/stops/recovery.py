@@ -1,8 +1,8 @@
-"""Distance and time after a restart until friction is back at that of uninterrupted sliding.
+"""Distance and time after a restart until friction has returned to that of uninterrupted sliding.
 
   excess(s) = E exp(-s/L) + c        s: travel since the breakaway peak
 
-c is the rest at the end of the move. Friction counts as restored when the excess over c has fallen to 5 % of its start.
+c is the rest at the end of the move. Friction has recovered when the excess over c has fallen to 5 % of its start.
 This distance does not depend on noise, unlike "no longer distinguishable".
 """
 
@@ -34,7 +34,7 @@ SIGNIFICANT = 3.0
 
 @dataclass(frozen=True)
 class Recovery:
-    """Way back to uninterrupted sliding.
+    """Return of friction to that of uninterrupted sliding after a restart.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Excess:
 
 
 def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Excess | None:
-    """Average over bins that widen with travel; None with too few samples.
+    """Average over bins whose width grows with travel; None if there are too few samples.
 
     Parameters
     ----------

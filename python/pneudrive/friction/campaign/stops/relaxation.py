@@ -5,7 +5,7 @@
   two times     f = a - A1 [1 - exp(-t/tau1)] - A2 [1 - exp(-t/tau2)]
   none          f = a
 
-All four are fitted to means over bins that are even in log time and compared by AICc [burnham2002].
+All four forms are fitted to means over bins that are even in log time, and compared by AICc [burnham2002].
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
 
 
 def _basis(form: str, time: Array, times: Array) -> Array:
-    """Return the fall for amplitude 1 at time, shape (n,), of all sets of times, shape (g, k); shape (g, n, k)."""
+    """Return the fall for amplitude 1 at times (n,), for sets of time constants (g, k); shape (g, n, k)."""
     ratio = time[None, :, None] / times[:, None, :]
     return np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
 

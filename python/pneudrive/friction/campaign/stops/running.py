@@ -102,7 +102,7 @@ def read_strokes(files: Iterable[CycleFile], identity: Identity) -> list[Uninter
 
 
 def _means(values: Array, most: int) -> tuple[Array, float]:
-    """Return the means over equal parts, at most so many, and the mean number of samples in one."""
+    """Return the means over equal parts, and the mean number of samples in a part."""
     edges = np.linspace(0, values.size, min(most, values.size) + 1).astype(int)
     sizes = np.diff(edges)
     return np.add.reduceat(values, edges[:-1]) / sizes, float(sizes.mean())
@@ -115,7 +115,7 @@ def _noise(values: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Running:
-    """Friction without the stop.
+    """Friction as it would be without the stop.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class Running:
     reference_n: Array
 
     def shape(self, position_m: Array) -> Array:
-        """Return the uninterrupted friction at these positions less that at the stop; 0 without a reference."""
+        """Return the uninterrupted friction at these positions minus that at the stop; 0 without a reference."""
         if not self.reference_m.size:
             return np.zeros(position_m.size)
         at = np.interp(np.r_[self.stop_m, position_m], self.reference_m, self.reference_n)
@@ -193,7 +193,7 @@ def running_level(
 
 
 def _of_approach(friction: Array) -> tuple[float, float, float]:
-    """Return mean, standard error and texture of friction before the stop."""
+    """Return mean, standard error and variation over position of friction before the stop."""
     bins, each = _means(friction, int(min(BINS, max(friction.size // 4, 4))))
     noise = _noise(friction) / np.sqrt(each)
     stderr = profile_stderr(bins)

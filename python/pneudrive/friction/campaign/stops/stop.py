@@ -1,4 +1,4 @@
-"""Stops in the middle of a move: relaxation while held, breakaway peak, way back to uninterrupted sliding.
+"""Stops in the middle of a move: relaxation while held, breakaway peak, return to uninterrupted sliding.
 
 Every number is a difference within one move (or to an uninterrupted one of the same cycle), so the zero of the
 sensor and slow drift cancel. Samples are raw; friction here is direction * balance, and still contains the offset.
@@ -139,7 +139,7 @@ class Stop(Shown):
 
     @property
     def usable(self) -> bool:
-        """Whether the increment enters the law of breakaway over duration."""
+        """Whether the increment is used for the law of breakaway over duration."""
         return np.isfinite(self.increment_n) and not SPOILING.intersection(self.flags)
 
 
@@ -202,7 +202,7 @@ def _restart(recording: Recording, friction: Array, phases: Phases) -> tuple[Arr
 
 
 def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: Running) -> Recovery | None:
-    """Fit the return over the part after the peak at constant speed."""
+    """Fit the return to sliding over the part after the peak at constant speed."""
     if not np.isfinite(running.level_n) or part.stop - part.start < 2:
         return None
     position = recording.position_m[part]
@@ -236,7 +236,7 @@ def _flags(
 
 
 def _spoiled(recording: Recording, phases: Phases, stop: Stop, at_peak: int, in_chamber: bool) -> Iterator[str]:
-    """Return flags for parts of the increment that may not be friction: air, a mass that breaks loose."""
+    """Return flags for parts of the increment that may not be friction: force of the air, inertia of the mass."""
     size = max(abs(stop.increment_n), 3.0 * stop.increment_stderr_n)
     begin = max(phases.restart.start - 3, 0)
     moved = 0.0
