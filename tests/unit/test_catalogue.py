@@ -310,7 +310,7 @@ def test_the_catalogue_lists_parts_and_what_they_leave_open(shelf, capsys):
     assert run(["catalogue", "ours", "--catalogue", str(shelf)]) == 0
     shown = capsys.readouterr().out
     assert "[Our sheet, drawer 3, 2026-11-02] printed as 0.9 kgf" in shown
-    assert "Not in the catalogue, to be given with the part: moving_mass, the rest of friction." in shown
+    assert "Not in the catalogue; give these values with the part: moving_mass, the rest of friction." in shown
     assert run(["catalogue", "--catalogue", str(shelf / "no")]) == 2
     assert "there is no folder" in capsys.readouterr().err
 
