@@ -56,7 +56,7 @@ class ChunkStore:
             raise CommandError(
                 f"{folder} holds results of another study",
                 where=str(path),
-                rule=f"the folder was begun with the same {_different(begun.get('about', {}), about['about'])}",
+                rule=f"the same {_different(begun.get('about', {}), about['about'])} as at the beginning of the folder",
                 remedy="Choose another folder, or remove this one.",
             )
         self.chunks = study.chunks(members if begun is None else begun["chunk_members"])

@@ -183,7 +183,7 @@ def test_the_voltage_of_a_drive_s_valve_is_its_command_and_no_force(driven, tmp_
     assert "force" not in {g.role for g in proposal.guesses}
     assert {g.role: g.index for g in proposal.guesses}["command"] == 1
     if not named:
-        assert "position, pressure_a and pressure_b: numbers alone do not tell them apart" in proposal.problem
+        assert "position, pressure_a and pressure_b: numbers alone do not distinguish them" in proposal.problem
         return
     assert proposal.problem == ""
     layout = Layout.loads(proposal.text.replace('"bar gauge"', '"bar abs"'))
