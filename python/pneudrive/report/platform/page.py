@@ -91,9 +91,9 @@ def platform_section(platform: Platform, columns: Mapping[str, Array]) -> Sectio
     rows = []
     for label, factor, each in _panels(platform, found):
         for name, curve in each.items():
-            values = factor * curve
-            rows.append((name, label, f"{values.min():.4g}", f"{values.max():.4g}"))
-    caption = f"{platform.name} at the end of the run, with the path of its origin, and its run."
+            ends = (round(factor * float(end), 6) + 0.0 for end in (curve.min(), curve.max()))
+            rows.append((name, label, *(f"{end:.4g}" for end in ends)))
+    caption = f"{platform.name} at the end of the run with the path of its origin, and the curves of the run."
     picture = Picture(platform.name, caption, _figure(platform, found))
     table = PageTable(("", "quantity", "least", "most"), tuple(rows), "Ranges of the run", numbers_from=2)
     return Section("platform", f"Platform {platform.name}", (picture, table))
