@@ -93,7 +93,7 @@ def tripod_run(tmp_path_factory):
     return path
 
 
-def test_a_page_of_a_run_shows_the_drawing_and_every_curve(tripod_run, tmp_path):
+def test_a_page_of_a_run_shows_the_drawing_and_every_curve(tripod_run, tmp_path, capsys):
     page = tmp_path / "run.html"
     assert command(["platform", str(TRIPOD), "--run", str(tripod_run), "--out", str(page)]) == 0
     text = page.read_text()
@@ -101,6 +101,9 @@ def test_a_page_of_a_run_shows_the_drawing_and_every_curve(tripod_run, tmp_path)
     assert "synthetic" in text
     for label, *_ in LEG_PANELS:
         assert label in text
+    assert command(["platform", str(TRIPOD), "--run", str(tripod_run)]) == 0
+    said = capsys.readouterr().out
+    assert all(label in said for label, *_ in LEG_PANELS)
     tripod = pn.platform(pn.Circuit.load(TRIPOD))
     table = tmp_path / "run.csv"
     assert command(["platform", str(TRIPOD), "--run", str(tripod_run), "--out", str(table)]) == 0
@@ -159,7 +162,7 @@ def test_a_film_has_the_frames_of_the_run(tripod_run, tmp_path, monkeypatch, cap
 
 WRONG = {
     "film at rest": (["--out", "motion.gif"], "motion.gif shows a run"),
-    "run without a file": (["--run", "run.parquet"], "--run is given without --out"),
+    "no such run": (["--run", "run.parquet"], "run.parquet"),
     "suffix": (["--out", "motion.avi"], ".mp4"),
 }
 

@@ -42,9 +42,7 @@ def platform(
         check_target(out, (*PICTURES, *OF_RUNS))
     own = platform_of(cast("Circuit", load_described(circuit)), name)
     if out is None:
-        if run is not None:
-            raise CommandError("--run is given without --out", remedy="Add --out motion.gif.")
-        _show(own)
+        _show(own) if run is None else _show_run(own, run)
         return
     _write(own, run, out, dark=dark)
     typer.echo(str(out))
@@ -73,6 +71,16 @@ def _write(own: Platform, run: Path | None, out: Path, *, dark: bool) -> None:
         save_columns(columns | platform_outputs(own, columns), {"title": own.name}, out)
     else:
         animate_platform(own, columns["time_s"], poses, out, dark=dark)
+
+
+def _show_run(own: Platform, run: Path) -> None:
+    from pneudrive.platforms.outputs import platform_outputs
+    from pneudrive.report.platform.page import RANGE_HEAD, read_platform_run, run_ranges
+
+    columns = read_platform_run(own, run)
+    typer.echo(f"{own.name}, {len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s")
+    ranges = run_ranges(own, columns | platform_outputs(own, columns))
+    typer.echo(aligned([RANGE_HEAD, *ranges], right_from=2))
 
 
 def _show(own: Platform) -> None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 ROW_IN = 1.35  # height of a row of panels
 MOST_POSES = 400  # of a path
 MOST_SAMPLES = 4000  # of a curve
+RANGE_HEAD = ("", "quantity", "least", "most")
 #: Panels of legs: label, factor from SI, and the form of its columns.
 LEG_PANELS = (
     ("position / mm", 1e3, "{leg}.position_m"),
@@ -85,17 +86,22 @@ def write_platform_page(platform: Platform, columns: Mapping[str, Array], path: 
     return target
 
 
-def platform_section(platform: Platform, columns: Mapping[str, Array]) -> Section:
-    """Return the drawing of a run, its curves, and the range of each."""
-    found = {**columns, **platform_outputs(platform, columns)}
+def run_ranges(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, str, str, str]]:
+    """Return name, quantity, least and largest value of each curve of a run with its outputs."""
     rows = []
-    for label, factor, each in _panels(platform, found):
+    for label, factor, each in _panels(platform, columns):
         for name, curve in each.items():
             ends = (round(factor * float(end), 6) + 0.0 for end in (curve.min(), curve.max()))
             rows.append((name, label, *(f"{end:.4g}" for end in ends)))
+    return rows
+
+
+def platform_section(platform: Platform, columns: Mapping[str, Array]) -> Section:
+    """Return the drawing of a run, its curves, and the range of each."""
+    found = {**columns, **platform_outputs(platform, columns)}
     caption = f"{platform.name} at the end of the run with the path of its origin, and the curves of the run."
     picture = Picture(platform.name, caption, _figure(platform, found))
-    table = PageTable(("", "quantity", "least", "most"), tuple(rows), "Ranges of the run", numbers_from=2)
+    table = PageTable(RANGE_HEAD, tuple(run_ranges(platform, found)), "Ranges of the run", numbers_from=2)
     return Section("platform", f"Platform {platform.name}", (picture, table))
 
 
