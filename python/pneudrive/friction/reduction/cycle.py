@@ -18,6 +18,7 @@ from pneudrive.friction.reduction.budget import stated_shares
 from pneudrive.friction.reduction.motion import RecordedMotion
 from pneudrive.friction.reduction.pairing import Grid, bin_means, grid_of, mean_profile
 from pneudrive.friction.reduction.side import Side
+from pneudrive.friction.reduction.stick_slip import swing_of
 from pneudrive.friction.reduction.strokes import ReducedStrokes, stroke_frictions
 
 if TYPE_CHECKING:
@@ -86,13 +87,14 @@ class CycleSide(Side):
         Force balance (see `Recording.balance_n`) in each bin of position, NaN without settled samples.
     air_n : ndarray, shape (bins,)
         Its part from the chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b).
-    scatter_n : float
-        Standard deviation of the balance within the bins.
+    scatter_n, swing_n : float
+        Standard deviation of the balance within the bins, and its range in the middle of a stroke.
     """
 
     balance_n: Array
     air_n: Array
     scatter_n: float
+    swing_n: float
 
 
 @dataclass(frozen=True)
@@ -263,4 +265,5 @@ def _cycle_side(motion: RecordedMotion, side: Side, grid: Grid, rows: Array) -> 
         balance_n=means,
         air_n=np.where(covered, binned(air), np.nan),
         scatter_n=float(np.sqrt(max(squares.mean(), 0.0))),
+        swing_n=swing_of(motion.position_m, motion.balance_n, side.used),
     )

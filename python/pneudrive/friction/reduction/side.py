@@ -38,8 +38,8 @@ class Side(DirectionMeans):
         Usual range of the pressure force within a stroke.
     breakaway_n, dwell_s, loading_rate_n_s : float
         Excess of the preceding reversals. NaN without a usable peak.
-    ripple, period_s, step_m, swing_n : float
-        Standard deviation of speed over its mean; period, travel and swing of the balance in stick-slip (NaN without).
+    ripple, period_s, step_m : float
+        Standard deviation of speed over its mean; period and travel in stick-slip (NaN without).
     piston_ripple : float
         The same for the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
     stick_slip : bool
@@ -57,7 +57,6 @@ class Side(DirectionMeans):
     ripple: float
     period_s: float
     step_m: float
-    swing_n: float
     piston_ripple: float
     stick_slip: bool
 

@@ -198,28 +198,21 @@ class StrokeSlip:
     axis : StickSlip
     piston : StickSlip or None
         None if the stiffness of the rig is unknown.
-    swing_n : float
-        Range of the balance without its lowest and highest 2 %.
     """
 
     axis: StickSlip
     piston: StickSlip | None
-    swing_n: float
 
     @classmethod
-    def of(cls, recording: Recording, balance_n: NDArray[np.float64], stroke: Stroke) -> StrokeSlip | None:
+    def of(cls, recording: Recording, stroke: Stroke) -> StrokeSlip | None:
         """Measure one stroke; None with too few samples."""
         part = middle_of(stroke, recording.position_m)
         if part is None:
             return None
         time, position, force = _even(recording.time_s[part], recording.position_m[part], recording.force_n[part])
         stiffness = recording.stiffness_n_m
-        low, high = quantiles(balance_n[part], 0.02, 0.98)
-        return cls(
-            axis=measure_stick_slip(time, position),
-            piston=measure_stick_slip(time, position - force / stiffness) if stiffness else None,
-            swing_n=high - low,
-        )
+        piston = measure_stick_slip(time, position - force / stiffness) if stiffness else None
+        return cls(measure_stick_slip(time, position), piston)
 
 
 def sliding_of(slips: Sequence[StrokeSlip]) -> dict[str, Any]:
@@ -231,16 +224,21 @@ def sliding_of(slips: Sequence[StrokeSlip]) -> dict[str, Any]:
         "ripple": median([s.ripple for s in axis]),
         "period_s": median([s.period_s for s in seen if slipping]),
         "step_m": median([s.step_m for s in seen if slipping]),
-        "swing_n": median([s.swing_n for s in slips]),
         "piston_ripple": median([s.ripple for s in piston]),
         "stick_slip": slipping,
     }
 
 
+def swing_of(position_m: NDArray[np.float64], balance_n: NDArray[np.float64], strokes: Sequence[Stroke]) -> float:
+    """Return the usual range of the balance in the middle of some strokes, without its lowest and highest 2 %."""
+    parts = [part for stroke in strokes if (part := middle_of(stroke, position_m)) is not None]
+    return median([float(np.diff(quantiles(balance_n[part], 0.02, 0.98))[0]) for part in parts])
+
+
 def _even(time_s: NDArray[np.float64], *values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
     """Return evenly spaced values of uneven samples: means over equal intervals."""
     steps = np.diff(time_s)
-    if steps.max() <= 2.0 * middle(steps):
+    if steps.max() <= 2.0 * steps.min() or steps.max() <= 2.0 * middle(steps):  # the first one is quick
         return time_s, *values
     count = min(EVEN_SAMPLES, max(int((time_s[-1] - time_s[0]) / steps.max()), FEWEST_SAMPLES))
     edges = np.linspace(time_s[0], time_s[-1], count + 1)

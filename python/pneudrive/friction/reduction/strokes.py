@@ -105,7 +105,7 @@ def stroke_frictions(
                 balance_n=row,
                 mean_n=float(chosen.mean()) if counts else float("nan"),
                 inside=window_means(recording, stroke, settled, window) if counts else None,
-                slip=StrokeSlip.of(recording, motion.balance_n, stroke) if counts else None,
+                slip=StrokeSlip.of(recording, stroke) if counts else None,
             )
         )
     if len({one.stroke.direction for one in found if one.inside}) < 2:
