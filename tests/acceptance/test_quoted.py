@@ -15,7 +15,7 @@ def test_readme_has_the_measured_times():
     numbers = quoted()
     assert f"takes {numbers['simulate_ms']} ms" in text
     assert f"take {numbers['ensemble_member_us']} us each" in text
-    assert f"contains {numbers['inside_seals']} pressures" in text
+    assert f"at {numbers['inside_seals']} held-out pressures" in text
 
 
 def test_every_substitution_of_the_documentation_is_known():
