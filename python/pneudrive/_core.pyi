@@ -225,7 +225,7 @@ def close_step(
     mechanics: Sequence[Sequence[float]],
     velocities: Sequence[float],
     slopes: Sequence[float],
-    known: Sequence[float] = (),
+    known: Sequence[float] = ...,
 ) -> tuple[list[float], list[float], list[float], int]: ...
 
 @type_check_only

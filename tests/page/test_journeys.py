@@ -554,7 +554,7 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
     page.wait_for_selector("[data-copy=python]")
     assert violations(tab) == []
     page.click("button:text-is('Export')")
-    page.click("text=Show what other tools see of results/axis.fmu", timeout=30_000)
+    page.click("text=Show the variables of results/axis.fmu", timeout=30_000)
     page.wait_for_selector("[data-variable=command]")
 
     fmu = server.folder / "results" / "axis.fmu"
