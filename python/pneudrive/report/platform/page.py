@@ -145,7 +145,7 @@ def _figure(platform: Platform, columns: Mapping[str, Array]) -> Figure:
             columns_of = {"ncols": 3, "loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "columnspacing": 1.0}
             drawing.legend(*axis.get_legend_handles_labels(), **columns_of)
         elif len(each) > 1:
-            style.headroom(axis, above=0.25)
+            style.headroom(axis, above=0.35)
             axis.legend(loc="upper right", ncols=len(each), handlelength=1.4, columnspacing=0.8, borderaxespad=0.0)
         if k >= len(panels) - 2:
             axis.set_xlabel("time / s")
