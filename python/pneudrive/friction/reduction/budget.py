@@ -5,8 +5,7 @@ independent, so standard uncertainties add in squares; the expanded uncertainty 
 A row of a recording, one speed level:
 
     stderr_n        type A   `chance_n`: scatter of the strokes' means, at least the noise within the strokes
-    u_systematic_n  type B   `systematic_budget`: one entry for each source, its sensitivity times its uncertainty,
-                             with the choice of the window (`window_entry`)
+    u_systematic_n  type B   `systematic_budget`, `window_entry`: for each source its sensitivity times its uncertainty
 
 A row of a campaign, one cycle:
 
@@ -26,16 +25,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.reduction.spread import pair_stderr, profile_stderr, within_stderr
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.pairing import Profile
     from pneudrive.friction.reduction.side import DirectionMeans
-    from pneudrive.friction.reduction.spread import Spread
     from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
@@ -48,8 +44,7 @@ ASSUMED_PRESSURE_OF_RANGE = 0.005 / np.sqrt(3.0)  # limits of 0.5 % of full scal
 ASSUMED_FORCE_OF_LARGEST = 0.002 / np.sqrt(3.0)  # limits of 0.2 % of the largest force, rectangular
 ASSUMED_BORE = 0.002  # of the bore: 0.05 mm on 25 mm
 ASSUMED_ALIGNMENT_RAD = np.deg2rad(1.0)
-# Share of a sensor's accuracy that changes with direction (hysteresis) and so survives the pairing.
-ASSUMED_DIRECTION_SHARE = 1.0 / 3.0
+ASSUMED_DIRECTION_SHARE = 1.0 / 3.0  # of a sensor's accuracy: changes with direction, so it survives the pairing
 USUAL_RANGES_PA = np.array([1, 1.6, 2.5, 4, 6, 10, 16, 25, 40, 100]) * 1e5
 
 
@@ -100,17 +95,10 @@ def systematic_budget(
 
 
 def unseen_n(pattern_n: Array, coverage: float) -> float:
-    """Return the standard uncertainty of a mean over some positions as the mean over the drive's stroke, N.
+    """Return the standard uncertainty of a mean over some bins of position as the mean over the drive's stroke, N.
 
-    The rest of the stroke is taken to differ like the seen positions: their standard deviation times the share of the
-    rest.
-
-    Parameters
-    ----------
-    pattern_n : ndarray, shape (bins,)
-        Friction, or half the sum, over the positions of the mean.
-    coverage : float
-        Share of the travel of the recording that they cover.
+    It is the standard deviation of friction over these bins, shape (bins,), times the share of the stroke outside them.
+    They cover the share ``coverage`` of the travel of the recording.
     """
     known = pattern_n[np.isfinite(pattern_n)]
     return (1.0 - coverage * (1.0 - BEYOND_SHARE)) * float(known.std()) if known.size else 0.0
@@ -230,36 +218,10 @@ def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionM
 def chance_n(scatter_n: Array | float, noise_n: Array | float) -> Array:
     """Return the type A standard uncertainty of friction: scatter between strokes, at least their noise, N.
 
-    Parameters
-    ----------
-    scatter_n : ndarray or float
-        From the spread of the strokes' means (`pair_stderr`); NaN for single strokes.
-    noise_n : ndarray or float
-        From the bins within the strokes, without their pattern over position.
+    The scatter is NaN for single strokes (`pair_stderr`). The noise is that of the bins within the strokes, without
+    their pattern over position.
     """
     return np.fmax(scatter_n, noise_n)
-
-
-def level_chance_n(
-    spreads: Mapping[int, Spread], rows: Mapping[int, Array], bins: NDArray[np.bool_], profile: Profile
-) -> float:
-    """Return `chance_n` of a speed level.
-
-    Parameters
-    ----------
-    spreads, rows : mapping
-        Direction -> spread of its strokes' means; present direction -> balance of each stroke in each bin.
-    bins, profile : ndarray of bool, Profile
-        Bins of the mean, and friction over position: the only information if no direction has two strokes.
-    """
-    if len(rows) == 1:
-        (only,) = rows
-        scatter, single = spreads[only].stderr_n, rows[only][0]
-        inside = within_stderr(rows[only][:, bins])
-    else:
-        scatter, single = pair_stderr(spreads[1], spreads[-1]), profile.friction_n
-        inside = float(np.sqrt(sum(within_stderr(matrix[:, bins]) ** 2 for matrix in rows.values()))) / 2
-    return float(chance_n(scatter, inside if np.isfinite(scatter) else profile_stderr(single[bins])))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,9 @@ from pneudrive.errors import RecordingError
 from pneudrive.friction.friction_map import Row
 from pneudrive.friction.reduction.budget import (
     BudgetEntry,
+    chance_n,
     combined,
     expanded,
-    level_chance_n,
     systematic_budget,
     window_entry,
 )
@@ -22,7 +22,7 @@ from pneudrive.friction.reduction.pairing import MIDDLE, Grid, Profile
 from pneudrive.friction.reduction.plausible import doubts_of
 from pneudrive.friction.reduction.reversal import ReversalPeak
 from pneudrive.friction.reduction.side import RowValue, Side, row_of
-from pneudrive.friction.reduction.spread import Spread, spread_of
+from pneudrive.friction.reduction.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT, StickSlip
 from pneudrive.friction.reduction.stroke_use import StrokeUse
 from pneudrive.friction.reduction.strokes import (
@@ -245,7 +245,7 @@ def _estimate(
     budget = tuple(systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s))))
     budget = (*budget, _window_entry(profile, found))
     u_friction, u_offset = combined(budget)
-    stderr = level_chance_n(spreads, found.rows, found.bins, profile)
+    stderr = _by_chance(spreads, found, profile)
     if len(sides) == 1:
         # A single direction cancels nothing: its friction is as uncertain as the offset.
         friction, offset, u_friction = only * spreads[only].mean_n, float("nan"), u_offset
@@ -260,6 +260,18 @@ def _estimate(
         "u_offset_n": u_offset,
         "budget": budget,
     }
+
+
+def _by_chance(spreads: dict[int, Spread], found: ReducedStrokes, profile: Profile) -> float:
+    """Return `chance_n`. The profile over position is all that is known if no direction has two strokes."""
+    rows = {d: matrix[:, found.bins] for d, matrix in found.rows.items()}
+    if len(rows) == 1:
+        (only,) = rows
+        scatter, single, inside = spreads[only].stderr_n, rows[only][0], within_stderr(rows[only])
+    else:
+        scatter, single = pair_stderr(spreads[1], spreads[-1]), profile.friction_n[found.bins]
+        inside = float(np.sqrt(sum(within_stderr(matrix) ** 2 for matrix in rows.values()))) / 2
+    return float(chance_n(scatter, inside if np.isfinite(scatter) else profile_stderr(single)))
 
 
 def _window_entry(profile: Profile, found: ReducedStrokes) -> BudgetEntry:

@@ -220,10 +220,8 @@ class CurveBand:
     Attributes
     ----------
     at : CurveSpeeds
-    value_n, low_n, high_n : ndarray
-        Curve and its 95 % interval by chance.
-    cycle_n : ndarray
-        Standard deviation of a single cycle.
+    value_n, low_n, high_n, cycle_n : ndarray
+        Curve, its 95 % interval by chance, and the standard deviation of a single cycle.
     offset : Predicted
         Half the sum of both directions.
     shared : SharedTerms
@@ -303,26 +301,21 @@ def cycle_terms(points: Points, fits: Fits | None) -> CycleTerms:
     return CycleTerms(**terms)
 
 
-def drag(fits: Fits, bands: Sequence[CurveBand], total_n: Array, stderr_n: Array) -> list[tuple[Array, Array, Array]]:
-    """Return the value, low and high of each curve of the whole drag, which drifts like friction, N.
+def drag(fits: Fits, bands: Sequence[CurveBand], total_n: Array, stderr_n: Array) -> list[tuple[Array, ...]]:
+    """Return each curve of the whole drag: value, low, high and systematic uncertainty, N.
 
     Parameters
     ----------
     fits : Fits
     bands : sequence of CurveBand
     total_n, stderr_n : ndarray, shape (n,)
-        Drag of the cycles with both directions.
+        Drag of the cycles with both directions. It drifts like friction.
     """
     fit, found = fit_response(fits, total_n, stderr_n, drift=True), []
     for at in (band.at for band in bands):
         value, low, high = by_chance(fits, fit, at)
-        found.append(with_u(value, low, high, systematic(fits, value, value, at.index).friction_n()))
+        found.append((value, low, high, systematic(fits, value, value, at.index).friction_n()))
     return found
-
-
-def with_u(value: Array, low: Array, high: Array, u: Array) -> tuple[Array, Array, Array]:
-    """Return a value and its 95 % interval, widened by a standard uncertainty."""
-    return value, value - np.hypot(value - low, NORMAL_95 * u), value + np.hypot(high - value, NORMAL_95 * u)
 
 
 def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:

@@ -12,11 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.campaign.curves.curves import CurveBand, Fits, drag, fit_response, in_newton, with_u
+from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.friction.campaign.curves.curves import CurveBand, Fits, drag, fit_response, in_newton
 from pneudrive.friction.campaign.effects.effect import AirShare
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 
 def air_shares(fits: Fits, bands: Sequence[CurveBand], *, separated: bool) -> tuple[AirShare, ...]:
@@ -25,14 +30,14 @@ def air_shares(fits: Fits, bands: Sequence[CurveBand], *, separated: bool) -> tu
     unknown = [np.full(at.speed_m_s.size, np.nan) for at in asked]
     sensors = [np.full_like(nan, _pressure_part(fits, at.index)) for at, nan in zip(asked, unknown, strict=True)]
     # One model after the other: each needs much memory.
-    whole = drag(fits, bands, reduced.total_n, reduced.total_stderr_n)
+    whole = [_with_u(*one) for one in drag(fits, bands, reduced.total_n, reduced.total_stderr_n)]
     part = seal = [(nan, nan, nan) for nan in unknown]
     if separated:
         air = fit_response(fits, reduced.air_n, reduced.air_stderr_n, drift=False)
         part = [
-            with_u(*in_newton(air, air.at(at.number, at.speed_m_s)), u) for at, u in zip(asked, sensors, strict=True)
+            _with_u(*in_newton(air, air.at(at.number, at.speed_m_s)), u) for at, u in zip(asked, sensors, strict=True)
         ]
-        seal = [with_u(band.value_n, band.low_n, band.high_n, band.shared.friction_n()) for band in bands]
+        seal = [_with_u(band.value_n, band.low_n, band.high_n, band.shared.friction_n()) for band in bands]
     least = [np.maximum(high - np.minimum.accumulate(low), 0.0) for _, low, high in whole]
     bounds = unknown if separated else least
     each = zip(asked, whole, part, seal, bounds, strict=True)
@@ -43,3 +48,8 @@ def _pressure_part(fits: Fits, index: int) -> float:
     """Return the standard uncertainty of the chambers' force by the accuracy of their sensors, N."""
     points = fits.points
     return float(np.mean([d.u_air_n for d in points.cycles(points.use & (points.condition == index))]))
+
+
+def _with_u(value: Array, low: Array, high: Array, u: Array) -> tuple[Array, Array, Array]:
+    """Return a value and its 95 % interval, widened by a standard uncertainty."""
+    return value, value - np.hypot(value - low, NORMAL_95 * u), value + np.hypot(high - value, NORMAL_95 * u)
