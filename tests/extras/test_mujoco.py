@@ -133,6 +133,20 @@ def test_a_model_that_does_not_fit_is_rejected(model, fault):
             at_slide(model=machines.slide(**model))
 
 
+def test_a_law_that_sticks_moves_the_model_through_a_coupling():
+    levels = {"coulomb": "30 N", "breakaway": "40 N", "stribeck_velocity": "20 mm/s", "viscous": "60 N s/m"}
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": {"law": "stribeck", **levels}})
+    wanted = np.asarray(
+        pn.simulate(drive, PLAN, "0.4 s", initial={"position": "100 mm"}, rtol=1e-8, sample_rate="1 kHz").position
+    )
+    light = drive.replace({"cylinder.moving_mass": "0.2 kg"})  # the model has the other 1.8 kg
+    actuators = at_slide(light, model=machines.slide(mass=1.8), couplings={"slide": "1e7 N/m"})
+    run = actuators.simulate({"slide": PLAN}, "0.4 s")
+    assert np.abs(run["slide.position_m"] - wanted).max() < 0.01 * np.ptp(wanted)
+    report = actuators.report
+    assert abs(report.work_gap_j) < 1e-9 * report.work_j
+
+
 def test_messages_name_what_to_do():
     with pytest.raises(CommandError, match=r"(?s)starts at 600 mm.*0 to 500 mm"):
         at_slide(position=0.6)

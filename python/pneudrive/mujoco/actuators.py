@@ -39,8 +39,10 @@ MOST_ATTEMPTS, RENEW_FROM = 20, 4
 RENEW_AFTER = 20
 #: Residual of the loops above which a run warns, m (assumed).
 WIDE_GAP = 1e-5
-#: Component that moves the axis of a drive, and columns of a run.
-AXIS = "mujoco_axis"
+#: Component that moves the axis of a drive, coupling before it, and columns of a run.
+AXIS, COUPLING = "mujoco_axis", "mujoco_coupling"
+#: Damping of a coupling over its stiffness, s (assumed: a steel joint).
+DAMPING_TIME_S = 1e-4
 SIGNALS = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 
@@ -86,7 +88,14 @@ class StepReport(Shown):
 class _Axis:
     """A drive at one actuator: its circuit with an axis at a prescribed velocity, and its sensors."""
 
-    def __init__(self, name: str, described: Described, initial: Any, setup: Setup) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        name: str,
+        described: Described,
+        initial: Any,  # noqa: ANN401
+        setup: Setup,
+        stiffness_n_m: float | None,
+    ) -> None:
         self.name, self.described, self.setup = name, described, setup
         self.form: dict[str, Any] = json.loads(described.system.json)
         cylinders = [one for one in self.form["components"] if one.get("friction")]
@@ -97,21 +106,31 @@ class _Axis:
         self.joint = next((one for one in self.form["joints"] if f"{own}.rod" in one), [f"{own}.rod"])
         if self.joint not in self.form["joints"]:
             self.form["joints"].append(self.joint)
+        self.is_coupled = stiffness_n_m is not None
+        if stiffness_n_m is not None:
+            numbers = {"stiffness": stiffness_n_m, "damping": DAMPING_TIME_S * stiffness_n_m}
+            self.form["components"].append({"name": COUPLING, "kind": "coupling", "numbers": numbers})
+            self.joint.append(f"{COUPLING}.1")
+            self.joint = [f"{COUPLING}.2"]
+            self.form["joints"].append(self.joint)
         self.joint.append(f"{AXIS}.1")
         self.form["components"].append({"name": AXIS, "kind": "platform/driven", "numbers": {}})
         masses = [one for one in self.form["components"] if f"{one['name']}.1" in self.joint and one["kind"] == "load"]
-        for one in masses:
-            one["numbers"]["mass"] = 0.0
-        self.cylinder["numbers"]["incline"] = 0.0
+        if not self.is_coupled:  # otherwise the piston with its load is a mass of its own
+            for one in masses:
+                one["numbers"]["mass"] = 0.0
+            self.cylinder["numbers"]["incline"] = 0.0
         self.prefix = "" if own == PISTON and described.system.names else f"{own}."
         self.given = described.read_start(initial)
         self.stroke_m = float(self.cylinder["numbers"]["stroke"])
 
     def start(self, position_m: float, mass_kg: float, rtol: float, seed: int) -> None:
         """Start at a position; the mass, which MuJoCo moves, designs the default end stops."""
-        self.cylinder["numbers"]["moving_mass"] = mass_kg
+        if not self.is_coupled:
+            self.cylinder["numbers"]["moving_mass"] = mass_kg
         core = compiled(json.dumps(self.form, sort_keys=True), self.described.system.names)
-        own = {f"{self.prefix}position_m": position_m, f"{self.prefix}velocity_m_s": 0.0}
+        movers = [self.prefix, f"{AXIS}.1."] if self.is_coupled else [self.prefix]
+        own = {f"{of}{key}": at for of in movers for key, at in (("position_m", position_m), ("velocity_m_s", 0.0))}
         self.core = core.start({**self.given, **own}, rtol)
         self.session = Session(self.core)
         ambient_pa = float(self.form["ambient"]["pressure_pa"])
@@ -122,6 +141,10 @@ class _Axis:
         """Return the name of the circuit for a name of a drive."""
         chamber = {f"{key}_{c}_{unit}": f"{c}.{key}_{unit}" for c in "ab" for key, unit in (("pressure", "pa"),)}
         return name if not self.prefix else f"{self.prefix}{chamber.get(name, name)}"
+
+
+def _number(given: str | float, unit: str) -> float:
+    return units.parse(given, unit) if isinstance(given, str) else float(given)
 
 
 class Actuators:
@@ -136,13 +159,16 @@ class Actuators:
     ----------
     model : mujoco.MjModel
     drives : mapping
-        Actuator, or joint with one actuator -> `Drive`, or `Circuit` with one cylinder. The friction law has no stick
-        mode: lugre, elasto-plastic, ...
+        Actuator, or joint with one actuator -> `Drive`, or `Circuit` with one cylinder. Friction laws with a
+        stick mode need `couplings`.
     data : mujoco.MjData, optional
     zero : mapping of str to str or float, optional
         Length of an actuator at the cylinder position 0: ``"350 mm"``, or a number in m. Default 0.
     initial : mapping, optional
         Start of each drive, as for `pneudrive.simulate`, without the position: that is MuJoCo's.
+    couplings : mapping of str to str or float, optional
+        Stiffness of the joint between rod and model, N/m: ``"1e7 N/m"``. Friction laws with a stick mode need it. The
+        moving mass and the load of the drive are then between friction and coupling, apart from the masses of MuJoCo.
     setup : Setup, str or path-like
         Sensors of `sense`: ``"ideal"``, ``"real"``, ``"cheap"`` or a file.
     seed : int
@@ -164,22 +190,25 @@ class Actuators:
         *,
         zero: Mapping[str, str | float] | None = None,
         initial: Mapping[str, Any] | None = None,
+        couplings: Mapping[str, str | float] | None = None,
         setup: Setup | str | Path = "real",
         seed: int = 0,
         rtol: float = 1e-6,
     ) -> None:
         check_tolerance(rtol)
-        for given in (zero, initial):
+        for given in (zero, initial, couplings):
             for name in given or {}:
                 if name not in drives:
                     raise CommandError(f"there is no drive at {name!r}", remedy=nearest(name, drives))
         self.model, self.names, self.rtol, self.seed = model, tuple(drives), rtol, seed
         self._response = Response(model, self.names, data)
         self.data = self._response.data
-        of = {name: units.parse(own, "m") if isinstance(own, str) else float(own) for name, own in (zero or {}).items()}
-        self._zero = np.array([of.get(name, 0.0) for name in self.names])
+        self._zero = np.array([_number((zero or {}).get(name, 0.0), "m") for name in self.names])
+        stiff = {name: _number(own, "N/m") for name, own in (couplings or {}).items()}
         known = read_setup(setup)[0]
-        self._axes = [_Axis(name, own, (initial or {}).get(name), known) for name, own in drives.items()]
+        self._axes = [
+            _Axis(name, own, (initial or {}).get(name), known, stiff.get(name)) for name, own in drives.items()
+        ]
         self.reset(keep=data is not None)
 
     def reset(self, keyframe: int | None = None, *, keep: bool = False) -> None:
@@ -342,7 +371,7 @@ class Actuators:
             axis = self._axis(name)
             for t, value in plan:
                 axis.session.schedule("command" if not axis.prefix else "valve.command", [(self.time + t, value)])
-        seconds = units.parse(duration, "s") if isinstance(duration, str) else duration
+        seconds = _number(duration, "s")
         rows = [self._row(signals)]
         for _ in range(round(seconds / self.model.opt.timestep)):
             self.step()
