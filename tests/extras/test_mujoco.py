@@ -1,18 +1,14 @@
 """Drives at the actuators of MuJoCo models. `make test-extras` runs it."""
 
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 mujoco = pytest.importorskip("mujoco", reason="make test-extras")
-sys.path.insert(0, str(Path(__file__).parent))
-
-import machines  # noqa: E402
-
 import pneudrive as pn  # noqa: E402
+from extras import machines  # noqa: E402
 from pneudrive.errors import CommandError, DescriptionError, PneudriveWarning  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
