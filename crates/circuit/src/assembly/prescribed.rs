@@ -93,28 +93,26 @@ pub fn close(
 ) -> Result<(Vec<f64>, usize), Error> {
     let n = axes.len();
     let Some(h) = axes.first().map(|(session, _)| until - session.time()) else { return Ok((Vec::new(), 0)) };
-    // Half of the limit leaves room for the others.
-    let is_small = |change: f64, v: f64| (2.0 * h * change).abs() < CLOSED[0].max((CLOSED[1] * h * v).abs());
+    let mut all = |v: &[f64]| -> Result<Vec<f64>, Error> {
+        axes.iter_mut().zip(v).map(|((session, axis), v)| axis.step(session, *v, until)).collect()
+    };
     let Mechanics { begin, end, forces: under, mobility } = *mechanics;
     let first = usize::from(known.is_empty());
-    let mut forces = known;
-    if forces.is_empty() {
-        let each = axes.iter_mut().zip(&*v).map(|((session, axis), v)| axis.step(session, *v, until));
-        forces = each.collect::<Result<_, _>>()?;
-    }
+    let mut forces = if known.is_empty() { all(v)? } else { known };
     for trials in first..MOST_TRIALS {
         // (1 - h W diag(S)) dv = missed/h by elimination: W is positive, and S rarely so.
         let mut rows = vec![vec![0.0; n + 1]; n];
-        let mut is_open = vec![false; n];
+        let (mut most, mut least) = (0.0_f64, CLOSED[0]);
         for (i, row) in rows.iter_mut().enumerate() {
             let moved: f64 = (0..n).map(|j| mobility[i * n + j] * (forces[j] - under[j])).sum();
             row[n] = (end[i] - begin[i]) / h + h * moved - v[i];
-            is_open[i] = !is_small(row[n], v[i]);
+            most = most.max((h * row[n]).abs());
+            least = least.max((CLOSED[1] * h * v[i]).abs());
             for j in 0..n {
                 row[j] = f64::from(u8::from(i == j)) - h * mobility[i * n + j] * slopes[j];
             }
         }
-        if !is_open.contains(&true) {
+        if most < least {
             return Ok((forces, trials));
         }
         for i in 0..n {
@@ -130,17 +128,12 @@ pub fn close(
             let rest: f64 = (i + 1..n).map(|j| rows[i][j] * change[j]).sum();
             change[i] = (rows[i][n] - rest) / rows[i][i];
         }
-        for (i, (session, axis)) in axes.iter_mut().enumerate() {
-            if !is_open[i] && is_small(change[i], v[i]) {
-                continue; // its last trial is still valid
-            }
-            v[i] += change[i];
-            let force = axis.step(session, v[i], until)?;
-            if change[i].abs() > LEAST_CHANGE * (1.0 + v[i].abs()) {
-                slopes[i] = (force - forces[i]) / change[i];
-            }
-            forces[i] = force;
+        v.iter_mut().zip(&change).for_each(|(v, change)| *v += change);
+        let other = all(v)?;
+        for i in (0..n).filter(|&i| change[i].abs() > LEAST_CHANGE * (1.0 + v[i].abs())) {
+            slopes[i] = (other[i] - forces[i]) / change[i];
         }
+        forces = other;
     }
     Ok((forces, MOST_TRIALS))
 }
