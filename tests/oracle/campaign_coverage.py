@@ -119,6 +119,8 @@ def main() -> None:
             part.add(one)
         if chosen:
             sys.stdout.write(part.line(title, chosen) + "\n")
+    worst = (min(100 * np.mean(getattr(t, name)) for t in tallies) for name in ("measured", "rows"))
+    sys.stdout.write("worst campaign: {:.1f} % of the measured points, {:.1f} % of the rows\n".format(*worst))
     ends = np.concatenate([t.ends for t in tallies])
     sys.stdout.write(f"truth taken at the beginning of the campaign: {100 * np.mean(ends):.1f} %" + "\n")
 

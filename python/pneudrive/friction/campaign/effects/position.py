@@ -40,9 +40,10 @@ COVERED = 0.9  # of the common bins: cycles that lack more are not used for tren
 def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
     """Describe friction over position: for each mounting, seal and drive, then for conditions with enough cycles."""
     own = [(c.title, c, points.use & (points.condition == i)) for i, c in enumerate(points.conditions)]
-    whole = dict.fromkeys(title for title, _, _ in own)
-    groups = [(title, None, np.any([part for name, _, part in own if name == title], axis=0)) for title in whole]
-    found = [_describe(points, *group) for group in (*groups, *(own if len(own) > 1 else ()))]
+    parts = {title: [one for one in own if one[0] == title] for title, _, _ in own}
+    groups = [(title, None, np.any([one[2] for one in some], axis=0)) for title, some in parts.items()]
+    groups += [one for some in parts.values() if len(some) > 1 for one in some]
+    found = [_describe(points, *group) for group in groups]
     return tuple(one for one in found if one is not None)
 
 
