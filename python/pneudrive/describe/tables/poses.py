@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 _METRES = "_m"
 #: Largest residual of a start, m, as in the core. A start with a smaller singular value is rejected (assumed).
 CLOSED, SINGULAR = 1e-9, 1e-6
+#: Distance from a given coordinate, m or rad, at which a pose is another one (assumed).
+SAME = 1e-6
 REACHES = "the arm reaches from its carriage to the platform"
 NEARER = "Start nearer to half strokes."
 _LENGTH, _ANGLE = Quantity("m", "mm"), Quantity("rad", "deg")
@@ -203,9 +205,15 @@ class Poses:
                 rule = f"in the nearest pose {platform.legs[i]}.position = {1e3 * found[i]:.6g} mm"
                 remedy = f"Start from a pose, for instance {next(iter(self.keys))}, or from other positions."
                 raise wrong(key, what, rule=rule, remedy=remedy)
+            pose = angles(platform, q)[0]
+            if any(abs(pose[k] - value) > SAME for k, value in self.given.get(platform.name, {}).items()):
+                what = (
+                    f"the legs of {platform.name} have the positions of the start also at {pose_text(platform, pose)}"
+                )
+                raise wrong(key, what, rule="a run starts from the positions of the legs", remedy=NEARER)
             least = float(singular_values(platform, q)[0, -1])
             if not least > SINGULAR:
-                what = f"the start of {platform.name} is singular: {pose_text(platform, angles(platform, q)[0])}"
+                what = f"the start of {platform.name} is singular: {pose_text(platform, pose)}"
                 rule = f"smallest singular value above {SINGULAR:g}, here {least:.1g}"
                 remedy = "Start from another pose, or change the joints: here the legs do not hold the platform."
                 raise wrong(key, what, rule=rule, remedy=remedy)
