@@ -16,7 +16,7 @@ UPPER: dict[str, str] = {}
 
 
 def upper(name: str) -> Any:  # noqa: ANN401 - any function
-    """Return a function of an upper layer, for a method that only forwards to it."""
+    """Return a function of an upper layer, for a method that only calls this function."""
     return getattr(import_module(UPPER[name]), name)
 
 

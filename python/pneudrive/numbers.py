@@ -50,7 +50,7 @@ def places(uncertainty: float) -> int:
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Write a number with `digits` digits, in ordinary notation if that is usual, and never "-0".
+    """Write a number with `digits` digits, in ordinary notation if its size allows, and never as "-0".
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Code of users: one rule for when it may run.
+"""Code of users, and the rule that decides whether it may run.
 
 Code runs only if the command or call of this run names it. A file that is read (a campaign folder, a description) may
 name the code that was used, but this never runs the code. The user must name the code again, or allow it by the SHA-256
@@ -98,10 +98,10 @@ def check_allowed(source: str, allowed: str | None, found_in: str, option: str, 
     """
     module, _ = split(source) or (source, "")
     there = sha256(source)
-    remedy = f"Look at the code. Then name it: {option} {source}"
+    remedy = f"Check the code, then name it: {option} {source}"
     if allowed is None or not there:
         raise kind(
-            "the file names code that this run was not told to run",
+            "the file names code that this command or call does not name",
             where=found_in,
             value=f"{source}{f', SHA-256 {there}' if there else ''}",
             rule="only the user decides which code runs",

@@ -117,7 +117,7 @@ FILES = {
     "hold": ('law = "nmpc"\nhold = true', "True is not a table", "hold = false"),
     "no boolean": ('law = "nmpc"\nadaptation = "no"', "must be true or false", ":3"),
     "a gain in cycles": ('law = "nmpc"\n[gains]\nbandwidth = "10 Hz"', "counts cycles", "rad/s", ":4"),
-    "own code": ('law = "mine.py:Law"', "was not told to run", "--law mine.py:Law"),
+    "own code": ('law = "mine.py:Law"', "this command or call does not name", "--law mine.py:Law"),
     "another drive": ('law = "nmpc"\ndrive = "nowhere.toml"', "nowhere.toml", "no file"),
 }
 RECORDS = {

@@ -144,7 +144,7 @@ WRONG = {
     "no class": (["--law", "mine.py:Lav"], "no function or class", "'Law'"),
     "no file": (["--law", "yours.py:Law"], "there is no file", "yours.py"),
     "no library": (["--law", "yours.so:law"], "there is no file", "yours.so"),
-    "a file names code": (["--controller", "own.toml"], "was not told to run", "--allow-code"),
+    "a file names code": (["--controller", "own.toml"], "this command or call does not name", "--allow-code"),
     "two laws": (["--controller", "own.toml", "--law", "pid"], 'law "pid" and a controller', "Give one"),
 }
 

@@ -91,7 +91,7 @@ def say_all(said: Iterable[Said]) -> Iterator[Statement]:
 
 
 def named(names: Iterable[str], separator: str = ", ") -> str:
-    """Return the first of several names, joined to one text."""
+    """Return the first few of several names as one text."""
     return separator.join(list(names)[:NAMED])
 
 

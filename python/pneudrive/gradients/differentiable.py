@@ -34,8 +34,8 @@ _BETWEEN = 256
 class Differentiable:
     """Results of a run as a function of numbers of the drive.
 
-    It is a plain function of an array for `scipy.optimize`. Its forms for `jax` and `torch` take part in their
-    differentiation.
+    It is a plain function of an array for `scipy.optimize`. `jax()` and `torch()` return forms that these libraries can
+    differentiate.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Differentiable:
         return jax_function(self)
 
     def torch(self) -> Any:  # noqa: ANN401 - a function of PyTorch
-        """Return a function of a PyTorch tensor that takes part in autograd."""
+        """Return a function of a PyTorch tensor that autograd can differentiate."""
         from pneudrive.gradients.frameworks import torch_function
 
         return torch_function(self)
@@ -165,7 +165,7 @@ def _passes(x: Array, one: Reduction) -> int:
         side = "above" if one.above else "below"
         when = "from the start on" if holds[0] else "never"
         raise SimulationError(
-            f"{one.columns[0]} is {when} {side} {one.level:g}", remedy="Choose a level that the run passes."
+            f"{one.columns[0]} is {when} {side} {one.level:g}", remedy="Choose a level that the signal passes."
         )
     return int(holds.argmax()) - 1
 

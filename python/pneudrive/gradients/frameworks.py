@@ -1,4 +1,4 @@
-"""A `Differentiable` as a function of JAX and of PyTorch, which differentiate around pneudrive's run."""
+"""A `Differentiable` as a function for JAX and for PyTorch, with the derivatives from pneudrive."""
 
 # pyright: reportMissingImports=false, reportFunctionMemberAccess=false
 # JAX and PyTorch are not installed with pneudrive.
@@ -34,8 +34,8 @@ class ArrayFunction(Protocol):
 def jax_function(of: ArrayFunction) -> Any:  # noqa: ANN401 - a function of JAX
     """Return a function of a JAX array, shape (p,), that returns the results, shape (k,).
 
-    It has a rule for forward differentiation, which JAX transposes for backward differentiation. It can be compiled and
-    mapped over members, which then run one after the other.
+    It has a rule for forward differentiation, which JAX transposes for backward differentiation. The function can be
+    compiled and mapped over members, which are then simulated one after the other.
 
     Raises
     ------

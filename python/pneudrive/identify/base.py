@@ -41,7 +41,7 @@ SCHEMA = 1
 HASH_DIGITS = 16
 #: Explanation of the numbers after "model ±".
 MODEL_ERROR_WORDS = (
-    "95 %: interval from noise; model ±: change of the value for errors of 1 % in each held number (assumed)"
+    "95 %: interval from noise; model ±: change of the value if each held number has an error of 1 % (assumed)"
 )
 
 
@@ -121,7 +121,7 @@ class Fit(Shown):
 
     @property
     def synthetic(self) -> bool:
-        """Whether the data are known to be simulated."""
+        """Whether the data are marked as simulated."""
         return SIMULATED in self.notes
 
     @property
@@ -163,7 +163,7 @@ class Fit(Shown):
         return 2.0 * float(np.hypot(self.standard_errors[name], self.systematic.get(name, 0.0)))
 
     def profile(self, names: Sequence[str] | None = None) -> dict[str, tuple[float, float]]:
-        """Return 95 % intervals by profile likelihood: each value is held while all others are fitted.
+        """Return 95 % intervals by profile likelihood: one value is held while all others are fitted again.
 
         Undetermined values also have an interval: its open ends are infinite, or at the bound of the value.
 
@@ -186,7 +186,7 @@ class Fit(Shown):
         return {name: profiler(name) for name in self._asked(names)}
 
     def _with_data(self, found: T | None) -> T:
-        """Return the results of a fit that need its data and a converged search."""
+        """Return the results of a fit; raise an error without its data or without a converged search."""
         if found is None:
             raise FitError(
                 f"this {self.TITLE} was read from a file, without its data",
@@ -333,7 +333,7 @@ class Fit(Shown):
         return (self.values,)
 
     def tables(self) -> tuple[dict[str, float], ...]:
-        """Return all values with a name in `free`: those of `values` and others, such as sensors."""
+        """Return all values with a name in `free`: values of the drive, and others such as those of sensors."""
         return self._groups()
 
     def _first(self) -> dict[str, Any]:
@@ -409,7 +409,7 @@ class Fit(Shown):
             _ = str(found), found.toml()  # a key that only some fits need raises here
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             what = f'"{error.args[0]}" is missing' if isinstance(error, KeyError) else str(error)
-            remedy = "Give a fit.toml as pneudrive fit or pneudrive identify wrote it."
+            remedy = "Give a fit.toml that pneudrive fit or pneudrive identify has written."
             raise FitError(f"the file is not a complete {cls.TITLE}", where=where, value=what, remedy=remedy) from error
         return found
 
@@ -522,7 +522,7 @@ class Fit(Shown):
 
 
 def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:
-    """Write tables as lines of TOML, each inner table under its own head; `name` is already written as a key.
+    """Write tables as lines of TOML, each inner table under a separate header; `name` is already written as a key.
 
     None values are left out.
 

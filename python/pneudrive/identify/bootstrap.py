@@ -1,4 +1,7 @@
-"""Block bootstrap of a fit: intervals from resampled recordings (cycles). It does not use errors of single values."""
+"""Block bootstrap of a fit: intervals from resampled recordings (cycles).
+
+The bootstrap does not use stated errors of single values.
+"""
 
 from __future__ import annotations
 

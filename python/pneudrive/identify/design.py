@@ -57,7 +57,10 @@ class Prior(Shown):
 
     @classmethod
     def of_fit(cls, fit: FrictionFit, draws: int = DRAWS, seed: int = 1) -> Prior:
-        """Return the prior from the estimates of a fit and their covariance; its measurements count."""
+        """Return the prior from the estimates of a fit and their covariance.
+
+        The measurements of the fit are counted.
+        """
         centre = fit.coordinates
         to_internal = np.linalg.pinv(fit.model.natural_jacobian(centre))
         covariance = to_internal @ fit.covariance @ to_internal.T
@@ -348,7 +351,7 @@ def _region(prior: Prior, over: Limits) -> Array:
 def _half_widths(prior: Prior, matrix: Array, values: int) -> dict[str, float]:
     """Return half-widths in natural units: the median over the prior samples.
 
-    Student's t is that for all values after the measurement.
+    Student's t is taken for the number of values after the measurement.
     """
     free = values - len(prior.model.names)
     found = []

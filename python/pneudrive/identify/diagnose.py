@@ -43,7 +43,7 @@ MOST_SPEEDS = 6
 #: Undetermined part -> reason, and remedy. Values are in braces.
 SENTENCES = {
     "held at zero": (
-        "it was held at zero; coulomb is then the whole friction at the speeds of the map",
+        "it was held at zero; coulomb then contains all friction at the speeds of the map",
         "measure at speeds that differ by a factor of three or more",
     ),
     "one speed": (
@@ -83,7 +83,7 @@ SENTENCES = {
         "the rows cannot distinguish it from the other parameters (a direction of the scaled Jacobian vanishes)",
         "measure at more speeds and pressures, not all varied together",
     ),
-    "open": ("its 95 % interval is open", "measure where the law depends on it, with smaller noise"),
+    "open": ("its 95 % interval is open", "measure under conditions in which the law depends on it, with less noise"),
     "no fall": (
         "friction does not fall with speed by more than chance between {slowest} and {fastest} "
         "(a falling part improves the fit with p = {p:.2g})",
@@ -246,7 +246,7 @@ def diagnose(
     found: RobustEstimate,
     intervals: dict[str, tuple[float, float]],
 ) -> list[Undetermined]:
-    """Return statements on free parameters that the data do not bound.
+    """Return statements on free parameters that the data do not limit.
 
     Parameters
     ----------
@@ -302,7 +302,7 @@ def without_support(
 def _stribeck(
     model: FrictionModel, data: Observations, found: RobustEstimate, intervals: dict[str, tuple[float, float]]
 ) -> list[Undetermined]:
-    """Return statements on parts of the Stribeck curve beyond the levels."""
+    """Return statements on parts of the Stribeck curve outside the measured levels."""
     theta = dict(zip(model.names, model.natural(found.q), strict=True))
     vs, span = theta["stribeck_velocity"], _span(data)
     curve, lower_upper = ("breakaway", "stribeck_velocity"), intervals["stribeck_velocity"]

@@ -1,6 +1,6 @@
 """Identified values for a drive: values by their names in the drive file, intervals, recordings.
 
-Fits of friction maps and of recordings of drives both use it, so that a drive file gives the origin of each value.
+Fits of friction maps and of recordings both use these types, so that a drive file can state the origin of each value.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
 
 
 def _within_limits(found: Identified, drive: Drive, changed: set[str]) -> dict[str, str | float]:
-    """Move an unidentified force to the identified one if the two contradict each other.
+    """Set an unidentified force to the identified one if the two contradict each other.
 
     The breakaway force is not below the Coulomb force, so each of the two is a limit of the other.
     """

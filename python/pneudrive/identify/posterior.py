@@ -1,4 +1,7 @@
-"""Name the replacement of the posterior by emcee, which is removed. This module will be removed in the next release."""
+"""Error message for the removed posterior by emcee, with its replacement.
+
+This module will be removed in the next release.
+"""
 
 from __future__ import annotations
 

@@ -166,7 +166,7 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
 def _close(
     model: FrictionModel, data: Observations, found: RobustEstimate, low: dict[str, float], high: dict[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """Open the ends that the data do not bound; a non-negative parameter ends at zero."""
+    """Set ends that the data do not limit to infinity; for a non-negative parameter the lower end is zero."""
     lower, upper = model.bounds(data)
     estimate = dict(zip(model.names, model.natural(found.q), strict=True))
     out = {}

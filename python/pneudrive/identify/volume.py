@@ -2,8 +2,9 @@
 
 The core simulates the tank under the recorded opening of its line, and the search of `identify` fits the free values
 and the pressure at the start of each recording. Every value is estimated by its logarithm, the critical pressure ratio
-by its logit. An interval comes from the profile of the cost. In its range, with all other values refitted, the cost
-grows by at most Student's t squared times the variance of the residuals. If the cost never reaches this limit on one
+by its logit. An interval comes from the profile of the cost. An interval contains the values for which the cost, after
+a fit of all other values, grows by at most Student's t squared times the variance of the residuals. If the cost never
+reaches this limit on one
 side, the interval is open and the value is not determined.
 """
 
@@ -70,7 +71,7 @@ NUMBERS: dict[str, tuple[str, str, str]] = {
     "volume.heat_transfer": (
         "volume.heat_transfer_w_k",
         "W/K",
-        "record a fast change of pressure, and with the line shut after it until the pressure has settled",
+        "record a fast change of pressure, then shut the line and record until the pressure has settled",
     ),
     "volume.leakage": ("volume.leakage_m3_s_pa", "m^3/(s Pa)", "record with the line shut for longer"),
 }
@@ -153,7 +154,7 @@ def identify_volume(
 def _linear_regions(tank: Tank, records: list[VolumeRecording]) -> list[Tank]:
     """Return the tank.
 
-    If the linear region is assumed and a recording reaches it, also return a tank with a shorter one.
+    If the linear region of the flow is assumed and a recording reaches it, also return a tank with a shorter region.
     """
     line = tank.line
     if line is None or "linear_above" in line.to_dict():
@@ -272,7 +273,7 @@ def _minima(
 def _other_minima(solved: Solved, points: list[Iterate]) -> list[Solved]:
     """Return further minima whose cost does not exclude them.
 
-    The recordings cannot distinguish them from the best one.
+    The recordings cannot distinguish these minima from the best one.
     """
     problem, found = solved.problem, []
     for point in points:
@@ -371,10 +372,10 @@ def _lost(
     if open_below and open_above:
         reason = "the recordings do not depend on it"
     elif open_above:
-        reason = f"only a lower limit is known, {below} {unit}"
+        reason = f"only a lower limit is known: {below} {unit}"
         reason += ": the gas keeps the temperature of the wall" if name == "volume.heat_transfer" else ""
     elif open_below:
-        reason = f"only an upper limit is known, {above} {unit}"
+        reason = f"only an upper limit is known: {above} {unit}"
         reason += (
             ": the recordings cannot distinguish zero from a small value"
             if name in ("volume.leakage", "volume.heat_transfer")

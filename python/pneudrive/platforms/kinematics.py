@@ -286,7 +286,7 @@ class Platform(Shown):
         """Return the stiffness of the platform against its coordinates with shut valves, N/m, N/rad and N m/rad.
 
         K = J' diag(k) J + sum F_i d2x_i/dq2, with k = kappa (p_a A_a2/V_a + p_b A_b2/V_b) of each leg. The second term
-        is that of the load.
+        is the effect of the load.
 
         Parameters
         ----------
@@ -332,7 +332,7 @@ class Platform(Shown):
         return upper("with_platform_outputs")(self, run)
 
     def workspace(self, *, least_singular_value: float = 0.1) -> PoseLimits:
-        """Return the limits of each coordinate from `home`, the others held: by strokes, reach and singular poses.
+        """Return the limits of each coordinate from `home`, with the others held, by strokes, reach and singular poses.
 
         Parameters
         ----------

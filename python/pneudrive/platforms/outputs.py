@@ -112,7 +112,7 @@ def _outputs(platform: Platform, pose: Array, rate: Array, acceleration: Array) 
 
 
 class MovingPlatform(NamedTuple):
-    """A moving platform: places, m, velocities and accelerations, each of shape (m, 3) or (m, n, 3).
+    """A moving platform: positions, m, velocities and accelerations of its points, each of shape (m, 3) or (m, n, 3).
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class MovingPlatform(NamedTuple):
 
     @classmethod
     def of(cls, platform: Platform, q: Array, u: Array, du: Array) -> MovingPlatform:
-        """Return the platform at coordinates of the core, with their rates and second rates."""
+        """Return the platform at coordinates of the core, with their first and second rates."""
         core = platform.core
         frame, places, directions = (np.asarray(one, dtype=float).reshape(-1, 3) for one in core.joints)
         own = core.evaluate(q, u)
@@ -176,8 +176,8 @@ def _legs(body: MovingPlatform) -> Array:
     """Return the forces of legs on the platform across them, N, shape (m, n, 3).
 
     A leg has the unit vector n, the length l, and about its joint on the frame the moment of inertia j and the mass
-    moment m. Then l n x f = -d(j n x n')/dt - g m n x e_z. A hinge adds a force along its axis. It follows from the
-    balance of the platform.
+    moment m. Then l n x f = -d(j n x n')/dt - g m n x e_z. A hinge adds a force along its axis. This force is found
+    from the balance of the platform.
     """
     place, velocity, acceleration = body.joints
     masses = body.masses
@@ -209,8 +209,8 @@ def _guides(body: MovingPlatform, x: Array, acceleration: Array, force: Array) -
     """Return the forces of carriages on their guides across them, N, shape (m, n, 3).
 
     An arm is a uniform rod of mass m along the unit vector n. Its ends at carriage and platform have the accelerations
-    g_1 and g_2, less that of gravity. Its force on the carriage is t n, and -m (g_1/3 + g_2/6) across n. The balance
-    along the guide gives t.
+    g_1 and g_2, less that of gravity. Its force on the carriage is t n, and -m (g_1/3 + g_2/6) across n. The balance of
+    forces along the guide gives t.
 
     Parameters
     ----------

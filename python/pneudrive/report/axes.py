@@ -89,7 +89,7 @@ def bars(
     look: Look,
     **more: Any,  # noqa: ANN401
 ) -> Any:  # noqa: ANN401
-    """Draw points with intervals: one length for both sides, or one below and one above."""
+    """Draw points with intervals, given as one length for both sides, or as a length below and a length above."""
     given = {"fmt": look.marker, "color": look.color, "mfc": "white", "elinewidth": 0.8}
     return axis.errorbar(x, y, yerr=reach, **given | more)  # type: ignore[arg-type]
 
@@ -107,7 +107,7 @@ def spread(value: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[np.ndar
 
 
 def legend_of(figure: Figure, axis: Axes, most: int | None = None) -> None:
-    """Put the legend of one panel above all, in at most so many columns."""
+    """Put the legend of one panel above all panels, in at most the given number of columns."""
     handles = axis.get_legend_handles_labels()[0]
     if handles:
         style.legend_above(figure, handles, columns=None if most is None else min(len(handles), most))

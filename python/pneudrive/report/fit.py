@@ -73,7 +73,7 @@ def _residuals(fit: Fit) -> Section:
 
 
 def _figure(every: dict[str, FittedData]) -> Figure:
-    """Draw measured values less those of the model, a panel for each channel of each recording."""
+    """Draw measured values minus those of the model, with a panel for each channel of each recording."""
     figure, panels = axes.grid(len(every), 2, 1.7, 0.3)
     for axis, (name, one) in zip(panels, every.items(), strict=True):
         (across, x_unit), (up, y_unit) = quantity(one.x), quantity(one.y)

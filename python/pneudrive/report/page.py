@@ -45,7 +45,7 @@ class Items:
 
 @dataclass(frozen=True)
 class PageTable:
-    """A table; columns from `numbers_from` on hold numbers and are right-aligned."""
+    """A table; columns from `numbers_from` on contain numbers and are right-aligned."""
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]

@@ -58,7 +58,7 @@ class Study(Protocol):
 
 @dataclass(frozen=True)
 class WithSections:
-    """A study whose sections are followed by others."""
+    """A study followed by the sections of further studies."""
 
     study: Study
     sections: tuple[Section, ...]

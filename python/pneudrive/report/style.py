@@ -80,7 +80,7 @@ LOOKS = (
 
 
 def look(index: int) -> Look:
-    """Return the look of the curve with this index. The looks repeat after eight."""
+    """Return the look of the curve with this index. Colours, lines and markers repeat after eight curves."""
     return LOOKS[index % len(LOOKS)]
 
 
@@ -144,7 +144,7 @@ def _figure_class() -> type[Figure]:
 
 
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
-    """Return an empty figure of the report's width that a notebook shows."""
+    """Return an empty figure with the width of a report, for a notebook."""
     return _figure_class()(figsize=(width_in, height_in), layout="constrained")
 
 
@@ -187,7 +187,7 @@ def finish(figure: Figure, *, synthetic: bool) -> None:
 def lay_out(figure: Figure) -> None:
     """Fix the places of the panels.
 
-    As long as a figure has a layout engine, matplotlib draws it twice for each file.
+    While a figure has a layout engine, matplotlib draws it twice for each file.
     """
     layout, dpi = figure.get_layout_engine(), figure.dpi
     if layout is not None:

@@ -1,4 +1,4 @@
-"""Sections of a page: words from a table of texts, numbers and pictures from results."""
+"""Sections of a page: text from a table, numbers and pictures from results."""
 
 from __future__ import annotations
 
@@ -65,6 +65,6 @@ class Topic:
         return table(said.get("caption", "").format(**values), records, columns, said.get("numbers_from", 1))
 
     def section(self, *blocks: Block | None, synthetic: bool | None = None, **values: object) -> Section:
-        """Return the section of the blocks that are not None."""
+        """Return a section of the blocks that are not None."""
         there = tuple(block for block in blocks if block is not None)
         return Section(self.texts.get("key", self.key), self.say("title", **values), there, synthetic)

@@ -122,7 +122,7 @@ class Past:
 
 
 def stream(seed: int, *words: str) -> np.random.Generator:
-    """Return a generator of random numbers that depends only on some words."""
+    """Return a generator of random numbers that depends only on the given words."""
     digest = hashlib.sha256("\0".join(words).encode()).digest()
     return np.random.default_rng([seed, int.from_bytes(digest[:8], "little")])
 
@@ -130,7 +130,7 @@ def stream(seed: int, *words: str) -> np.random.Generator:
 def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
     """Return the friction scale of cycle, day, mounting and seal: a factor on all friction forces of the rig file.
 
-    The factors are lognormal. Each depends only on the seed and the name of its cycle, day, mounting or seal.
+    The factors are lognormal. Each factor depends only on the seed and the name of its cycle, day, mounting or seal.
     """
     changed = {factor: past.changes.get(factor, 0) for factor in ("mounting", "seal")}
     drawn = {

@@ -142,13 +142,13 @@ def _check(tables: Any) -> None:  # noqa: ANN401 - of a class that is made of th
     if cylinder.rod_diameter >= cylinder.bore:
         refuse("cylinder.rod_diameter", "cylinder.rod_diameter is not smaller than the bore", "rod_diameter < bore")
     if (servo.bandwidth is None) != (servo.damping_ratio is None):
-        rule = "both, or neither for a rigid axis"
+        rule = "give both, or neither for a rigid axis"
         refuse("servo.bandwidth", "servo.bandwidth and servo.damping_ratio are needed together", rule)
     if servo.ripple > 0.0 and servo.pitch is None:
         refuse("servo.ripple", "servo.ripple needs servo.pitch", "servo.pitch is the period of the ripple")
     for key in NEEDED[chambers.kind]:
         if getattr(chambers, key) is None:
-            refuse("chambers", f"chambers.{key} is missing", f'chambers of kind "{chambers.kind}" need it')
+            refuse("chambers", f"chambers.{key} is missing", f'chambers of kind "{chambers.kind}" need this value')
     problems.tell()
 
 

@@ -75,7 +75,7 @@ class Fault:
 
 @dataclass
 class FaultyRig:
-    """Rig with faults; all other verbs are passed on unchanged, including `memory` and `truth`.
+    """Rig with faults; all other methods are passed on unchanged, including `memory` and `truth`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Interface of rigs: nine verbs for simulated rigs, replays, PLCs and a laboratory's code.
+"""Interface of rigs: nine methods for simulated rigs, replays, PLCs and the code of a laboratory.
 
 A laboratory connects its hardware by a class with the methods of `Rig`. A base class is not needed. All numbers are SI,
 and pressures are absolute. x grows as chamber a grows. The force is that of the rig on the piston in +x.
@@ -171,7 +171,7 @@ def closed_after(given: T) -> Iterator[T]:
 
 
 def has_verbs(rig: object, of: type) -> bool:
-    """Return whether a rig has all verbs of a protocol, possibly passed on by a wrapper."""
+    """Return whether a rig has all methods of a protocol, possibly through a wrapper."""
     return all(callable(getattr(rig, verb, None)) for verb in vars(of) if not verb.startswith("_"))
 
 

@@ -100,7 +100,7 @@ TABLES: dict[str, str] = {
     "run_in": "Friction that a new seal loses with the distance slid.",
     "repeatability": "Relative standard deviations of the friction scale; the scale is lognormal.",
     "supply": "Supply of the regulators.",
-    "safety": "Limits of the rig below those of axis and sensors.",
+    "safety": "Limits of the rig that are tighter than those of axis and sensors.",
 }
 
 KEYS: dict[str, dict[str, Key]] = {
@@ -159,9 +159,9 @@ KEYS: dict[str, dict[str, Key]] = {
         "clock": word(*CLOCKS, meaning="uniform in time, or in position"),
         "samples_per_cycle": positive("1", "samples of a cycle, out and back"),
         "samples_per_stroke": positive("1", "samples of each move", 5000.0),
-        "burst_rate": not_negative("1/s", "least rate around each reversal, stop and restart", 5000.0),
-        "burst_before": not_negative("s", "duration of the burst before it", 0.05),
-        "burst_after": not_negative("s", "duration of the burst after it", 0.2),
+        "burst_rate": not_negative("1/s", "lowest sampling rate around each reversal, stop and restart", 5000.0),
+        "burst_before": not_negative("s", "duration of the fast sampling before a reversal, stop or restart", 0.05),
+        "burst_after": not_negative("s", "duration of the fast sampling after a reversal, stop or restart", 0.2),
         "hold_rate": positive("1/s", "rate while the axis is at rest", 20.0),
     },
     "force_sensor": {
@@ -195,13 +195,13 @@ KEYS: dict[str, dict[str, Key]] = {
         "room_amplitude": not_negative("delta K", "amplitude of the room's temperature", 0.0),
         "room_period": positive("s", "period of the room's temperature", 86400.0),
         "seal_rise": not_negative("K/W", "rise of the seal's temperature per power of friction", 0.0),
-        "seal_time": positive("s", "time constant of that rise", 600.0),
+        "seal_time": positive("s", "time constant of this temperature rise", 600.0),
         "viscous": any_sign("1/K", "change of viscous friction with the seal's temperature", 0.0),
         "coulomb": any_sign("1/K", "change of dry friction with the seal's temperature", 0.0),
     },
     "run_in": {
         "excess": not_negative("1", "relative excess of friction of a new seal", 0.0),
-        "distance": positive("m", "distance after which the excess has fallen to 37 %", 100.0),
+        "distance": positive("m", "distance after which the additional friction has fallen to 37 %", 100.0),
     },
     "repeatability": {
         "cycle": not_negative("1", "between cycles", 0.0),

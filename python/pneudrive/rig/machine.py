@@ -89,7 +89,7 @@ class Machine:
     def run(
         self, step: Step, motion: Motion, times: Array, look: Callable[[], object] | None = None
     ) -> dict[str, Array]:
-        """Run one step and update `past`. `look` is called regularly. An exception that it raises ends the step.
+        """Run one step and update `past`. `look` is called regularly. An exception in `look` ends the step.
 
         Raises
         ------

@@ -35,7 +35,7 @@ def doubts_of(
 ) -> dict[str, str]:
     """Return the doubtful values of a speed class: flag -> sentence with a check.
 
-    A recording with zero areas has no pressure force: its force is the friction itself.
+    A recording with zero areas has no pressure force, so its force is the friction.
     """
     ambient, areas = recording.ambient_pressure_pa, (recording.area_a_m2, recording.area_b_m2)
     lowest, highest = min(gauge_pa.values()) + ambient, max(gauge_pa.values()) + ambient
@@ -77,8 +77,8 @@ def unsteady(
 
     There are three signs. (1) The axis itself runs unevenly. (2) The piston's position, which is the axis
     position minus the deflection of the force sensor, is uneven. (3) If samples are too far apart for both, the force
-    oscillates by much more than the sensor's noise. At the rig's natural frequency, this force would change the
-    piston's speed by 40 %.
+    oscillates by much more than the sensor's noise. An oscillation of this size at the natural frequency of the rig
+    would change the speed of the piston by 40 %.
     """
     floor = _noise(data, tares)
     return tuple(_reason(d, floor, stiffness_n_m, mass_kg) for d in data)
@@ -191,7 +191,8 @@ def suspicions(data: Sequence[CycleData], accuracy: Mapping[str, float], ambient
 def _set_and_measured(data: Sequence[CycleData], accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
     """Compare the pressures of the samples with the set ones in the headers.
 
-    Both directions together: motion of the air raises one of them and lowers the other.
+    The mean of both directions is compared, because the moving air raises the pressure in one direction and lowers it
+    in the other.
     """
     for side in ("a", "b"):
         name = f"pressure_{side}_pa"

@@ -58,7 +58,7 @@ class ReversalPeak:
 def find_reversal_peaks(
     recording: Recording, strokes: Sequence[Stroke], balance_n: NDArray[np.float64], profile: Profile
 ) -> list[ReversalPeak]:
-    """Find the peak after each reversal that starts one of ``strokes``.
+    """Find the peak after each reversal at which one of ``strokes`` begins.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def _peak(
 
 
 def _rise(friction_n: NDArray[np.float64]) -> tuple[int, int, int]:
-    """Find a peak and its rise: last sample below 10 % of the swing, first one above 90 %, the peak itself.
+    """Find a peak and its rise: last sample below 10 % of the change of force, first sample above 90 %, and the peak.
 
     A slow drift between the rise and the peak does not belong to the rise.
     """

@@ -27,19 +27,23 @@ LEAST_SWING = 0.5  # of its median: limit of the variation of friction over posi
 
 @dataclass(frozen=True)
 class Settled:
-    """Samples after the reversal's transient, without need of a controlled speed.
+    """Selection of the samples after the transient of the reversal, for motions with or without a controlled speed.
 
-    A stroke settles in two ways, and the longer one counts. First, its speed must reach ``speed_share`` of its
-    middle speed. ``speed_travels`` times the travel to that point is left out. Second, the balance must complete
-    ``force_share`` of its swing from the level of the opposite direction. ``force_travels`` times that travel is left
+    A stroke has to settle in two ways, and the longer distance counts. First, its speed must reach ``speed_share`` of
+    its
+    middle speed. ``speed_travels`` times the travel to that point is left out. Second, the balance must complete the
+    fraction ``force_share`` of its change from the level of the opposite direction. ``force_travels`` times that travel
+    is left
     out.
-    Presliding approaches like 1 - 2 exp(-x/l). 80 % of the swing takes 1.6 l; after three times that, 2 % are left.
+    In presliding the force approaches its final value like 1 - 2 exp(-x/l). The distance 1.6 l gives 80 % of the
+    change; after three times this distance, 2 % are left.
     A higher fraction would depend on friction that varies over position.
     At the end, twice the distance in which the axis brakes below the speed fraction is dropped.
-    The whole swing is a line through both directions' difference over the middle 60 % of the travel. Neither speed nor
-    force needs to be constant. The swing is that of the stroke's speed class, because
-    slow strokes never reach the friction of fast ones. It is at most the swing of all strokes, because the friction of
-    fast strokes may still grow along their way.
+    The whole change is the difference of both directions, as a straight line over the middle 60 % of the travel.
+    Neither speed nor
+    force needs to be constant. The change is computed for the speed class of the stroke, because slow strokes never
+    reach the friction of fast ones. It is limited to the change computed from all strokes, because the friction of fast
+    strokes may still grow along the stroke.
     """
 
     speed_share: float = 0.8
@@ -77,7 +81,8 @@ class Settled:
 class SourcePaper:
     """The source paper's protocol: first 5 % dropped, moving average of 5 samples, mean of the rest.
 
-    The moving average hardly changes the mean. It is kept so that published numbers can be compared. Dropping 5 % is
+    The moving average hardly changes the mean. This protocol is available for comparison with published numbers.
+    Dropping 5 % is
     not enough if the distance to reach speed is longer.
     """
 
@@ -120,7 +125,7 @@ class _Levels:
     def share_risen(
         self, position_m: NDArray[np.float64], balance_n: NDArray[np.float64], direction: int
     ) -> NDArray[np.float64]:
-        """Return the progress of the balance from the opposite direction's level: 0 to 1, with noise."""
+        """Return the progress of the balance from the level of the opposite direction, 0 to 1, with noise."""
         start = np.interp(position_m, self.position_m[-direction], self.balance_n[-direction])
         line = (self.slope_n_m * position_m + self.intercept_n) / self.swing_n
         return direction * (balance_n - start) / (self.swing_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))
@@ -129,7 +134,7 @@ class _Levels:
 def _levels_of_strokes(motion: RecordedMotion) -> dict[int, _Levels | None]:
     """Return for each stroke the levels of its speed class, or those of all strokes if their swing is smaller.
 
-    A direction without strokes in the class is that of all strokes.
+    A direction without strokes in the class has the level of all strokes.
     """
     strokes = motion.strokes
     whole, classes = _levels(motion, strokes), speed_levels(list(strokes))

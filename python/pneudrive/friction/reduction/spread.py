@@ -41,7 +41,7 @@ class Spread:
 
     @property
     def has_trend(self) -> bool:
-        """Whether the drift is beyond chance at 5 %."""
+        """Whether the drift is significant at 5 %."""
         return self.trend_p < TREND_LEVEL
 
 
@@ -73,7 +73,7 @@ def _trend(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _effective_number(values: NDArray[np.float64], *, has_trend: bool) -> float:
-    """Estimate the number of independent strokes: fewer where neighbours correlate beyond chance."""
+    """Estimate the number of independent strokes: fewer if neighbouring strokes are significantly correlated."""
     n = values.size
     away = values - values.mean()
     power = float(away @ away)
@@ -89,7 +89,7 @@ def _effective_number(values: NDArray[np.float64], *, has_trend: bool) -> float:
 def pair_stderr(up: Spread, down: Spread) -> float:
     """Return the standard error of half the difference of both directions' means; NaN without a known spread.
 
-    If one direction has a single stroke, the spread of the other one applies to it.
+    If one direction has a single stroke, the spread of the other direction is used.
     """
     deviations = [s.deviation_n for s in (up, down) if np.isfinite(s.deviation_n)]
     if not deviations:

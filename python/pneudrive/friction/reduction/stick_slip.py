@@ -1,4 +1,4 @@
-"""Stick-slip: found and measured in any motion, and in the strokes of a cycle behind the spring of a rig."""
+"""Stick-slip in any motion, and in the strokes of a piston that a rig moves through a spring."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ RIPPLE_LIMIT = 0.2  # of the mean speed: above it the mean friction is not a poi
 class StickSlip(Shown):
     """Stick-slip within one stroke or section.
 
-    ``found`` states whether at least three periods repeat and together form the motion: half of the travel in slips, 5
+    ``found`` states whether there are at least three periods that together form the motion: half of the travel in
+    slips, 5
     % of the time stuck. ``period_s`` and ``step_m`` are medians over periods. ``peak_speed_m_s`` is the median of the
     slips' peaks. ``stuck_share`` is the fraction of time below 20 % of the mean speed. ``mean_speed_m_s`` is the mean
     over the section. ``ripple`` is the standard deviation of speed over its mean. ``resolution_s`` is the shortest

@@ -18,7 +18,7 @@ MOST_NAMED = 12  # recordings with a sentence of their own
 
 @dataclass(frozen=True)
 class StrokeUse:
-    """Number of strokes of one recording, number of used strokes, and number of the others by reason.
+    """Number of strokes of one recording, number of used strokes, and number of unused strokes by reason.
 
     Attributes
     ----------

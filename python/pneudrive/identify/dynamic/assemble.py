@@ -104,11 +104,11 @@ def _notes(
     if not attempt.converged:
         if not options.interrupted:
             blind = not any(c.name.startswith("pressure") for one in problem.experiments for c in one.channels)
-            more = "; a position alone leaves the gas open: record the chamber pressures" if blind else ""
+            more = "; a position alone does not determine the gas: record the chamber pressures" if blind else ""
             notes.append(f"the search did not converge: check the residuals, or try other segments{more}")
-        notes.append("there are no intervals, which are valid only at the end of a search")
+        notes.append("there are no intervals, because they are valid only at the end of a search")
     elif not drive.is_plain:
-        notes.append("intervals cover noise alone: a drive that runs as its circuit has no model error")
+        notes.append("intervals cover noise only: the model error of a drive that runs as its circuit is unknown")
     units = numbers_of(drive)
     moved = problem.experiments[0].shooter.family.derived_values(problem.values(solved.point.eta))
     notes += [

@@ -155,8 +155,9 @@ def identify(
 def _best_of_attempts(attempt: Callable[[Array | None], Attempt], options: SearchOptions) -> Attempt:
     """Repeat the search with shorter segments, while that helps, if the first one does not reach the measured motion.
 
-    The error of a short segment stays small for wrong values: its search passes local minima of long segments and gives
-    them better start values. An incomplete model deviates with segments of any length. Then the first result is kept.
+    The error of a short segment is small even for wrong values. A search with short segments therefore passes local
+    minima, and its result is a better start for long segments. An incomplete model deviates with segments of any
+    length. Then the first result is kept.
     """
     tried = [attempt(None)]
     whole = options.segment_s
@@ -266,12 +267,12 @@ def _problem(
 
 
 def _least_noise(channel: Channel, rtol: float) -> float:
-    """Return the least noise of a channel: rounding of the sensor, error of the solver."""
+    """Return the lower limit of the noise of a channel: resolution of the sensor, error of the solver."""
     return float(np.hypot(channel.resolution / np.sqrt(12.0), rtol * _SCALE.get(channel.unit, 1.0)))
 
 
 def noise_of(channel: Channel, record: Recorded, rtol: float) -> float:
-    """Return the initial standard deviation of a channel: the stated one, or that from sample to sample."""
+    """Return the initial standard deviation of a channel: the stated value, or the one from sample to sample."""
     white = white_noise(record[channel.column]) if channel.noise is None else channel.noise
     return float(np.hypot(white, _least_noise(channel, rtol)))
 
@@ -285,7 +286,7 @@ def solve(
 ) -> Attempt:
     """Search, and estimate the noise of the sensors from the residuals until it converges.
 
-    If the search stops early, the misfit does not count as noise before the last attempt.
+    If the search stops early, the misfit is not taken as noise before the last attempt.
     """
     converged = False
     watcher.point, at = point, None

@@ -1,6 +1,7 @@
 """Lower limit of the model error of identified values: effect of errors in held numbers.
 
-An interval covers the noise of the sensors and shrinks with every sample, but no model is so exact. Here each held
+An interval covers only the noise of the sensors and becomes smaller with every sample, while the model is never exact.
+Here each held
 number of the description (bore, supply pressure, conductance, ...) has an error of `MODEL_SHARE`, the fraction of the
 balances' terms that the diagnosis ignores. The free values respond by least squares on the balances along the
 recordings (force in sliding, both pressure rates):
@@ -83,7 +84,7 @@ def _held(drive: Drive, free: list[Parameter], solved: Solved) -> list[Parameter
 
 
 def _motion(solved: Solved, index: int) -> dict[str, Array]:
-    """Return the states of the model along a recording at the solution, without noise."""
+    """Return the states of the fitted model along a recording, without noise."""
     experiment = solved.problem.experiments[index]
     shooter = experiment.shooter.with_outputs(_STATES)
     values = solved.problem.values(solved.point.eta)[: solved.problem.drive_size]

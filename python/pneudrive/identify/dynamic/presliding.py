@@ -2,7 +2,7 @@
 
 After a reversal the contact is elastic before it slips: friction grows from -F to +F over a few bristle deflections.
 The slope there is the bristle stiffness times a factor of the law: 2 for LuGre, whose bristles have slipped before, and
-1 for bristles that are elastic below breakaway. The factor is computed: from a simulated loop with known stiffness.
+1 for bristles that are elastic below breakaway. The factor is computed from a simulated loop with known stiffness.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Presliding(Fit):
 
     @property
     def stiffness_n_m(self) -> float:
-        """Stiffness sigma0, also if it is not determined."""
+        """Stiffness sigma0, even if the data do not determine it."""
         return self.values[STIFFNESS]
 
     @property
@@ -91,7 +91,7 @@ class Presliding(Fit):
 
     @property
     def breakaway_n(self) -> float:
-        """Half the swing of friction between both directions, the load of the bristles."""
+        """Half the change of friction between both directions, which is the load of the bristles."""
         return self.statistics["breakaway_n"]
 
     @property

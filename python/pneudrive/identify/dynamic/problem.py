@@ -131,7 +131,8 @@ class FitProblem:
     def run(self, point: Iterate, *, derivatives: bool = True, reset: bool = False) -> list[Shot] | str:
         """Run all recordings; a text in the result is the reason of a failed segment.
 
-        With `reset`, derivatives by the starts cover only unmeasured states, which alone are carried over.
+        With `reset`, only unmeasured states continue from the previous segment, and derivatives by the starts cover
+        only these.
         """
         values = self.values(point.eta)
         shots = []

@@ -100,7 +100,7 @@ class DriveFit(Fit):
 
     @property
     def state(self) -> str:
-        """End of the search in words."""
+        """How the search ended, as text."""
         if not self.converged:
             return "not converged: the best so far, without intervals"
         return "converged" if self.fits else "converged, but the model does not fit"
@@ -159,7 +159,7 @@ class DriveFit(Fit):
     def apply(self, drive: Drive | None = None) -> Drive:
         """Return a drive with the determined values of this fit, each with its interval and its recordings.
 
-        The drive keeps its own values if the recordings determine none.
+        The drive is unchanged if the recordings determine no value.
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ class DriveFit(Fit):
             The search did not converge; undetermined values keep those of the drive, with what this mixture predicts.
         """
         if not self.converged:
-            warn("the search did not converge: the drive gets its best values so far, without intervals")
+            warn("the search did not converge: the drive gets the best values so far, without intervals")
         if self.determined:
             warn_of_mixture(self.notes, set(self.values) - {*self.determined}, same_start=drive in (None, self.start))
         return apply_identified(

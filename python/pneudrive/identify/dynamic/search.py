@@ -1,8 +1,8 @@
 """Search: Gauss-Newton with Levenberg-Marquardt damping over segments with continuous starts.
 
 There are two phases. In the first phase, segments are short and start with smoothed measurements. Only unmeasured
-states, the gas temperatures and the bristles, are carried over from the previous segment. A prediction over some
-hundredths of a second stays near the measurements even for wrong parameters. In the second phase, the starts are free
+states, the gas temperatures and the bristles, are carried over from the previous segment. Predictions over some
+hundredths of a second remain near the measurements even with wrong parameters. In the second phase, the starts are free
 and tied to the ends of the previous segments (multiple shooting). The linearised continuity condenses them onto the
 first start of the recording, and gaps close during the search. A single segment is single shooting.
 """
@@ -195,7 +195,7 @@ class Joined:
 
     @property
     def exact(self) -> bool:
-        """Whether residuals are far below the noise, which is at least the solver's error."""
+        """Whether residuals are far below the noise; the error of the solver is a lower limit of the noise."""
         return self.cost < EXACT_SHARE**2 * sum(r.size for r in self.residuals)
 
 
@@ -281,7 +281,7 @@ def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: boo
 
 
 def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> tuple[Array, Array]:
-    """Carry the first start and the coordinates through the linearised continuity.
+    """Return the change of all starts from those of first start and coordinates, by linearised continuity.
 
     Returns
     -------
@@ -319,10 +319,10 @@ def _outputs(
 
 
 def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> Iterate:
-    """Run the first phase, to a point near enough for the second one.
+    """Run the first phase, until the point is near enough for the second phase.
 
-    The noise is the present error of the model, at least that of the sensors. Offsets are held: with starts from the
-    sensors, an offset acts only through volumes and flows.
+    The noise is the present error of the model, at least that of the sensors. Offsets are held, because with starts
+    from the sensors they act only through volumes and flows.
     """
     problem.held = problem.offsets
     least = [e.noise.copy() for e in problem.experiments]
@@ -443,7 +443,7 @@ def join_segments(
 
 
 def _start_gain(blocks: list[Equations], size: int) -> float:
-    """Return the gain from the starts only: their part of the Newton decrement."""
+    """Return the part of the Newton decrement that comes from the starts."""
     return sum(float(b.gradient[size:] @ start_solution(b, b.gradient[size:])) for b in blocks)
 
 

@@ -2,7 +2,7 @@
 
     y(t) = gain h(t) + offset + noise,    lag dh/dt + h = model output
 
-h is the output through a lag of first order. Each recording has its own offset, because sensors are tared in between.
+h is the output after a lag of first order. Each recording has its own offset, because sensors are tared in between.
 Gain and lag belong to the sensor.
 """
 

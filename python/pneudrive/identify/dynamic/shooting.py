@@ -119,11 +119,11 @@ class Shooter:
         return list(self.family.core(values).segment_names[6:])
 
     def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
-        """Return a shooter with segments from other samples."""
+        """Return a shooter whose segments begin at other samples."""
         return self._with(starts=starts)
 
     def with_outputs(self, outputs: Sequence[str]) -> Shooter:
-        """Return a shooter with other columns of the core."""
+        """Return a shooter that computes other columns of the core."""
         return self._with(outputs=list(outputs))
 
     def _with(self, **changed: object) -> Shooter:
@@ -218,7 +218,7 @@ class Shooter:
 
 
 def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array]:
-    """Shift the steps of a command. The first time stays, with the command at that time."""
+    """Shift the steps of a command. The first time is kept, with the command at that time."""
     if delay_s == 0.0:
         return times, commands
     shifted = times + delay_s

@@ -44,7 +44,7 @@ class Attempt:
         return self.converged and not self.missed
 
     def rank(self) -> tuple[bool, bool, float]:
-        """Rank of the attempt; less is better."""
+        """Rank of the attempt; a smaller value is better."""
         return not self.good, not self.converged, self.score
 
 

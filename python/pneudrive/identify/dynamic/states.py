@@ -92,7 +92,7 @@ def measured_starts(
     inner: list[str],
     watch: Watch,
 ) -> tuple[Array, Array]:
-    """Return starts from the smoothed signals; unmeasured states as for a drive at rest.
+    """Return starts from the smoothed signals; unmeasured states have the values of a drive at rest.
 
     Parameters
     ----------

@@ -22,8 +22,8 @@ _LEAST_EXCESS = 0.02
 def transforms_of(parameters: Sequence[Parameter], sensors: Sequence[SensorParameter], drive: Drive) -> Transforms:
     """Return the coordinates of free values of a drive and its sensors.
 
-    The breakaway force is the Coulomb force plus an excess, so it is never lower. If one of the two is held, it bounds
-    the other.
+    The breakaway force is the Coulomb force plus an excess, so it is never lower. If one of these forces is held, it
+    limits the other.
     """
     names, held = [p.name for p in parameters], drive.friction.parameters
     every = [*parameters, *sensors]

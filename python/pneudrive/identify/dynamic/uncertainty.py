@@ -162,8 +162,8 @@ def bootstrap(solved: Solved, count: int, seed: int) -> Array:
 def profile(solved: Solved, name: str, least: float | None = None) -> tuple[float, float]:
     """Return the interval of one value by profile likelihood, SI.
 
-    With all other values refitted, the cost may grow by Student's t squared times the inflation of the residuals. If it
-    never grows so much, the end is the bound of the value.
+    With all other values refitted, the cost may grow by Student's t squared times the inflation of the residuals. If
+    the cost never grows that much, the end of the interval is the bound of the value.
 
     Parameters
     ----------

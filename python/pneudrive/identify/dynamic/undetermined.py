@@ -37,14 +37,14 @@ _REMEDIES = {
     "friction.stribeck_exponent": "record slow sliding at five speeds about the Stribeck velocity, or fix it at 2",
     "friction.bristle_stiffness": "record slow reversals with an encoder that resolves a tenth of Fs/sigma0",
     "friction.bristle_damping": "record a tap on the resting piston, or fix it",
-    "friction.damping_fade_velocity": "fix it: only fast motion out of stick shows it",
-    "friction.breakaway_share": "record loads below breakaway that come and go",
+    "friction.damping_fade_velocity": "fix it: only fast motion out of stick depends on it",
+    "friction.breakaway_share": "record loads that come and go below breakaway",
     "friction.pressure.*": "change the pressure of this chamber by 1 bar, independently of the other chamber",
     "friction.direction.*": "record both directions",
     "friction.dwell.*": "record starts after stops of different length, from 0.1 s to the longest that matters",
     "friction.relaxation.*": "record holds under load after motion",
     "friction.position.*": "record over the whole stroke",
-    "friction.side_load.*": "fix it: a side load and the Coulomb force act alike",
+    "friction.side_load.*": "fix it: a side load has the same effect as the Coulomb force",
     "valve.conductance": "record fast motion with choked flow at a known supply pressure",
     "valve.overlap": "record motion at small and at large commands",
     "valve.critical_pressure_ratio": "record fills and releases that end near supply and ambient pressure",
@@ -105,7 +105,7 @@ def statements(
         others = {n: [m for m in part if m != n] for n in part}
         for n in part:
             if others[n]:
-                reason = f"together with {', '.join(others[n])} it can change without an effect on the recordings"
+                reason = f"it can change together with {', '.join(others[n])} without an effect on the recordings"
                 rest = f"{remedy_for(n)}; or fix {' or '.join(others[n])}"
             else:
                 reason, rest = "the recordings do not depend on it", remedy_for(n)
@@ -128,7 +128,7 @@ def statements(
 def _is_sensor(name: str) -> bool:
     """Return whether a value is an offset or similar, which has no relative width.
 
-    Only a vanishing direction makes it undetermined.
+    Such a value is undetermined only if its direction vanishes.
     """
     return name.partition(" [")[0].endswith((".offset", ".lag", ".gain", ".delay"))
 
@@ -149,6 +149,6 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
     return Undetermined(
         "friction.bristle_damping",
         f"the position is known to {1e6 * step_m:.3g} um, but the bristles deflect only {1e6 * deflection:.3g} um "
-        "before breakaway: the sensor must resolve a tenth of that",
+        "before breakaway: the sensor must resolve a tenth of this deflection",
         f"measure the position to {1e6 * RESOLVED_SHARE * deflection:.2g} um; it is held at its start value",
     )

@@ -9,8 +9,8 @@ Modelica Standard Library 4, MassWithStopAndFriction [modelica-mass-with-stop-an
 
   F = F_Coulomb + F_prop v + F_Stribeck exp(-fexp |v|)                                                  v > 0
 
-Both are linear in their forces at a given speed scale. For each of many scales, the forces follow by non-negative least
-squares. The best scale is refined between its neighbours.
+Both are linear in their forces at a given speed scale. For each of many scales, the forces are found by non-negative
+least squares. The best scale is refined between its neighbours.
 """
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ def _modelica(curve: SlidingCurve) -> Exported:
         "Modelica.Mechanics.Translational.Components.MassWithStopAndFriction piston(",
         "  // L, m, smin, smax and start values are those of your drive",
         ",\n".join(f"  {p.name}={p.value!r}" for p in parameters) + ");",
-        f"// The same curve as a table, off by {between:.2g} N at most between its points; the piston breaks away at",
+        f"// The same curve as a table, within {between:.2g} N between its points; the piston breaks away at",
         f"// peak*f_pos[1,2] = {peak:.6g} N:",
         "Modelica.Mechanics.Translational.Components.SupportFriction friction(",
         f"  f_pos=[{rows}],",

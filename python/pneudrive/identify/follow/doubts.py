@@ -68,7 +68,7 @@ def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) ->
                 raise RecordingError(
                     f"the pressure of chamber {side} falls to {value:.4g} Pa",
                     where=record.name,
-                    rule="chambers of a gas spring stay near or above the ambient pressure; pressures are absolute",
+                    rule="pressures of a gas spring are near or above the ambient pressure; they are absolute",
                     remedy="check the unit, and gauge or abs, in the layout",
                 )
         _refuse_swapped(record)
@@ -87,7 +87,7 @@ def _refuse_swapped(record: DrivenRecording) -> None:
             words or f"the pressure of chamber {side} rises as its gas expands",
             where=record.name,
             rule="chamber a grows with the position, chamber b shrinks",
-            remedy="swap pressure_a and pressure_b in the layout, or turn the position: scale = -1, with an offset",
+            remedy="swap pressure_a and pressure_b in the layout, or reverse the position: scale = -1, with an offset",
         )
 
 
@@ -134,13 +134,13 @@ def refuse_open(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> li
             "the pressures stay constant while the volumes change: the chambers are open",
             value=", ".join(record.name for record in idle),
             rule="volumes, heat transfer and leaks show in closed chambers only",
-            remedy="use a recording with closed chambers; `pneudrive characterise` takes this one for friction",
+            remedy="use a recording with closed chambers; `pneudrive characterise` evaluates friction of this one",
         )
     return used
 
 
 def other_readings(solution: FollowSolution) -> list[str]:
-    """Return the zero of the pressures (gauge or absolute) that fits the recordings better, in words."""
+    """Return as text whether the recordings fit better with gauge or with absolute pressures."""
     problem = solution.problem
     ambient = float(problem.driven.form["ambient"]["pressure_pa"])
     base = _size(solution)

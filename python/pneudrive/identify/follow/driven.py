@@ -33,8 +33,8 @@ GROUPS = {
     "volumes": "dead volume of each chamber",
     "heat": "heat transfer of each chamber",
     "wall": "heat capacity and outer heat transfer of both walls",
-    "wall_a": "the same of chamber a alone",
-    "wall_b": "the same of chamber b alone",
+    "wall_a": "the same for chamber a alone",
+    "wall_b": "the same for chamber b alone",
     "leak": "leak past the piston",
     "leak_a": "leak of chamber a to the ambient air",
     "leak_b": "leak of chamber b to the ambient air",
@@ -69,7 +69,7 @@ class Number(NamedTuple):
 
 
 class DrivenCircuit:
-    """A circuit of one piston between two chambers, and a machine that prescribes its motion.
+    """A circuit of one piston between two chambers whose motion is prescribed.
 
     Parameters
     ----------

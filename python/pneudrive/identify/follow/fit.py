@@ -75,7 +75,7 @@ class Rival:
 
     @property
     def earns(self) -> bool:
-        """Whether it predicts each held-out part better."""
+        """Whether the model predicts each held-out part better."""
         return bool(self.predictions) and max(self.predictions) < EARNS
 
     @property
@@ -86,7 +86,7 @@ class Rival:
         if not self.predictions:
             return f"{self.words}: not determined, changes the sum of squares to {100 * self.gain:.0f} %"
         shown = ", ".join(f"{100 * p:.0f} %" for p in self.predictions)
-        last = "earns its place" if self.earns else "does not earn its place"
+        last = "earns its place" if self.earns else "is not accepted"
         return f"{self.words}: sum of squares {100 * self.gain:.0f} % in the fit, {shown} in predictions: {last}"
 
 
@@ -207,7 +207,7 @@ class FollowFit(Shown):
 
 
 def _circuit_first(text: str) -> str:
-    """Move the text of the circuit above the first table, the place of a key of the file."""
+    """Move the text of the circuit above the first table, because it is a key at the top of the file."""
     head, _, circuit = text.rpartition("\ncircuit = ")
     lines = head.split("\n")
     first = next((i for i, line in enumerate(lines) if line.startswith("[")), len(lines))
@@ -388,7 +388,7 @@ def _written(key: str, value: float) -> str:
 
 
 def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tuple[Rival, ...]:
-    """Fit the other models, and predict with those that fit better."""
+    """Fit the alternative models, and test the predictions of those that fit better."""
     problem, found = solution.problem, []
     base_fit = _squares(solution)
     folds = _folds(problem)
@@ -445,7 +445,7 @@ def _folds(problem: FollowProblem) -> list[tuple[list[tuple[float, float]], list
 def _predict(
     problem: FollowProblem, point: FollowPoint, fold: tuple[list[tuple[float, float]], list[tuple[float, float]]]
 ) -> float:
-    """Fit one part of the recordings, and return the squared residuals of the other part, in ranges."""
+    """Fit one part of the recordings, and return the squared residuals of the other part, relative to the range."""
     own = replace(problem, parts=fold[0], weights=list(problem.weights))
     solved = solve_follow(own, point, passes=1)
     every = replace(own, parts=[(0.0, np.inf)] * len(problem.records), weights=list(problem.weights))
@@ -456,7 +456,7 @@ def _predict(
 
 
 def read_follow_fit(path: str | Path) -> FollowFit | None:
-    """Read what `FollowFit.to_toml` wrote; None for another file."""
+    """Read a file of `FollowFit.to_toml`; None for another file."""
     if Path(path).suffix != ".toml" or not Path(path).is_file():
         return None
     tables, _ = toml.read(path, DescriptionError, "`pneudrive identify --follow motion --out` writes it.")
@@ -490,7 +490,7 @@ def read_follow_fit(path: str | Path) -> FollowFit | None:
 def hold_values(
     fit: FollowFit | Circuit, records: Sequence[DrivenRecording], watch: Watch | None = None
 ) -> FollowSolution:
-    """Fit start and delay of other recordings; all shared numbers are held."""
+    """Fit start and delay of further recordings; all shared numbers are held."""
     circuit = fit.circuit if isinstance(fit, FollowFit) else fit
     problem = FollowProblem(DrivenCircuit(circuit), records, [], watch=watch or Watch())
     return solve_follow(problem)

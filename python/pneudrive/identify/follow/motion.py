@@ -132,7 +132,7 @@ def _step(values: Array) -> float:
 
 
 def straight_lines(time_s: Array, position_m: Array, tolerance_m: float) -> NDArray[np.intp]:
-    """Return the samples between which straight lines stay within a tolerance (Douglas and Peucker)."""
+    """Return samples so that straight lines between them are within a tolerance of the motion (Douglas and Peucker)."""
     keep = np.zeros(time_s.size, dtype=bool)
     keep[[0, -1]] = True
     parts = [(0, time_s.size - 1)]

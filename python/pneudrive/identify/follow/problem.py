@@ -167,7 +167,7 @@ class FollowSolution:
     converged: bool
 
     def rest(self, at: int) -> Array:
-        """Return measured less simulated pressures of a recording, Pa; NaN where nothing is simulated."""
+        """Return measured minus simulated pressures of a recording, Pa; NaN where nothing is simulated."""
         record = self.problem.records[at]
         return record.pressures_pa - self.problem.shown(at, self.raws[at], float(self.point.local[at, 4]))
 
@@ -185,7 +185,7 @@ class FollowSolution:
 
 
 def solve_follow(problem: FollowProblem, begin: FollowPoint | None = None, passes: int = 2) -> FollowSolution:
-    """Fit all free numbers. Each pass weights the residuals by those of the previous pass.
+    """Fit all free numbers. Each pass uses weights from the residuals of the previous pass.
 
     Raises
     ------
@@ -265,7 +265,7 @@ def _side(problem: FollowProblem, column: int) -> str:
 
 
 def _together(problem: FollowProblem, columns: list[int]) -> list[list[int]]:
-    """Return columns in groups that one run differentiates: one of each chamber if no gas passes between them."""
+    """Return groups of columns that share one run: a column for each chamber, if no gas passes between the chambers."""
     if problem.driven.is_coupled:
         return [[column] for column in columns]
     sides = {side: [c for c in columns if _side(problem, c) == side] for side in ("", *SIDES)}
@@ -348,7 +348,7 @@ def _bounds() -> tuple[Array, Array]:
 
 
 def _refuse_idle(problem: FollowProblem, diagonal: Array) -> None:
-    """Refuse a shared number that no pressure depends on."""
+    """Refuse a shared number without an effect on the pressures."""
     own = diagonal[: len(problem.numbers)]
     idle = [n.name for n, value in zip(problem.numbers, own, strict=True) if value <= WITHOUT_EFFECT * own.max()]
     if idle:

@@ -42,7 +42,7 @@ TURNED = 0.2  # relative spread from run to run above which a number differs bet
 DELAYS = np.linspace(0.0, 3.0, 7)  # dead times that are tried, in sampling intervals
 NEVER = (
     "volume, area, conductance, leak, moving mass, friction and the kind of actuator are not determined by command and "
-    "pressure: they only act together, in the lag"
+    "pressure: they act only together, through the lag"
 )
 
 
@@ -235,12 +235,12 @@ def _fit(records: Sequence[VolumeRecording], start: Array) -> Array:
 
 
 def _residual(point: Array, records: Sequence[VolumeRecording], dead_s: float = 0.0) -> Array:
-    """Return measured less simulated pressures of all recordings in bar."""
+    """Return measured minus simulated pressures of all recordings in bar."""
     return np.concatenate([r.pressure_pa / 1e5 - _simulate(point, r, dead_s) for r in records])
 
 
 def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
-    """Return the pressure in bar: an exact step of the lag from sample to sample, to the mean goal between them."""
+    """Return the pressure in bar: an exact step of the lag per sample, towards the mean of both set pressures."""
     goal = point[0] * np.interp(record.time_s - dead_s, record.time_s, record.opening) + point[1]
     between, step = 0.5 * (goal[1:] + goal[:-1]), np.diff(record.time_s)
     filling, venting = (1.0 - np.exp(-step / lag) for lag in np.exp(point[2:4]))
@@ -255,7 +255,7 @@ def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
 def _intervals(
     records: Sequence[VolumeRecording], point: Array, own: dict[str, Array]
 ) -> tuple[dict[str, tuple[float, float]], float]:
-    """Return the wider one of the intervals by blocks of time and by runs, and the correlation of gain and offset."""
+    """Return the wider interval, by blocks of time or by runs, and the correlation of gain and offset."""
     steps = np.array([1e-4, 1e-4, 1e-3, 1e-3])
     base = _residual(point, records)
     moved = [

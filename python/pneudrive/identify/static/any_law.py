@@ -1,7 +1,8 @@
 """Fit any law of the core, or a custom law, to a friction map; the core gives values and derivatives.
 
-`fit_friction` is for laws that are linear in their forces. It gives profile intervals, and chooses a smaller law if the
-data determine no more. This module uses only the bounds of a law: the search has several starts, and the intervals are
+`fit_friction` is for laws that are linear in their forces. It gives profile intervals, and fits a part of the law if
+the data do not determine more. This module uses only the bounds of a law: the search has several starts, and the
+intervals are
 first order, in
 the logarithm of positive parameters. Parameters without effect on steady sliding keep their given values.
 """

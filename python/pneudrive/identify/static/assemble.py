@@ -48,7 +48,7 @@ def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[
 
 
 def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict[str, float]:
-    """Return every parameter of the requested law; NaN for those without a determined value."""
+    """Return every parameter of the requested law; NaN if its value is not determined."""
     names = ["coulomb", "viscous"]
     if law == "stribeck":
         names = ["coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"]

@@ -79,7 +79,7 @@ class AnyLaw(StaticLaw):
         return self.transforms.internal(np.where(self.positive, np.maximum(theta, 1e-12), theta))
 
     def bounds(self, data: Observations) -> tuple[Array, Array]:
-        """Return the bounds of the coordinates: those of the law, and six decades about the given values."""
+        """Return the bounds of the coordinates: those of the law, and six decades around the given values."""
         del data
         given = self.internal(self.given)
         lower, upper = np.full(given.size, -np.inf), np.full(given.size, np.inf)
@@ -125,7 +125,7 @@ class AnyLaw(StaticLaw):
         return list(np.clip(given + steps, lower, upper))
 
     def entries(self) -> list[dict[str, Any]]:
-        """Return the core's entry of each free parameter: bounds, unit, meaning."""
+        """Return the entry of the core for each free parameter: bounds, unit, meaning."""
         by_key = {p["key"]: p for p in self.friction.entry["parameters"]}
         return [by_key[n] for n in self.names]
 

@@ -99,7 +99,7 @@ def curve_differences(
 ) -> list[Estimate]:
     """Return the difference between the laws of two fits, with 95 % intervals, N.
 
-    The two fits count as independent. Common errors of their sensors are not part of the intervals.
+    The two fits are taken as independent. The intervals do not contain common errors of the sensors.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def curve_differences(
 def common(before: FrictionFit, after: FrictionFit, name: str) -> tuple[float, float]:
     """Return the range of a condition that both fits have measured.
 
-    Without a common range, the lower end is above the upper end.
+    If there is no common range, the lower end is above the upper end.
 
     Parameters
     ----------

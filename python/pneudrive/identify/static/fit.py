@@ -209,7 +209,8 @@ def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: o
     """Fit each direction separately: {+1: fit, -1: fit}; options as for :func:`fit_friction`.
 
     Friction of lip seals differs by 10 to 40 % between directions. An error of the force's zero or of the area has the
-    same effect: it increases one Coulomb force and decreases the other. Only a fit of pairs avoids it.
+    same effect: it increases one Coulomb force and decreases the other. Only a fit of pairs of both directions avoids
+    this error.
     """
     return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
 

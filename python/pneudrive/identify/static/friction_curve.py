@@ -1,4 +1,4 @@
-"""Sliding friction to export: a curve over the measured speeds, and its further dependences."""
+"""Sliding friction for export: a curve over the measured speeds, and the dependences that it does not contain."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ POINTS = 400
 
 @dataclass(frozen=True)
 class CurveEntry:
-    """Value of the exported law for the table; SI or a word, NaN for a missing bound."""
+    """Value of the exported law in a table: a number in SI or a word; NaN for a missing bound."""
 
     name: str
     value: float | str

@@ -10,9 +10,10 @@ is
 Here L_s is the law, linear in pressure, with separate parameters for each seal. d_s, the deviation from a straight
 line, is an integrated Wiener process over pressure (equal to a smoothing spline [wahba1983]) with a roughness gamma
 shared by all seals. m ~ N(0, omega^2) shifts all recordings of one run (one mounting). The relative scatter sigma_s of
-the seals varies about a common tau [smyth2004]. The parameters of the laws are removed by restricted likelihood
+the seals is distributed around a common value tau [smyth2004]. The parameters of the laws are removed by restricted
+likelihood
 [patterson1971]. The other parameters are integrated on grids, with priors flat in gamma and omega [gelman2006], ln tau
-and 1/nu. A prediction is the universal kriging of one seal's recordings, averaged over the posterior of gamma, omega
+and 1/nu. A prediction is universal kriging from the recordings of one seal, averaged over the posterior of gamma, omega
 and sigma_s.
 """
 
@@ -83,7 +84,7 @@ class Surveyed:
 
 @dataclass(frozen=True, repr=False)
 class Survey(Shown):
-    """Several seals, each with its law, and their common statistics.
+    """Fits of several seals, and their common statistics.
 
     Attributes
     ----------
@@ -345,7 +346,7 @@ def _kernel(model: FrictionModel, first: Observations, second: Observations, spa
 
 
 def _least_squares(one: Surveyed, kernel: Array, roughness: float) -> tuple[Array, Array, Array]:
-    """Return inverse covariance of values, covariance and change of parameters, at all scatters, (9, 20, ...)."""
+    """Return inverse covariance of values, covariance and change of parameters, for all scatters, (9, 20, ...)."""
     same_run = np.array([[r == s for s in one.runs] for r in one.runs], dtype=float)
     between = (BETWEEN_RUNS**2)[:, None, None, None] * same_run
     weight = np.linalg.inv((SCATTER**2)[:, None, None] * np.eye(len(one.data)) + between + roughness**2 * kernel)

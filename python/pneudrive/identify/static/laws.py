@@ -107,7 +107,7 @@ class Compared(Shown):
 
 @dataclass(frozen=True, repr=False)
 class LawComparison(Shown):
-    """Comparison of laws on one friction map, the smallest held-out error first.
+    """Comparison of laws on one friction map, sorted by the error of held-out values.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class LawComparison(Shown):
         width = max(len(row.title) for row in self.rows)
         inside = f"in {100 * self.probability:.0f} %"
         head = f"{'law':<{width}}  free     AICc      BIC  error N  error %  {inside}"
-        lines = [f"held out by {self.held_out}: {self.folds} conditions, one after the other", head]
+        lines = [f"one of {self.held_out} conditions ({self.folds}) is held out at a time", head]
         lines += [
             f"{row.title:<{width}} {row.free:5d} {row.aicc:8.1f} {row.bic:8.1f} {row.error_n:8.3g} "
             f"{100 * row.error:8.1f} {100 * row.coverage:6.0f} %"
@@ -246,7 +246,7 @@ def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None
 def _folds(
     friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[str] | None
 ) -> tuple[str, NDArray[np.int64]]:
-    """Return the kind of held-out conditions, and the number of the fold of each value."""
+    """Return the kind of held-out conditions, and for each value the number of the group that is held out together."""
     if wanted is None:
         wanted = "pressure" if pressure_levels(data).max() >= 2 else "speed"
     name = wanted if isinstance(wanted, str) else "label"
@@ -323,7 +323,7 @@ def _compared(
 
 
 def _without(model: FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
-    """Fit to some of the values the part of the law that all values determine."""
+    """Fit some of the values by the part of the law that all values determine."""
     plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
     support = as_it_is(with_knee(chosen, rest, loss), rest, loss)

@@ -5,7 +5,7 @@ forces at a given Stribeck velocity and exponent,
 
     F(|v|) = Fc b_c(|v|) + Fs b_s(|v|) + Fv b_v(|v|),
 
-so that differences of core values at unit forces give the three columns b exactly, at any force and pressure.
+so that differences of values of the core at unit forces give the three columns b exactly.
 Only the derivative by the Stribeck velocity and exponent is written here (a test compares it with the core).
 """
 
@@ -254,8 +254,8 @@ class FrictionModel(StaticLaw):
     def bounds(self, data: Observations) -> tuple[Array, Array]:
         """Return lower and upper bounds of the internal coordinates for these data.
 
-        Forces are not negative. The Stribeck velocity may be a factor 30 outside the measured speeds. Beyond that, the
-        law is a constant or a step for these data.
+        Forces are not negative. The Stribeck velocity may be a factor 30 outside the measured speeds. Outside these
+        limits, the law is a constant or a step for these data.
         """
         lower = np.full(len(self.names), -np.inf)
         upper = np.full(len(self.names), np.inf)

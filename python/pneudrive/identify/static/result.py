@@ -274,7 +274,7 @@ class FrictionFit(SlidingFit):
         if any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
             raise FitError(
                 "the drive's friction grows with pressure, but the fit holds only at the pressures of its recordings",
-                rule="friction from pressure must not count twice",
+                rule="the effect of pressure must not be counted twice",
                 remedy="Fit with pressure_dependence=True, or first remove [friction.pressure] from the drive.",
             )
 
@@ -389,7 +389,7 @@ def _correlated(fit: FrictionFit) -> list[str]:
 
 
 def _remedy(fit: FrictionFit, i: int, j: int) -> str:
-    """Return the speed at which one more value lowers the correlation most; for pressures a general remedy."""
+    """Return the speed at which another value lowers the correlation most; for pressures, return a general remedy."""
     names = (fit.free[i], fit.free[j])
     if any(unit_of(name).startswith("N/Pa") for name in names):
         return "pressures that differ more, and are not varied together, would separate them"

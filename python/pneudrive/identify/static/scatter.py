@@ -1,7 +1,8 @@
 """Scatter between levels beyond their standard errors.
 
-Two runs of one seal can differ much more than the strokes within each run. Weighted only by the standard error of the
-strokes, the quietest run would then dominate the fit. As in the random-effects model of a meta-analysis, one variance
+Two runs of one seal can differ much more than the strokes within each run. If values were weighted only by the standard
+error of the strokes, the run with the least noise would dominate the fit. As in the random-effects model of a
+meta-analysis, one variance
 for all levels is added to those of the strokes, so that the residuals agree with it [paule1982].
 """
 
@@ -31,8 +32,8 @@ def with_scatter(
 ) -> tuple[Observations, RobustEstimate, float]:
     """Add a scatter to the standard errors if the residuals are too large and this makes them more likely.
 
-    The alternative is an estimate without scatter, whose standard errors are too small by a common factor. It is kept
-    only if it is clearly more likely.
+    The alternative is an estimate without scatter, whose standard errors are too small by a common factor. The scatter
+    is kept only if it is clearly more likely.
 
     Parameters
     ----------

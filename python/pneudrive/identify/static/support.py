@@ -62,7 +62,7 @@ def as_it_is(model: FrictionModel, data: Observations, loss: str) -> Support:
 
 
 def estimated(model: FrictionModel, data: Observations, loss: str) -> tuple[Observations, RobustEstimate, float, int]:
-    """Return the values with their scatter, the estimate of a law, the scatter and the degrees of freedom."""
+    """Return the values with their scatter, the estimate of a law, the scatter, and the degrees of freedom."""
     dof = len(data) - len(model.names) - model.chosen
     found = estimate(model, data, loss=loss if dof > 0 else "linear", fixed_scale=dof == 0)
     return *with_scatter(model, data, found, loss=loss), dof

@@ -56,7 +56,7 @@ class LeftOut:
 
     @property
     def error(self) -> float:
-        """Relative error: predicted over measured friction, minus one."""
+        """Relative error: predicted friction divided by measured friction, minus 1."""
         return self.predicted_n / self.friction_n - 1.0
 
 
@@ -70,7 +70,9 @@ def survey(
     ambient_pressure_pa: float | None = None,
     exclude_flags: Collection[str] = (),
 ) -> Survey:
-    """Fit each seal of a friction map, with common scatter, difference of runs and deviation from a line.
+    """Fit each seal of a friction map.
+
+    Scatter, difference of runs and deviation from a straight line are common to all.
 
     Parameters
     ----------
@@ -203,7 +205,10 @@ def _grouped(
 
 
 def row_labels(friction_map: xr.Dataset, labels: str | Sequence[str]) -> NDArray[np.str_]:
-    """Return the label of each row from a column's name or a sequence; the empty name is one label for all."""
+    """Return the label of each row, from the name of a column or a sequence.
+
+    An empty name gives all rows the same label.
+    """
     rows = friction_map.sizes["row"]
     if isinstance(labels, str):
         if not labels:

@@ -149,7 +149,7 @@ def draw_curves(c: Comparison, curves: CurveComparison) -> Figure:
         _less(below, curves, chosen)
         above.set_title(_gauge(np.array(at[0]), at[1]))
     axes[0][0].set_ylabel("friction / N")
-    axes[1][0].set_ylabel("second less first / N")
+    axes[1][0].set_ylabel("second minus first / N")
     draw.legend_of(figure, axes[0][0])
     return figure
 

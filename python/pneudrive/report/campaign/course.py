@@ -56,7 +56,7 @@ def _place(found: CampaignCharacteristics, p: PositionPattern) -> str:
 
 def draw_position(found: CampaignCharacteristics, shown: list[PositionPattern]) -> Figure:
     """Draw relative friction over position, one panel for each condition."""
-    label = "friction less its mean / %"
+    label = "friction minus its mean / %"
     figure, axes = draw.grid(len(shown), 3, 1.9, 0.5, x="position / mm", y=label, sharey=True)
     for axis, p in zip(axes, shown, strict=True):
         known = np.isfinite(p.relative)
@@ -83,11 +83,11 @@ def drift(found: CampaignCharacteristics) -> Section | None:
         ("after an interruption", d.interrupted, "N"),
     )
     rows: list[tuple] = [
-        (word, with_interval(e, unit=unit), e.p) if e else (word, "the plan does not determine it", None)
+        (word, with_interval(e, unit=unit), e.p) if e else (word, "the plan does not determine the drift", None)
         for word, e, unit in causes
     ]
     if basis:
-        rows.append(("states of the campaign against its mean", f"{d.spread_n:.2g} N (standard deviation)", ""))
+        rows.append(("states of the campaign, relative to its mean", f"{d.spread_n:.2g} N (standard deviation)", ""))
     if zero.time_s.size:
         rows.append(("zero of the force sensor", with_interval(zero.per_hour, unit="N/h"), ""))
     drawn = basis and d.time_s.size > 2 and np.isfinite(d.drift_n).any()

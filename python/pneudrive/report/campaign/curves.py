@@ -1,4 +1,4 @@
-"""A campaign's curves of friction over speed, their part of air, and effects of the pressures."""
+"""Curves of friction over speed of a campaign, the contribution of the air, and effects of the pressures."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _curve_rows(found: CampaignCharacteristics, both: Sequence[Curve]) -> Iterat
 
 
 def draw_curves(shown: Sequence[ShownCurve]) -> Figure:
-    """Draw curves with bands in one picture, a colour for each group if there are several."""
+    """Draw curves with bands in one picture, with a colour for each group if there are several."""
     figure = style.new_figure(3.8)
     axis = figure.subplots()
     groups = sorted({c.group for c in shown})

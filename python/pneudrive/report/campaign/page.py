@@ -44,7 +44,7 @@ SECTIONS = (
 
 @style.applied()
 def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) -> Path:
-    """Write report.html, which loads nothing, and its figures as PNG and SVG.
+    """Write report.html, which loads no other files, and its figures as PNG and SVG.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Effects of stops: relaxation while held, breakaway against stop duration, way back to uninterrupted sliding."""
+"""Effects of stops: relaxation while held, breakaway against stop duration, return to uninterrupted sliding."""
 
 from __future__ import annotations
 

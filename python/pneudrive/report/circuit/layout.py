@@ -193,7 +193,7 @@ def _pulls(
 ) -> dict[str, list[tuple[str, str, str]]]:
     """Return the ports, and the ports of other components near which a component is placed.
 
-    A carried component is placed over its actuators. They do not make room for it.
+    A component that actuators carry is placed above them. The actuators are not moved apart for this component.
     """
     pulls: dict[str, list[tuple[str, str, str]]] = {}
     rods = {name: (name, port) for line in lines if line.kind == "axis" for name, port in line.pins}

@@ -1,6 +1,6 @@
 """The drawing of a circuit as SVG text, for a notebook: no script, no style sheet, every text escaped.
 
-An untrusted notebook removes the tags. Line ends then still separate the texts.
+An untrusted notebook removes the tags. Line ends separate the texts even in a viewer without SVG.
 """
 
 from __future__ import annotations

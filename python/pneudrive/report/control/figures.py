@@ -132,7 +132,7 @@ def _reference(reference: Reference, plant: Plant) -> Figure:
 
 
 def tracks(found: ControlComparison, along: str) -> Figure:
-    """Draw the laws' tracks over each other, and their errors, along one reference; of each law its first seed."""
+    """Draw the laws' tracks over each other, and their errors, along one reference; the first seed of each law."""
     figure = style.new_figure(4.2)
     track, error = figure.subplots(2, 1, sharex=True)
     curves = []

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SAID = (
     "Simulated: controllers and drive share the equations of the simulation. Only the controllers' parameters can be "
     "wrong. Each number is the median of the seeds. Errors are reference minus true position. For a sine they cover "
-    "the last 4 s, or the last period if that is longer. Step times belong to the machine that made this page."
+    "the last 4 s, or the last period if that is longer. Step times depend on the machine that made this page."
 )
 
 
@@ -72,7 +72,7 @@ def _method(found: ControlComparison) -> Section:
     if found.mismatch:
         lines.append(f"the drive differs from the assumed drive by the mismatch {found.mismatch}")
     if found.spread:
-        lines.append(f"each member is a drive of its own, drawn from the spread {found.spread}, with a seed of its own")
+        lines.append(f"each member is a different drive, drawn from the spread {found.spread} with a different seed")
     return section("method", "Comparison", Paragraph(SAID), Items(tuple(lines)))
 
 
@@ -85,7 +85,7 @@ def _spread(found: ControlComparison, number: int) -> Section:
     table = PageTable(heads, tuple(found.spread_rows(name)), title)
     boxes_said = f"Largest error along {called} over the members of {found.spread}, simulated: box from 25 to 75 %, "
     boxes_said += "whiskers from 5 to 95 %, dots beyond. Members that failed are not drawn."
-    tracks_said = f"Tracks and errors along {called}, simulated; of each law member 1."
+    tracks_said = f"Tracks and errors along {called}, simulated; member 1 of each law."
     pictures = (
         Picture(f"boxes-{number + 1}", boxes_said, boxes(found, name)),
         Picture(f"tracks-{number + 1}", tracks_said, tracks(found, name)),
@@ -106,7 +106,7 @@ def _reference(found: ControlComparison, number: int) -> Section:
         tuple(tuple(row[i] for i in used) for row in rows),
         f"Along {called}, simulated, median of the seeds",
     )
-    caption = f"Tracks and errors along {called}, simulated; of each law its first seed."
+    caption = f"Tracks and errors along {called}, simulated; first seed of each law."
     picture = Picture(f"tracks-{number + 1}", caption, tracks(found, name))
     return section(f"reference-{number + 1}", called, table, picture)
 

@@ -48,7 +48,9 @@ def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> Fi
     """
     one = characteristics()[found.attrs["characteristic"]]
     if not one.x:
-        raise CommandError(f"{one.name} has no curve", remedy="Its numbers are in the data set.")
+        raise CommandError(
+            f"{one.name} has no curve", remedy="This result is not drawn; its numbers are in the data set."
+        )
 
     def figure() -> Figure:
         names = one.y.split()
@@ -130,7 +132,7 @@ def _of(found: xr.Dataset, at: dict[str, int], is_first: bool) -> str:
 
 
 def value_in_words(found: xr.Dataset, dim: str, index: int) -> str:
-    """Return one place on an axis in words."""
+    """Return a position on an axis as text."""
     value = found[dim].to_numpy()[index]
     if isinstance(value, str):
         return value

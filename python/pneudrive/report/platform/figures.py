@@ -86,7 +86,7 @@ def draw_platform(
 def animate_platform(
     platform: Platform, time: ArrayLike, poses: ArrayLike, path: str | Path, *, dark: bool = False
 ) -> Path:
-    """Write a run of a platform as a film. It lasts as long as the run, but at least 2 s and at most 20 s.
+    """Write a run of a platform as a film. The film lasts as long as the run, but at least 2 s and at most 20 s.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def _paper(scene: PlatformScene, *, dark: bool) -> tuple[Figure, Axes]:
 
 
 def frame_axis(axis: Axes, scene: PlatformScene) -> None:
-    """Give an axis the pixels of a scene as its places."""
+    """Give an axis the pixels of a scene as its coordinates."""
     axis.set_axis_off()
     axis.set_xlim(0.0, scene.size[0])
     axis.set_ylim(scene.size[1], 0.0)

@@ -88,9 +88,9 @@ class PlatformScene(NamedTuple):
 
 
 def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, Array]]:
-    """Yield the lines of a platform: what each shows, and its points, m, shape (m, k, 3), or (1, k, 3) at rest.
+    """Yield the lines of a platform: the name of the part, and the points, m, shape (m, k, 3), or (1, k, 3) at rest.
 
-    The last one is the path of the origin, shape (m, 1, 3).
+    The last line is the path of the origin, shape (m, 1, 3).
 
     Parameters
     ----------

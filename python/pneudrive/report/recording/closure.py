@@ -52,7 +52,7 @@ def _has_spare(closures: Sequence[ClosureFit]) -> bool:
 def draw(closures: Sequence[ClosureFit]) -> Figure:
     """Draw all groups over pressure, or over the fit if both chambers' pressures changed. Residuals are drawn below.
 
-    A line with as many parameters as points has no residuals. If this holds for all lines, there is one panel.
+    A line with as many parameters as points has no residuals. If all lines are of this kind, there is only one panel.
     """
     has_spare = _has_spare(closures)
     figure = style.new_figure(4.0 if has_spare else 2.8)

@@ -62,7 +62,7 @@ def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:
 
 
 def undetermined(fits: Fits) -> tuple[tuple[str, str, str, str], ...]:
-    """Return group, parameters, reason and remedy of the values that each group's richest fit cannot determine."""
+    """Return group, parameters, reason and remedy of values that the most detailed fit cannot determine."""
     rows: dict[tuple[str, str, str], list[str]] = {}
     for group, by_law in fits.items():
         lost: dict[tuple[str, str], list[str]] = {}
@@ -74,7 +74,7 @@ def undetermined(fits: Fits) -> tuple[tuple[str, str, str, str], ...]:
 
 
 def fit_notes(fits: Fits) -> tuple[str, ...]:
-    """Return the notes of the richest fits, each with its groups."""
+    """Return the notes of the most detailed fits, each with its groups."""
     notes: dict[str, list[str]] = {}
     for group, by_law in fits.items():
         for note in richest(by_law).notes:

@@ -1,4 +1,4 @@
-"""From stroke to stroke: drift, and the peaks after reversals."""
+"""Changes from stroke to stroke: drift, and the peaks after reversals."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def peaks(found: Characterisation) -> Section | None:
 
 
 def draw_peaks(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figure:
-    """Draw one reversal in full, and all of them by the number of samples on their rise."""
+    """Draw one reversal in detail, and all reversals over the number of samples on their rise."""
     figure = style.new_figure(2.8)
     left, right = figure.subplots(1, 2)
     result, level, peak = every[int(np.argsort([p.rise_samples for _, _, p in every])[len(every) // 2])]

@@ -29,7 +29,7 @@ def verdict(found: Characterisation | None, fits: Fits, study: Study | None = No
 
 
 def lines_of(found: Characterisation | None, fits: Fits, of_study: Iterable[str]) -> list[str]:
-    """Return the lines on recordings, then those of a study."""
+    """Return the lines on recordings, and after them those of a study."""
     topic, last = Topic("recordings", "verdict"), list(of_study)
     lines = []
     if found is not None:
@@ -94,7 +94,7 @@ def _closure(topic: Topic, found: Characterisation) -> str:
 
 
 def _is_determined(area: Estimate, nominal: float) -> bool:
-    """Return whether an area's interval is narrow enough to be reported, or is missing without spare recordings."""
+    """Return whether an area can be reported: a narrow interval, or too few recordings for an interval."""
     return not np.isfinite(area.low) or area.high - area.low < WIDEST_AREA * nominal
 
 

@@ -81,7 +81,7 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
 
 
 def _verdict(found: SizingResult) -> list[str]:
-    """Return the answer in one sentence, its reasons, and the next best."""
+    """Return the answer in one sentence, its reasons, and the second-best choice."""
     lines, cheaper = sentences(found), _cheaper(found)
     if found.best is not None and cheaper:
         first = cheaper[0]
@@ -197,7 +197,7 @@ def _best(found: SizingResult) -> list[Section]:
         section("best", "The best choice", Items((*said, set_to(best))), drawn, does, synthetic=False),
         section(
             "values",
-            "Its values and where they come from",
+            "Its values and their sources",
             PageTable(("value", "", "from"), tuple(values), "In brackets: source, at the end", numbers_from=9),
             Items(rest),
             synthetic=False,
@@ -220,9 +220,7 @@ def _task(found: SizingResult) -> Section:
     return section(
         "task",
         "The task",
-        PageTable(
-            ("key", "value", "", "meaning"), rows, "Each spread is drawn evenly between its ends", numbers_from=9
-        ),
+        PageTable(("key", "value", "", "meaning"), rows, "Samples are spread evenly over each range", numbers_from=9),
         Items((*follows, *((guide,) if GUIDES[found.task.guide] else ()))),
         synthetic=False,
     )

@@ -98,7 +98,7 @@ class AccessFile(RigFile):
     def _access_fits(self) -> AccessFile:
         encrypted = (self.certificate, self.key, self.server_certificate)
         if None in encrypted and any(encrypted):
-            rule = "certificate, key and server_certificate are needed together: the client's, its key, the server's"
+            rule = "certificate and key of the client, and server_certificate, are needed together"
             raise wrong("certificate", "one of the three files of encryption is missing", rule=rule)
         if (self.user or self.user_certificate) is not None and not any(encrypted):
             rule = "a password is sent only over an encrypted connection"
@@ -408,7 +408,10 @@ def _validator(peer: str, trusted: tuple[bytes, ...] | None = None) -> Any:  # n
 
 
 def is_password(kept: str, password: str) -> bool:
-    """Return whether a password has this salted hash. An empty hash takes the same time."""
+    """Return whether a password has this salted hash.
+
+    For an unknown user an empty hash is compared, which takes the same time.
+    """
     _, salt, expected = kept.split(":") if kept else ("", "", "")
     return hmac.compare_digest(_text(_hash(password, base64.b64decode(salt))), expected)
 

@@ -78,7 +78,7 @@ class OpcUaRig:
         self._id = secrets.randbelow(COUNTER)  # not the id of another client, as some servers share the node
 
     def close(self) -> None:
-        """Close the connection; the server then misses the heartbeat and brings the axis to rest."""
+        """Close the connection; the server then receives no heartbeat and brings the axis to rest."""
         self._finalizer()
 
     def identity(self) -> Identity:
@@ -167,7 +167,7 @@ class OpcUaRig:
         self._gone = False
 
     def _do(self, verb: Verb, arguments: dict[str, Any] | None = None, expected_s: float = 0.0) -> None:
-        """Run one command and wait for its end."""
+        """Run a command and wait until it is done."""
         self._check_back()
         with self._one_connection(_words(verb)):
             self._await(self._start(verb, arguments or {}), expected_s, verb)
@@ -310,7 +310,7 @@ class OpcUaRig:
         )
 
     def _back_within(self, limit_s: float) -> bool:
-        """Connect again with growing waits, and stop the rig; return whether this succeeded."""
+        """Connect again, with growing waits between attempts, and stop the rig; return whether this succeeded."""
         deadline, wait = time.monotonic() + limit_s, FIRST_WAIT_S
         while True:
             with contextlib.suppress(LinkError):
