@@ -1,8 +1,8 @@
 """Quantities with units, converted to SI once, at the boundary.
 
 A quantity is written as a number and a unit, ``"25 mm"``. A pressure is also marked as absolute or gauge, ``"3 bar
-abs"`` or ``"2 bar gauge"``. The table below converts common units, pint all others. pint is imported only then: its
-import and its first parse cost more than a whole simulation. A test proves the table equal to pint.
+abs"`` or ``"2 bar gauge"``. The table below converts common units, pint all others. It is imported only then: its
+import and first parse cost more than a whole simulation. A test proves the table equal to pint.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ class Pressure:
         return _in_unit(self.value_pa, "Pa", unit)
 
     def __str__(self) -> str:
-        """Return a text that `parse_pressure` reads back to the same bits."""
+        """Return a text that `parse_pressure` reads back exactly."""
         return f"{write(self.value_pa, 'Pa', 'bar')} {'gauge' if self.gauge else 'abs'}"
 
     __repr__ = __str__
@@ -320,7 +320,7 @@ def _parsed(text: str, si_unit: str) -> float:
     number, unit = _split(text, si_unit)
     value = _apply(number, *converter(unit, si_unit))
     if not abs(value) <= LARGEST:
-        raise DescriptionError(f'"{text}" is out of bounds', rule=f"no quantity is beyond {LARGEST:g} {si_unit}")
+        raise DescriptionError(f'"{text}" is out of bounds', rule=f"quantities are at most {LARGEST:g} {si_unit}")
     return value
 
 
@@ -347,7 +347,7 @@ def parse_pressure(text: str) -> Pressure:
         rule = PRESSURE_NEEDED if error.rule == _DIFFERENCE_NEEDED else error.rule
         raise DescriptionError(error.what, rule=rule, remedy=error.remedy) from None
     raise DescriptionError(
-        f'pressure "{text}" does not say abs or gauge',
+        f'pressure "{text}" does not state abs or gauge',
         rule="a pressure is absolute (abs) or above ambient (gauge)",
         remedy=f'Write "{number} {unit} abs" or "{number} {unit} gauge".',
     )
@@ -437,7 +437,7 @@ def converter(unit: str, si_unit: str) -> tuple[float, float]:
 
 
 def write(value: float, si_unit: str, unit: str | None = None) -> str:
-    """Write an SI value as a quantity that `parse` reads back to the same bits.
+    """Write an SI value as a quantity that `parse` reads back exactly.
 
     Parameters
     ----------
@@ -487,7 +487,7 @@ def like(unit: str) -> list[str]:
 
 
 def in_unit(text: str, unit: str) -> str:
-    """Write a quantity in another unit, such that it reads back to the same bits.
+    """Write a quantity in another unit, so that it is read back exactly.
 
     Parameters
     ----------

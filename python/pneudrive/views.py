@@ -1,4 +1,4 @@
-"""Values with intervals and curves with bands: one form of a result for terminal, notebook, report and page.
+"""Values with intervals and curves with bands: the common form of results for terminal, notebook, report and page.
 
 A result offers ``view()``. Code that shows a `View` does not depend on the class of the result.
 """

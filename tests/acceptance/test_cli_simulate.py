@@ -106,7 +106,7 @@ WRONG = {
     ),
     "gauge or absolute": (
         ["simulate", "drive.toml", *GOOD, "--initial", "pressure_a = 3 bar"],
-        "does not say abs or gauge",
+        "does not state abs or gauge",
         "3 bar abs",
     ),
     "unknown suffix": (["simulate", "drive.toml", *GOOD, "--out", "run.xlsx"], "'.xlsx' cannot be written", ".parquet"),

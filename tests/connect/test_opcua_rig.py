@@ -189,7 +189,7 @@ def test_closing_an_acquisition_brings_the_axis_to_rest():
         parts = rig.acquire([Move(0.29, 0.02)], Sampling())
         next(parts)
         threading.Timer(0.3, rig.stop).start()  # from another thread, as on Ctrl-C
-        with pytest.raises(RigError, match="another command of this program ended it"):
+        with pytest.raises(RigError, match="it was ended by another command of this program"):
             for _ in parts:
                 pass
         rig.home()

@@ -105,7 +105,7 @@ WRONG = [
     ('"25 mm"', '"25"', 'cylinder.bore: "25" has no unit', 'bore = "25"'),
     ('"25 mm"', "25", "cylinder.bore: 25 has no unit", "bore = 25"),
     ('"25 mm"', '"25 bar"', 'unit "bar" is a pressure', "a length is needed"),
-    ('"7 bar abs"', '"7 bar"', "does not say abs or gauge", '"7 bar abs" or "7 bar gauge"'),
+    ('"7 bar abs"', '"7 bar"', "does not state abs or gauge", '"7 bar abs" or "7 bar gauge"'),
     ('"1.013 bar abs"', '"0 bar gauge"', "ambient.pressure", "abs"),
     ('"7 bar abs"', '"-7 bar abs"', "supply.pressure", "greater than 0"),
     ('"7 bar abs"', '"-2 bar gauge"', "supply.pressure is below vacuum", "gauge + ambient > 0"),

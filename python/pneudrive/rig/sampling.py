@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 
 def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
-    """Return the times of the samples of one step, from its beginning; its end belongs to the next step.
+    """Return the times of the samples of one step, counted from its beginning.
+
+    The end of the step belongs to the next one.
 
     Parameters
     ----------

@@ -69,8 +69,8 @@ class RigSession:
     """Session of a simulated rig: `Rig`, `Reproducible` and `Changeable`.
 
     Noise depends only on the seed and the key of the cycle. Drifting quantities depend on the history, which `memory`
-    returns. They are clock, distance and temperature of the seal, room temperature, zero of the force sensor, age of
-    the contact, and pressures. Another thread may stop the rig.
+    returns. The saved values are clock, distance and temperature of the seal, room temperature, zero of the force
+    sensor, age of the contact, and pressures. Another thread may stop the rig.
 
     Parameters
     ----------
@@ -257,7 +257,10 @@ class RigSession:
         return self._truth
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Return the factors that can be changed with their possible levels; seal and drive take any name."""
+        """Return the factors that can be changed, with their possible levels.
+
+        For seal and drive any name is possible.
+        """
         return {"mounting": tuple(self.rig.description.mountings)}
 
     def change(self, levels: dict[str, str]) -> None:

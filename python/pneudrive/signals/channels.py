@@ -129,7 +129,7 @@ class ChannelFile:
 
 
 def first_fall(seconds: Array, before: float) -> int | None:
-    """Return the first time that is missing or less than the previous one. None if all increase.
+    """Return the first sample whose time is missing or less than the previous time. None if all increase.
 
     Parameters
     ----------
@@ -166,7 +166,9 @@ class _OpenTable:
 
 
 def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile:
-    """Open a recording of any format, like `load_recording`. A file that the layout does not fit is opened without it.
+    """Open a recording of any format, like `load_recording`.
+
+    If the layout does not fit the file, the file is opened without the layout.
 
     Parameters
     ----------
@@ -222,7 +224,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
 def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
     """Return the columns that two recordings have in common.
 
-    Whether the quantity is the same: through SI if both are known in SI, otherwise only with equal units.
+    Two columns have the same quantity if both have SI units of the same dimension; otherwise their units must be equal.
 
     Raises
     ------
@@ -233,7 +235,7 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
         counted, timed = sorted((own, other), key=lambda one: one.time is not None)
         raise CommandError(
             f"{counted.name} counts samples, {timed.name} seconds",
-            rule="two recordings on one axis have both times, or neither",
+            rule="two recordings on one axis must both have times, or both have none",
             remedy="Correct the times of the former, or name their column in layout.toml.",
         )
     out = []

@@ -454,7 +454,7 @@ def check_plausible(recording: DriveRecording, drive: Drive) -> None:
             "check the unit and the zero of the position, or cylinder.stroke", where)  # fmt: skip
     for column in ("pressure_a_pa", "pressure_b_pa"):
         _column_within(recording, column, LOWEST * ambient, HIGHEST * supply,
-                f"absolute, in Pa: between the ambient pressure of {ambient:g} Pa and the supply's of {supply:g} Pa",
+                f"absolute, in Pa: between ambient, {ambient:g} Pa, and supply, {supply:g} Pa",
                 "check the unit, and whether it is gauge pressure; a layout states both", where)  # fmt: skip
 
 

@@ -84,8 +84,8 @@ class ForceCalibration:
     def _check_curve(self) -> None:
         reference, shown = np.array(self.reference_n), np.array(self.shown_n)
         if reference.size != shown.size or reference.size == 1:
-            what = f"force calibration: {reference.size} reference forces and {shown.size} shown ones"
-            raise DescriptionError(what, rule="equally many of both, two or more")
+            what = f"force calibration: {reference.size} reference forces and {shown.size} displayed forces"
+            raise DescriptionError(what, rule="two or more of each, in equal numbers")
         if reference.size and (self.gain, self.zero_n) != (1.0, 0.0):
             raise DescriptionError("force calibration: points cannot be combined with gain or zero", rule="one of both")
         if reference.size and not ((np.diff(reference) > 0).all() and (np.diff(shown) > 0).all()):

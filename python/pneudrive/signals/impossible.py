@@ -1,4 +1,6 @@
-"""Impossible values, from wrong units, columns or signs. They are refused before they are mistaken for physics.
+"""Impossible values, from wrong units, columns or signs.
+
+They are refused, so that they cannot be taken for real effects.
 
 Impossible numbers are refused here. Unusual numbers become flags of the friction map.
 """
@@ -32,7 +34,7 @@ LONGEST_M = 100.0
 
 
 def refuse_pressure(name: str, pressure_pa: NDArray[np.float64], where: str) -> None:
-    """Refuse an absolute pressure below vacuum or beyond the range of any rig. Single outliers do not count.
+    """Refuse an absolute pressure below vacuum or beyond the range of any rig. Single outliers are ignored.
 
     Raises
     ------

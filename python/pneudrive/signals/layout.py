@@ -390,7 +390,7 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
     """Return the labels in a file name; None if it does not match.
 
     ``{pressure}`` takes a number, which a unit may follow: ``5``, ``0,5``, ``1bar``. Every other field takes any text,
-    at least one character; earlier fields are as short as possible.
+    at least one character; fields are as short as possible, the first ones first.
 
     Examples
     --------
@@ -431,8 +431,8 @@ def _ends(parts: list[str], name: str, *, whole: bool) -> tuple[int, ...] | None
 
     If `whole`, the match must include the name's end.
 
-    Each position is tried once for each part. A regular expression would try every split of the name, and their number
-    grows exponentially with the fields.
+    Each position is tried once for each part. A regular expression would try every possible division of the name, and
+    the number of divisions grows exponentially with the number of fields.
     """
 
     @cache

@@ -97,7 +97,7 @@ class ColumnTable(Described):
 
     @property
     def is_date(self) -> bool:
-        """Whether it holds dates and times."""
+        """Whether the column contains dates and times."""
         return self.unit == date_times.UNIT
 
     @model_validator(mode="after")
@@ -173,7 +173,7 @@ def _labels(given: object) -> dict[str, str]:
         raise WrongValueError(f"{pattern!r} is not a valid pattern", rule=rule, sub="pattern")
     for name in (*labels, *names):
         if name in COLUMNS:
-            rule = "each label is a column of the friction map, which already has this one"
+            rule = "each label becomes a column of the friction map, which already has this column"
             raise WrongValueError(f"a label cannot be called '{name}'", rule=rule)
     return labels
 
@@ -353,7 +353,7 @@ class LayoutTables(Described):
         return {name: value for name, value in said.items() if value is not None}
 
     def column(self, channel: str, kind: str, column: ColumnTable | None = None) -> dict[str, Any]:
-        """Return a column as a `Column`; `column` is that of a parallel force."""
+        """Return a column of the layout as a `Column`; `column` is given for a parallel force."""
         given: ColumnTable = column or getattr(self.columns, channel)
         is_time = isinstance(given, TimeTable)
         scale, offset, ends = given.scale, given.offset, given.range

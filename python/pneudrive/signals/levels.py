@@ -51,7 +51,10 @@ def speed_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
 
 
 def _one_way_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
-    """Return the classes of each direction if the speed of one was set in steps; none if no direction has steps."""
+    """Return the classes of each direction if the speed of one direction was set in steps.
+
+    None if neither has steps.
+    """
     ways = {d: sorted((s for s in strokes if s.direction == d), key=lambda s: abs(s.speed_m_s)) for d in (1, -1)}
     steps = {d: _groups(members, 1.0 + LEVEL_WIDTH) for d, members in ways.items()}
     set_ways = [d for d in (1, -1) if _are_steps(steps[d])]
@@ -81,7 +84,10 @@ def _are_steps(groups: list[list[Stroke]]) -> bool:
 
 
 def _are_levels(groups: list[list[Stroke]]) -> bool:
-    """Return whether groups are set speeds: drift or scatter makes groups too, of one direction or adjacent."""
+    """Return whether groups are set speeds.
+
+    Drift or scatter also makes groups, but of one direction only or without gaps between them.
+    """
     paired = sum(len(group) for group in groups if len({stroke.direction for stroke in group}) == 2)
     if paired < PAIRED_SHARE * sum(map(len, groups)):
         return False

@@ -1,4 +1,4 @@
-"""Files into recordings, through a layout."""
+"""Reading of files as recordings, through a layout."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def hashes_of(path: Path) -> frozenset[str]:
 
 
 def find_layout(file: Path) -> Layout | None:
-    """Load ``layout.toml`` from the folder of a file, or from the one above, or return None."""
+    """Load ``layout.toml`` from the folder of a file, or from the folder above; return None if there is none."""
     above = file.parent.parent if file.parent.parts else Path("..")  # of a bare name both would be "."
     there = [f / "layout.toml" for f in (file.parent, above) if (f / "layout.toml").is_file()]
     return Layout.load(there[0]) if there else None
@@ -210,7 +210,7 @@ class LongFile:
 
     @property
     def first(self) -> int:
-        """First row that counts."""
+        """First row that is used."""
         return 0 if self.said is None else self.said.skip_samples
 
     def read(self, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
@@ -228,7 +228,7 @@ class LongFile:
     def sha256(self, ended: Event) -> str:
         """Return the hash that a recording of the whole file has: of its bytes, or of the columns of a trajectory.
 
-        Once `ended` is set, no caller waits, and the hash covers only the part that was read.
+        After `ended` is set, no caller waits for the hash, which then covers only the part that was read.
         """
         path = self.file.path
         if self.said is None:

@@ -56,12 +56,12 @@ class MeasuredChannel:
 
     @property
     def difference(self) -> float:
-        """Second value less the first one."""
+        """Second value minus the first one."""
         return self.values[1] - self.values[0]
 
     @property
     def slope(self) -> float:
-        """Difference over the time between the samples, unit per s; NaN for one and the same sample."""
+        """Difference divided by the time between the samples, unit per s; NaN if both samples are the same."""
         between = self.time_s[1] - self.time_s[0]
         return self.difference / between if between else float("nan")
 
@@ -100,7 +100,7 @@ class Measurement(Shown):
             for one in self.channels
         ]
         notes = [f"{kind.replace('_', ' ')}: {one.count}" for kind, one in self.faults.items()]
-        notes += [f"faults are not known: {self.unknown}"] if self.unknown else []
+        notes += [f"faults could not be searched: {self.unknown}"] if self.unknown else []
         return Card("Measurement", head, rows, [*notes, *self.notes])
 
 
@@ -166,7 +166,7 @@ def measure(
             both = pairs(opened, second)
             if opened.time is None:
                 what = f"{path.name} and {other.name} cannot be aligned on a stroke: samples are counted"
-                raise CommandError(what, remedy="Correct their times: each must be at least the one before it.")
+                raise CommandError(what, remedy="Correct their times: each time must be at least the previous one.")
             there = strokes_in(motion_of(other, others_layout))
             shift = shift_between((path.name, strokes_in(moved)), (other.name, there), strokes)
             seconds, values = _at(second, others_clock, (times[0] - shift, times[1] - shift))
@@ -268,7 +268,7 @@ def _layout(path: Path) -> Layout | None:
 
 
 def _opened(path: Path, layout: Layout | None, cache: Path) -> tuple[ChannelFile, Array]:
-    """Open a recording, and return its times; samples are counted where these do not rise."""
+    """Open a recording, and return its times; if times do not increase, samples are counted instead."""
     file = open_channels(path, layout, cache)
     seconds, _ = file.read([], (0, file.count()))
     if not len(seconds):

@@ -76,7 +76,7 @@ def local_slope(time_s: NDArray[np.float64], values: NDArray[np.float64], half_w
 
 
 def _uniform_slope(values: NDArray[np.float64], half_width: int, step_s: float) -> NDArray[np.float64]:
-    """Return the slope by one convolution, for equal time steps; at the ends that of the nearest full window."""
+    """Return the slope by one convolution, for equal time steps; the ends have the slope of the nearest full window."""
     offsets = np.arange(-half_width, half_width + 1)
     kernel = offsets[::-1] / (step_s * float(offsets @ offsets))
     slope = np.empty_like(values)
@@ -133,7 +133,7 @@ def thinned(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def straight_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float]:
-    """Fit a line by least squares: (slope, intercept); level if all x are equal."""
+    """Fit a line by least squares: (slope, intercept). The slope is 0 if all x are equal."""
     away = x - x.mean()
     power = float(away @ away)
     slope = float(away @ y) / power if power > 0 else 0.0

@@ -1,4 +1,4 @@
-"""Work in worker processes: each reads its own part of the files, so no process holds all samples."""
+"""Work in worker processes: each reads one part of the files, so no process has all samples in memory."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def _result(process: subprocess.Popen, written: IO[bytes]) -> list:
         raise KeyboardInterrupt
     if process.returncode != 0:
         status = f"a worker process ended with status {process.returncode}"
-        raise RecordingError(status, remedy="see its own message above")
+        raise RecordingError(status, remedy="see the message of that process above")
     written.seek(0)
     with many_objects():
         result = pickle.load(written)

@@ -32,7 +32,7 @@ STUCK_TRAVEL_SHARE = 0.02
 
 @dataclass(frozen=True)
 class SampleFault:
-    """Faults of one kind: the number of samples or intervals, and the first and last time of each place, s."""
+    """Faults of one kind: the number of samples or intervals, and the first and last time of each occurrence, s."""
 
     count: int
     places: list[tuple[float, float]]
@@ -163,8 +163,8 @@ def _bad_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
 def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return single samples that differ from both neighbours by much more than the noise, if the neighbours agree.
 
-    If the neighbours differ, or the channel changes just before or after, it is a change of level. Its overshoot may be
-    real, for example breakaway after a reversal.
+    If the neighbours differ, or the channel changes just before or after, it is a change of level. The overshoot of
+    such a change may be real, for example breakaway after a reversal.
     """
     mask = np.zeros(values.size, dtype=bool)
     steps = np.diff(values)
@@ -186,7 +186,7 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
 def jumps_back(position: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return the samples before jumps over most of the travel, against the motion before and behind them.
 
-    They come from a counter that wraps or is reset. A piston cannot move in this way.
+    Such jumps come from a counter that wraps or is reset, because a piston cannot move in this way.
     """
     mask = np.zeros(position.size, dtype=bool)
     steps = np.diff(position)
@@ -262,7 +262,7 @@ def stuck_runs(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDAr
 
 
 def stuck_position(position: NDArray[np.float64], runs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.bool_]:
-    """Mark runs of one position that end in a jump. A piston at rest starts without a jump."""
+    """Mark runs of one position that end in a jump. A real piston leaves its rest without a jump."""
     starts, lengths = runs
     inside = (lengths >= STUCK_RUN) & (starts + lengths < position.size)
     starts, lengths = starts[inside], lengths[inside]

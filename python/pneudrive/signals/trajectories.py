@@ -44,7 +44,7 @@ def digest_of(columns: Iterable[NDArray]) -> str:
 
 
 def recording_of(columns: dict[str, NDArray], name: str, source: Path | None, sha256: str | None) -> Recording:
-    """Return the recording whose hash is known, or, for a part of a trajectory, not asked for."""
+    """Return the recording of a trajectory; its hash is known, or not needed for a part of a trajectory."""
     return Recording(
         name=name,
         time_s=columns["time_s"],

@@ -186,7 +186,7 @@ class Dragged:
 
 
 def _at_rest(state: dict[str, float], released: bool) -> tuple[list[float], float]:
-    """Return the state in which the next motion begins, and the commanded position there.
+    """Return the state in which the next motion begins, and its commanded position.
 
     At the end of a command, remainders of rounding are removed. A released carriage has its actual position as command.
     """

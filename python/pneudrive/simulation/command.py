@@ -150,7 +150,10 @@ def inputs(
 
 
 def input_of(component: str) -> str:
-    """Return the name of the input that is a component's command; that of a drive's valve for an empty name."""
+    """Return the name of the input that is the command of a component.
+
+    For an empty name, that of the valve of a drive.
+    """
     return f"{component}.command" if component else "command"
 
 
@@ -177,7 +180,7 @@ def _one_of(name: str, commandable: Mapping[str, Signal | None]) -> str:
         raise CommandError("no component of the circuit takes a command", remedy="Leave the command out.")
     if not name and len(known) > 1:
         remedy = f'Name one: "{known[0]}: 0 s: 1".'
-        raise CommandError(f"the command names no component; commands are taken by {', '.join(known)}", remedy=remedy)
+        raise CommandError(f"the command names no component of: {', '.join(known)}", remedy=remedy)
     if name and name not in commandable:
         raise CommandError(f'no component "{name}" takes a command', remedy=nearest(name, known))
     return name or known[0]

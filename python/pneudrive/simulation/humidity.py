@@ -68,7 +68,7 @@ class _Place:
 
 
 def warnings(drive: Drive | Circuit, columns: Mapping[str, np.ndarray]) -> list[str]:
-    """Return the warnings on water in a run: for each volume at most one for its wall and one for its gas.
+    """Return the warnings on water in a run: for each volume, at most one for the wall and one for the gas.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def _warnings_of(place: _Place, share: float, ambient_pa: float, time_s: np.ndar
     if in_gas[at] > SATURATED:
         gas = float(place.temperature_k[at])
         what = "fog or ice" if gas < FREEZING_K else "fog"
-        outside = " and in the air that leaves it" if (share * ambient_pa / saturated).max() > SATURATED else ""
+        outside = " and in its exhaust" if (share * ambient_pa / saturated).max() > SATURATED else ""
         yield (
             f"{what} may form in {place.name}{outside}: {_when(time_s[at], place.pressure_pa[at])} the gas is at "
             f"{_celsius(gas)}, below its {_point(vapour[at])}"

@@ -118,7 +118,7 @@ def _gas(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> I
                 worst, off = (place.name, pressure, temperature, row), share
     if worst is not None:
         name, pressure, temperature, row = worst
-        law = "the ideal gas" if gas.model == "ideal" else "the law without a third virial coefficient"
+        law = "the ideal gas" if gas.model == "ideal" else "the gas law without a third virial coefficient"
         remedy = (
             '; gas.model = "virial" has the second virial coefficient'
             if gas.model == "ideal" and gas.name in VIRIAL

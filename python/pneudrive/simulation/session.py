@@ -75,7 +75,7 @@ class Session:
     """A running drive or circuit. `Drive.start` and `Circuit.start` make it.
 
     An input is set by name and holds until it is set again. The integration ends exactly on the times of `advance` and
-    `schedule` and keeps its step size. With the command of a simulation, a session gives the same bits as that
+    `schedule` and keeps its step size. With the command of a simulation, a session gives exactly the results of that
     simulation. A wrong call
     raises an error and leaves the session unchanged.
 
@@ -180,8 +180,9 @@ class Session:
     ) -> None:
         """Integrate until a time, with the inputs as set and scheduled. Then `read` the outputs.
 
-        The integration ends exactly on `until` and keeps its step size, so that many short calls give the bits of one
-        long call. A call costs less than 2 us in addition to the integration. The integration takes about 1 us of
+        The integration ends exactly on `until` and keeps its step size, so that many short calls give exactly the
+        results of one long call. A call costs less than 2 us in addition to the integration. The integration takes
+        about 1 us of
         processor time for each attempted step of a drive, and more for circuits. `statistics` counts the attempts.
 
         Parameters
@@ -243,7 +244,7 @@ class Session:
             self._refuse(error, [], None)
 
     def restore(self, saved: bytes) -> None:
-        """Return to the state at `save`. The session continues from there with the same bits.
+        """Return to the state at `save`. The session then continues with exactly the same results.
 
         Parameters
         ----------
@@ -263,7 +264,7 @@ class Session:
             self._refuse(error, [], saved)
 
     def linearise(self, inputs: Sequence[str] | None = None) -> Linear:
-        """Return the exact derivatives of the drive's rates and outputs about the present state.
+        """Return the exact derivatives of the drive's rates and outputs at the present state.
 
         Friction keeps its present mode: a sticking contact does not move, and bristles are springs.
 
@@ -295,9 +296,12 @@ class Session:
         )
 
     def _refuse(self, error: Exception, names: Sequence[object], value: object, *, readable: bool = False) -> NoReturn:
-        """Raise the core's error in user terms. `readable` states whether names of outputs are valid too."""
+        """Raise an error of the core with the names that users know.
+
+        `readable` states whether names of outputs are valid too.
+        """
         if "borrowed" in str(error):  # the core lends a session to one call at a time
-            raise SimulationError("another thread advances the session", remedy="Let one thread hold it.") from None
+            raise SimulationError("another thread advances the session", remedy="Use one thread only.") from None
         known = list(
             dict.fromkeys([*(own for own, *_ in self._core.inputs), *(self._core.columns if readable else ())])
         )

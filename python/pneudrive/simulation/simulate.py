@@ -260,7 +260,7 @@ def run(
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
-    """Return the changes of a command for the provenance, because samples show a change only at the next sample."""
+    """Return the changes of a command for the provenance, because samples show a change late."""
     found = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
     return {"command_steps": found} if len(found) <= MOST_STEPS else {}
 

@@ -56,7 +56,7 @@ def lines(
 ) -> xr.Dataset:
     """Simulate full strokes of a drive with tubes of several lengths and bores at both chambers.
 
-    Every tube is one of ``kind = "tube"`` (steady, an empirical formula). Flow controls of the drive stay.
+    Every tube has ``kind = "tube"`` (steady, an empirical formula). Flow controls of the drive stay.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def _row(drive: Drive) -> _Row:
 def _vent_conductance(drive: Drive) -> float:
     """Return the sonic conductance C of the exhaust path of chamber b with the valve open, from its steady flow.
 
-    The equations are those of the drive. The pressure between line and valve settles during the run. The pressure
+    The equations of the drive itself are used. The pressure between line and valve settles during the run. The pressure
     behind the valve is so low that the flow is choked.
     """
     from pneudrive.describe import Ambient

@@ -1,8 +1,8 @@
 """Candidates of a search: the results of a choice of parts so far, and their uncertainty.
 
-A pair is a cylinder with a tube: these two determine the air of a cycle. A probe runs it with the widest valve and no
-flow
-control. Its air holds for all choices with this pair, and its time is the shortest of them. A choice then passes three
+A pair is a cylinder with a tube: these two determine the air of a cycle. A probe simulates such a pair with the widest
+valve and no flow control. Its air is that of all choices with this pair, and its time is the shortest of them. A choice
+then passes three
 stages: nominal runs on a coarse grid of settings, tuned settings, and spreads with more and more samples.
 """
 
@@ -136,7 +136,7 @@ class TubedCylinder:
         return made
 
     def nearest(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
-        """Return a choice with its missed limits if all choices are too slow; the nearest miss uses it."""
+        """Return a choice with its missed limits if all choices are too slow, for the message on the nearest miss."""
         times = zip(("out", "back"), self.times, (task.outward_s, task.back_s), strict=True)
         way, time, limit = max(times, key=lambda one: one[1] / one[2])
         if time <= limit:
@@ -232,11 +232,11 @@ class SizingCandidate:
 
     @property
     def waits_for_lead(self) -> bool:
-        """Whether the candidate in the lead is run first."""
+        """Whether this is the leading candidate, which is run first."""
         return self.known is None and self.lead is not None and not self.lead.lost and self.lead.known is None
 
     def look_at_reach(self, final: int) -> None:
-        """Leave the candidate out if its runs, or those with the widest valve, show that it cannot do the task."""
+        """Leave the candidate out if its runs, or runs with the widest valve, show that it cannot do the task."""
         if self.reach(final) < 0.0:
             of = "" if self.rough or self.tuned or self.lead is None else f" with {self.lead.choice.valve.name}"
             self.lost = f"spreads: margin of {100.0 * self.reach(final):.0f} % at most{of}"
@@ -250,7 +250,7 @@ class SizingCandidate:
         return None if found is None else min(found.least, found.nominal)
 
     def promise(self, is_soft: bool, of_cylinder: Mapping[str, float]) -> tuple[bool, Rank]:
-        """Return the key that orders the choices for simulation, without slack.
+        """Return the key that sorts the choices for simulation.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """Checks of the machine builder: side load, buckling of the rod, absorbers, holding force without supply.
 
-Each check names the standard or the maker's rule that it follows. If no sheet of the part gives a needed value, the
-check reports this.
+Each check names the standard or the maker's rule that it follows. If the data sheet of the part does not give a needed
+value, the check reports this.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def mechanical_shortage(cylinder: PartChoice, task: SizingTask) -> Shortage | No
         return Shortage("side load", load / weight, f"it permits {load:.3g} N across, the load weighs {weight:.3g} N")
     limit, push = buckling_n(cylinder, task), push_n(cylinder, task)
     if limit is not None and push > limit:
-        said = f"the rod takes {limit:.3g} N without buckling, the piston pushes {push:.3g} N"
+        said = f"the rod can bear {limit:.3g} N without buckling, and the piston pushes with {push:.3g} N"
         return Shortage("buckling", limit / push, said)
     return None
 
@@ -105,7 +105,7 @@ def machine_checks(drive: SizedDrive, cylinder: PartChoice, task: SizingTask) ->
         rule = f"Euler with a safety of {BUCKLING_SAFETY:g}, steel, effective length {EFFECTIVE[task.guide]:g} strokes"
         check("buckling of the rod", push_n(cylinder, task), buckles, "N", rule)
     energy = cylinder.printed_si("cushion_energy", "J")
-    check("energy at the end", drive.energy, energy or task.impact_energy_j, "J", "maker's sheet, else the task")
+    check("energy at the end", drive.energy, energy or task.impact_energy_j, "J", "maker's data sheet, or the task")
     if task.cycles_per_hour and (hourly := cylinder.printed_si("absorber_energy_per_hour", "J")):
         check(
             "energy per hour", 2.0 * task.cycles_per_hour * drive.energy, hourly, "J", "maker's sheet of the absorber"

@@ -1,6 +1,6 @@
 """Catalogue parts for a task: cylinders, valves, tubes and flow controls, and assumed values of their sheets.
 
-A value that a sheet does not give is assumed by a rule of this module. It is called assumed in every file and result.
+A value that a data sheet does not give is assumed by a rule of this module. Every file and result marks it as assumed.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ class DriveChoice:
 
     @property
     def sizes(self) -> tuple[float, ...]:
-        """Bore, conductance of the valve, of the needle fully open (0 without), bore of the tubes, SI."""
+        """Bore, conductances of valve and fully open needle (0 without a needle), bore of the tubes; SI."""
         needle = self.flow_control.numbers["needle_conductance"] if self.is_throttled else 0.0
         return self.cylinder.numbers["bore"], self.valve.numbers["conductance"], needle, self.tube.numbers["diameter"]
 
@@ -258,7 +258,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
     length = units.parse(stroke.value, "m") if is_fixed else task.stroke_m  # type: ignore[union-attr]
     rod = units.parse(own["rod_diameter"].value, "m") if "rod_diameter" in own else 0.35 * bore
     if rodless:
-        mass, why = 0.7 * (bore / 25e-3) ** 2.2, "not on the sheet: piston and carriage, 0.7 kg at bore 25"
+        mass, why = 0.7 * (bore / 25e-3) ** 2.2, "not on the data sheet: piston and carriage, 0.7 kg at bore 25"
     else:
         sides = 2.0 if entry.kind == "cylinder/through-rod" else 1.0
         bar = STEEL_KG_M3 * math.pi / 4.0 * rod**2 * (sides * length)
@@ -283,7 +283,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
     over: dict[str, Any] = {"incline": units.write(task.incline_rad, "rad", "deg")}
     if not any(key.startswith("end_stop") for key in own):
         damping = 2.0 * STOP_DAMPING * math.sqrt(STOP_N_M * (task.mass_kg + mass))
-        why = "a contact without rebound: it ends the stroke"
+        why = "a contact without rebound, which ends the stroke"
         stop = (f"{STOP_N_M:.0e} N/m", f"{damping:.3g} N s/m", "0.1 mm")
         keys = ("end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth")
         assumed |= {key: (value, why) for key, value in zip(keys, stop, strict=True)}
@@ -314,19 +314,19 @@ def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
     least = printed.get("minimum_operating_pressure")
     if "friction.coulomb" in own:
         coulomb = units.parse(own["friction.coulomb"], "N")
-        breakaway, why = 4.0 / 3.0 * coulomb, "no sheet gives it: a third above Coulomb friction"
+        breakaway, why = 4.0 / 3.0 * coulomb, "not on data sheets: a third above Coulomb friction"
     elif least is not None:
         breakaway = units.parse_pressure(least).value_pa * area
         coulomb, why = 0.7 * breakaway, "from the minimum operating pressure times the area of the piston"
     else:
         coulomb = 0.05 * CATALOGUE_PA * area
-        breakaway, why = 1.4 * coulomb, "no sheet gives it: 5 % of the force at 6 bar, 7 % at breakaway"
+        breakaway, why = 1.4 * coulomb, "not on data sheets: 5 % of the force at 6 bar, 7 % at breakaway"
     return {
         "friction.law": ("stribeck", "no sheet gives a friction curve"),
         "friction.coulomb": (f"{coulomb:.4g} N", why),
         "friction.breakaway": (f"{breakaway:.4g} N", why),
         "friction.stribeck_velocity": ("20 mm/s", "no sheet gives it"),
-        "friction.viscous": (f"{40.0 * bore / 25e-3:.3g} N s/m", "no sheet gives it: 40 N s/m at bore 25"),
+        "friction.viscous": (f"{40.0 * bore / 25e-3:.3g} N s/m", "not on data sheets: 40 N s/m at bore 25"),
     }
 
 
@@ -354,7 +354,7 @@ def _cushion(entry: Entry, bore: float, stroke: float) -> dict[str, tuple[Any, s
 def _valve(entry: Entry, _task: SizingTask) -> PartChoice:
     if entry.kind == PROPORTIONAL:
         own = {value.key for value in entry.values}
-        late = {} if own & {"frequency", "delay"} else {"delay": ("20 ms", "no sheet gives it: of a solenoid valve")}
+        late = {} if own & {"frequency", "delay"} else {"delay": ("20 ms", "usual for a solenoid valve")}
         return _choice(entry, {}, late)
     why = "not on the sheet: usual for a solenoid valve of this size"
     return _choice(entry, {}, {"time_on": ("20 ms", why), "time_off": ("30 ms", why)})

@@ -77,7 +77,7 @@ class SizingFolder:
             self.release()
             raise CommandError(
                 f"another process searches in {self.folder}",
-                rule="two processes must not write to one sizing",
+                rule="two processes must not write into the folder of one sizing",
                 remedy="Wait until it ends, or choose another folder.",
             )
 
@@ -153,7 +153,7 @@ class SizingFolder:
 def read_choice(line: str) -> SizedDrive | tuple[str, Tuned] | None:
     """Read a line: a drive that was simulated, or the name and settings of one that was tuned.
 
-    None for an incomplete line: the search was killed while writing it, or still writes it.
+    None for an incomplete line, because the search was killed while writing it or is still writing it.
     """
     try:
         one: dict[str, Any] = json.loads(line)

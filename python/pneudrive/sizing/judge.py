@@ -29,7 +29,7 @@ NEVER = -1.0
 
 
 class LimitMargin(NamedTuple):
-    """One limit of a task and its fulfilment over the draws.
+    """One limit of a task, and how the samples keep it.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ def is_met(found: list[LimitMargin]) -> NDArray[np.bool_]:
 def probability_bound(met: int, draws: int) -> float:
     """Return the one-sided lower bound of a probability at 95 % confidence, after Clopper and Pearson.
 
-    The bound holds for independent samples; those of a Sobol sequence are more even.
+    The bound is valid for independent samples; samples of a Sobol sequence are more even.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Safe bounds without simulation. They leave out choices that cannot do the task with any setting.
+"""Safe bounds without simulation. The bounds exclude choices that cannot do the task with any setting.
 
 Every bound uses the favourable end of each spread, so a removed choice fails in all samples.
 """
@@ -82,7 +82,7 @@ class SafeBounds:
         stroke = choice.cylinder.numbers["stroke"]
         if abs(stroke - self.task.stroke_m) <= SAME_STROKE * self.task.stroke_m:
             return None
-        return Shortage("stroke", 0.0, f"the part has a stroke of {1e3 * stroke:g} mm")
+        return Shortage("stroke", 0.0, f"the stroke of the part is {1e3 * stroke:g} mm")
 
     def _sheet(self, choice: DriveChoice) -> Shortage | None:
         """Compare the task with the sheet of the cylinder."""
@@ -170,9 +170,9 @@ HALVINGS, FARTHEST = 12, 100.0
 
 
 def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]], bounds: SafeBounds) -> list[str]:
-    """Return, in words, the value of each single quantity at which a choice would pass the safe bounds.
+    """Return as text, for each single quantity, the value at which a choice would pass the safe bounds.
 
-    A smaller change cannot suffice. The spreads may require a larger one.
+    A smaller change cannot suffice. With spreads, a larger value may be needed.
     """
     gauge = task.supply_pa - task.ambient.pressure_pa
     back = {} if task.return_time_s is None else {"return_time_s": task.return_time_s}

@@ -130,7 +130,7 @@ class SizingResult(Shown):
         return list(first.values())
 
     def circuit(self, place: int = 0) -> Circuit:
-        """Return the circuit of a place in the ranking, with its settings, ready to run."""
+        """Return the circuit at a place of the ranking, with its settings, ready to run."""
         drive = self.ranked[place]
         return circuit_of(self.task, drive.parts, Setting(**drive.setting))
 
@@ -180,7 +180,7 @@ def row_of(one: SizedDrive) -> tuple[str, ...]:
 
 
 def sentences(result: SizingResult) -> list[str]:
-    """Return the answer, its reasons, the next best cylinder, and the size of the search."""
+    """Return the answer, its reasons, the second-best cylinder, and the size of the search."""
     cut = ", ".join(f"{name} {count}" for name, count in sorted(result.pruned.items(), key=lambda one: -one[1]))
     said = [sentence(result.task, result.best, result.provisional, result.miss is not None)]
     best = result.best
@@ -251,7 +251,7 @@ def _gives(name: str, limit: float, value: float, unit: str, what: str) -> str:
     digits = next((n for n in range(3, 17) if f"{limit:.{n}g}" != f"{value:.{n}g}"), 3)
     return (
         f"The limit of {name} is {factor * limit:.{digits}g} {read}; {what} {factor * value:.{digits}g} {read}: "
-        "relax it so far, or change supply pressure, tubes or catalogue."
+        "relax it to this value, or change supply pressure, tubes or catalogue."
     )
 
 

@@ -45,7 +45,7 @@ class Saving(NamedTuple):
 
 
 def savings(best: DriveStrokes, sized_best: SizedDrive, draws: NDArray[np.float64]) -> Iterator[Saving]:
-    """Try changes of the best drive, each tuned and simulated over draws."""
+    """Try changes of the best drive; each is tuned and simulated over samples of the spreads."""
     task, half = best.task, best.task.tube_length_m * TUBE_SHARE
     shorter = task.model_copy(update={"tube_length_m": half})
     tube = next(part for part in choices(shorter)["tube"] if part.name == best.choice.tube.name)

@@ -68,7 +68,7 @@ LISTED, TRIED = 4, 2
 def is_of_command(asked: Mapping[str, int]) -> bool:
     """Whether the command line can set these parameters.
 
-    It has no options for `most` and the samples of the best choice.
+    The command has no options for `most` and for the samples of the best choice.
     """
     return asked["draws_best"] == DRAWS_BEST_OF * asked["draws"] and asked["most"] == MOST
 
@@ -459,7 +459,7 @@ class Search:
         self._learn(every)
 
     def _resume(self, one: SizingCandidate) -> bool:
-        """Use the tuned settings of a choice that the folder has."""
+        """Use the tuned settings of a choice from the folder."""
         kept = None if self.folder is None else self.folder.tuned(one.choice.name)
         if kept is None:
             return False

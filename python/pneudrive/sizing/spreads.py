@@ -40,12 +40,12 @@ class Hardest(NamedTuple):
 
 
 def sized(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> SizedDrive:
-    """Simulate a choice with its settings over draws and compare it with its task."""
+    """Simulate a choice with its settings over samples of the spreads, and compare the results with the task."""
     return simulated(strokes, setting, draws, rtol).drive
 
 
 def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> DrawResults:
-    """Simulate a choice with its settings over draws and keep the results of each draw."""
+    """Simulate a choice with its settings over samples of the spreads, and keep the results of each sample."""
     out, back = _both(strokes, setting, draws, rtol)
     task, choice = strokes.task, strokes.choice
     found = judge.limits(task, choice, out, back)
@@ -88,7 +88,7 @@ def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: 
     """Return upper bounds of a choice's results over all samples, from a few of them.
 
     The first samples give a linear estimate of all margins. The samples with the lowest estimates are simulated. The
-    result is a bound for any quality of the estimate: omitted samples can only lower the margin. The mean air is
+    result is always a bound, because samples that are not simulated can only reduce the margin. The mean air is
     estimated.
 
     Parameters

@@ -1,8 +1,10 @@
 """Both strokes of one choice of parts in the core, from samples and settings to times, speeds and air.
 
-Definitions are those of a datasheet (`pneudrive.datasheet.strokes`). The time runs from the command to the first
-contact with the end. The speed at the end is that of the first contact. This module computes them in the core, without
-samples, for hundreds of thousands of runs. The datasheet reads them from a trajectory or a recording. A test checks
+Times and speeds are defined as in a datasheet (`pneudrive.datasheet.strokes`). The time runs from the command to the
+first
+contact with the end. The speed at the end is that of the first contact. This module computes these numbers in the core,
+without trajectories, for hundreds of thousands of runs. The datasheet reads them from a trajectory or a recording. A
+test checks
 that both agree within 1e-6.
 """
 
@@ -135,8 +137,9 @@ class DriveStrokes:
     def load_ratio(self, outward: bool, draws: Array) -> Array:
         """Return the ratio of load to supply force at rest, shape (n,); above 1 the load does not move.
 
-        The load is weight of load and piston, external force, and friction of cylinder and guide, outwards at least
-        the holding force. The supply's force is its gauge pressure on the piston, with the other chamber at ambient.
+        The load is the weight of load and piston, the external force, and the friction of cylinder and guide. For the
+        outward stroke it is at least the holding force. The supply's force is its gauge pressure on the piston, with
+        the other chamber at ambient.
 
         Parameters
         ----------
@@ -186,8 +189,8 @@ class DriveStrokes:
     def opens_after(self, outward: bool, draws: Array) -> Array:
         """Return the time from the command until the valve is open, s, shape (n,).
 
-        The edges of a switching valve open over the second half of its travel. The time to three quarters of the travel
-        counts.
+        The edges of a switching valve open over the second half of its travel. The time until three quarters of the
+        travel is used.
         """
         valve, factors = self.choice.valve, self._factors(draws)
         if valve.kind == PROPORTIONAL:

@@ -78,7 +78,7 @@ class TaskSupply(Described):
 
 
 class TaskSpreads(Described):
-    """Ranges of values that differ from drive to drive and from day to day; each is drawn uniformly."""
+    """Ranges of values that differ from drive to drive and from day to day; samples are uniform over each range."""
 
     table_name: ClassVar[str] = "spread"
     mass: Share = Field(default=0.1, description="of the load, +-")
@@ -104,12 +104,12 @@ class SizingTask(Described):
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str = "task"
-    mass_kg: Mass = Field(description="of the load; that of the piston is added")
+    mass_kg: Mass = Field(description="mass of the load; the mass of the piston is added")
     stroke_m: Length
     time_s: Seconds = Field(default=None, description="from the command to the end, outwards")
-    return_time_s: Seconds = Field(default=None, description="return stroke; absent: as outwards")
-    speed_m_s: Speed = Field(default=None, description="in place of time: stroke over time")
-    incline_rad: Angle = Field(default=0.0, description="of the outward stroke; 90 deg: it lifts")
+    return_time_s: Seconds = Field(default=None, description="time of the return stroke; absent: as outwards")
+    speed_m_s: Speed = Field(default=None, description="can replace time: stroke divided by time")
+    incline_rad: Angle = Field(default=0.0, description="direction of the outward stroke; 90 deg: it lifts")
     external_force_n: Force = Field(default=0.0, description="constant force against the outward stroke")
     holding_force_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)] = Field(
         default=0.0, description="force of the piston at the end of the outward stroke"
@@ -130,7 +130,7 @@ class SizingTask(Described):
         default=None, description="for air and energy of a year"
     )
     hours_per_year: Annotated[float, Quantity("", bounds=_POSITIVE)] = Field(
-        default=2000.0, description="of operation; the default is one shift"
+        default=2000.0, description="hours of operation in a year; the default is one shift"
     )
     price_per_kwh: Annotated[float | None, Quantity("", bounds=_POSITIVE)] = Field(
         default=None, description="of electricity, in the currency"
@@ -147,14 +147,14 @@ class SizingTask(Described):
     def _one_time(self) -> SizingTask:
         if (self.time_s is None) == (self.speed_m_s is None):
             what = "time is missing" if self.time_s is None else "time and speed are both given"
-            raise wrong("time", what, rule="exactly one of time and speed", remedy='Write time = "0.6 s".')
+            raise wrong("time", what, rule="give either time or speed", remedy='Write time = "0.6 s".')
         return self
 
     @model_validator(mode="after")
     def _supply_above_ambient(self) -> SizingTask:
         low = self.supply_pa - self.supply.spread_pa
         if not low > self.ambient.pressure_pa:
-            what = f"supply.pressure = {self.supply.pressure} less its spread is not above the ambient pressure"
+            what = f"supply.pressure = {self.supply.pressure} minus its spread is not above the ambient pressure"
             raise wrong("supply.pressure", what, rule=f"above {self.ambient.pressure}")
         return self
 
@@ -193,7 +193,7 @@ class SizingTask(Described):
 
     @property
     def template_key(self) -> str:
-        """Parts of the task in a circuit, apart from the drawn numbers."""
+        """Parts of the task in a circuit, except for sampled numbers."""
         return (
             f"{self.stroke_m!r} {self.incline_rad!r} {self.external_force_n!r} {self.supply} {self.ambient.to_dict()}"
         )

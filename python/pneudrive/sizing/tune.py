@@ -1,8 +1,8 @@
 """Settings of needles and cushions of one choice of parts, such that the worst of a few cases keeps the largest margin.
 
 The search uses a grid that is refined twice, without derivatives: arrivals, impacts and check valves cause kinks. All
-grid points run in parallel. The cases are nominal, slow and fast. About 1 % of the samples are beyond each of the last
-two.
+grid points run in parallel. The cases are nominal, slow and fast. About 1 % of the samples are slower than the slow
+case, and 1 % are faster than the fast case.
 """
 
 from __future__ import annotations
@@ -143,7 +143,8 @@ def _sent(search: Search, result: StrokeResults) -> StrokeRuns | Tuned:
 def _rough(strokes: DriveStrokes) -> Search:
     """Search rough settings of a choice: yield runs, receive their results, return the settings.
 
-    If a stroke is too slow fully open even in the fast case, nothing is searched: no setting makes it faster.
+    If a stroke with fully open needles is too slow even in the fast case, nothing is searched, because no setting makes
+    it faster.
     """
     task = strokes.task
     for outward, limit in ((True, task.outward_s), (False, task.back_s)):
@@ -185,7 +186,7 @@ def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
 
 
 def _joined(every: Sequence[Tuned]) -> Tuned:
-    """Return both strokes as one."""
+    """Return the settings of both strokes as one result."""
     worse = min(every, key=lambda one: one.nominal)
     air, times = sum(one.air for one in every), tuple(one.times[0] for one in every)
     return Tuned(every[-1].setting, worse.nominal, worse.short, min(one.least for one in every), air, times)

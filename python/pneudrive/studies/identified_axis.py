@@ -177,7 +177,7 @@ class IdentifiedAxis:
 
 
 def identify_axis(sheet: Circuit) -> IdentifiedAxis:
-    """Go from the datasheet of an axis to its score under control, compared with the datasheet only.
+    """Measure, identify, tune and run an axis; compare the score with that of a controller from the datasheet.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ MOST_STOP_S = 1.0
 
 @dataclass(frozen=True)
 class RecordedBreakaway:
-    """Stop that ends in motion.
+    """A stop that is followed by motion.
 
     Attributes
     ----------
@@ -80,13 +80,13 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
 
 
 def _peak(force: Array, moved: Array, bend: float) -> tuple[float, bool]:
-    """Return the greatest force before the piston has moved by `bend`, and whether it moved so far."""
+    """Return the largest force before the piston has moved by `bend`, and whether it has moved by `bend`."""
     beyond = np.flatnonzero(moved > bend)
     return float(np.max(force[: int(beyond[0]) + 1] if beyond.size else force)), bool(beyond.size)
 
 
 def carried_friction(drive: Drive, signals: Signals) -> Array:
-    """Return the friction force, N in -x: all other forces on the moving mass minus m a, from the core."""
+    """Return the friction force, N in -x, from the core: all other forces on the moving mass minus m a."""
     force = signals.smooth(Scene.of(drive, signals).terms.force_n)
     return force - moving_mass(drive) * signals.acceleration_m_s2
 

@@ -204,7 +204,7 @@ def _overlap(scene: Scene, amount: float) -> Scene:
 
 
 def _sensor(position: float = 0.0, a: float = 0.0, b: float = 0.0) -> Change:
-    """Change sensors that read too high by an amount: the true value is lower."""
+    """Sensors that read too high by an amount: the true values are lower."""
 
     def change(scene: Scene, amount: float) -> Scene:
         p_a, p_b = scene.pressures
@@ -252,7 +252,7 @@ _PATH_REMEDY = "measure C of this path (ISO 6358), check for an unmodelled fitti
 
 
 def causes(drive: Drive) -> list[Cause]:
-    """Return all causes that are tested for a drive."""
+    """Return all causes that can be tested for a drive."""
     friction = _of_friction(drive) if "coulomb" in drive.friction.parameters else []
     leaks = _of_leaks(drive)
     return [
@@ -315,7 +315,7 @@ def _of_valve(drive: Drive) -> list[Cause]:
                   "measure the valve's step response (negative: the command was logged late); identify with a free "
                   "delay of the command", _command(_delayed)),
         Cause("valve zero", "valve", "a valve with its zero at a command of {size}", "1", 0.01, 0.005,
-                  "find the command at which the piston rests, and tare it",
+                  "find the command at which the piston rests, and use it as zero",
                   _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0)), described=False),
         Cause("dead zone", "valve", "a dead zone of the valve of {size} of its command", "1", 0.01, 0.005,
                   "measure the flow over the command near zero, or fit valve.overlap to small and large commands",

@@ -190,7 +190,7 @@ def _doubts(recording: Recording, sliding: _Sliding, share: float) -> list[str]:
     for place, force in enumerate(recording.parallel):
         parallel = list(recording.parallel)
         parallel[place] = force._replace(force_n=-force.force_n)
-        others[f'the {force.name} acts the other way: change its "positive" in the layout'] = replace(
+        others[f'the {force.name} acts in the other direction: change its "positive" in the layout'] = replace(
             recording, parallel=tuple(parallel)
         )
     span, sizes = float(np.ptp(recording.force_n)) or 1.0, {}

@@ -7,7 +7,7 @@ The cause that explains most is added to the model, and the search continues wit
     share explained = 1 - |e(changed model)|^2 / |e(model)|^2
 
 A search for values, such as `identify`, compensates an unmodelled effect by wrong values. A cause that explains little
-is therefore also fitted together with these values. It counts if the joint fit leaves much less than each separate fit.
+is therefore also fitted together with these values. The joint fit is used if its residual is much smaller.
 
 Standard errors come from the scores of blocks of 0.25 s, as neighbouring samples are correlated.
 """
@@ -313,9 +313,9 @@ def _with_companions(
 ) -> list[_Refined]:
     """Fit each cause together with values that compensate it.
 
-    Return these fits if one leaves much less than any single cause.
+    Return these fits if one of them leaves a much smaller residual than any single cause.
 
-    The companions without the cause also count as a fit. A wrong value is then not mistaken for another cause.
+    A fit of the companions without the cause is also considered. A wrong value is then not mistaken for another cause.
     """
     drive = model.scenes[0].drive
     values = frozenset(drive.provenance) or COMPENSATING
@@ -381,7 +381,7 @@ def _together(search: _Search, model: _Model, left: Array, cause: Cause, compani
 
 
 def _alone(search: _Search, model: _Model, r: _Refined, k: int) -> _Refined:
-    """Return the k-th companion of a cause as a cause: its part of the residual of the other changes."""
+    """Return the k-th companion of a cause as a separate cause, with its part of the residual."""
     cause, amount, column = r.others[k]
     every = [(other, size) for other, size, _ in (*r.others[:k], *r.others[k + 1 :])] + [(r.cause, r.amount)]
     without = _residual_with(search, model, *map(list, zip(*every, strict=True)))
@@ -450,7 +450,7 @@ def _newton(search: _Search, model: _Model, left: Array, start: _Refined) -> _Re
 
 
 def _is_shown(search: _Search, r: _Refined, left: Array) -> bool:
-    """Return whether a cause is relevant and beyond chance; for clearly open balances any amount is relevant."""
+    """Return whether a cause is relevant and significant; if balances clearly do not close, any amount is relevant."""
     worth = abs(r.amount) >= r.cause.least or any(value > CLEAN for value in search.sizes(left).values())
     return worth and r.share >= LEAST_SHARE and abs(r.amount) >= LEAST_T * search.stderr(r.column, r.after)
 
@@ -490,7 +490,7 @@ def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...],
     text = f"{100.0 * r.share:.0f} % of the residual is explained by {_amount_in_words(cause, r.amount, stderr)}"
     if r.others and is_identified:
         words = (_amount_in_words(other, amount) for other, amount, _ in r.others)
-        text += f" together with other values than the identified ones: {', '.join(words)}"
+        text += f" together with values that differ from the identified ones: {', '.join(words)}"
     if rivals:
         text += "; the recordings cannot distinguish this from " + ", ".join(
             f"{key} ({100 * s:.0f} %)" for key, s in rivals[:4]

@@ -1,6 +1,6 @@
 """Metrics of the residual between measurement and model, and tests whether it is noise.
 
-The residual is measurement minus model. Bounds of correlations hold for white residuals. The residual of a wrong
+The residual is measurement minus model. Bounds of correlations are valid for white residuals. The residual of a wrong
 model's free run is never white, and the test shows this. Sources of the tests: [ljung1978], [mathworks-residuals].
 """
 

@@ -1,4 +1,4 @@
-"""Validation of a circuit along recorded motions: start and delay of each recording are fitted, the rest is held."""
+"""Validation of a circuit along recorded motions: only start and delay of each recording are fitted."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def residuals(drive: Drive, signals: Signals) -> Residuals:
 
 
 def near_stops(drive: Drive, signals: Signals) -> NDArray[np.bool_]:
-    """Return a mask where the piston may touch an end stop, widened by the window of derivatives."""
+    """Return a mask of samples at which the piston may touch an end stop, widened by the window of derivatives."""
     margin = STOP_MARGIN_M + MARGIN_NOISE * noise_level(signals.position_m)
     x = signals.position_m
     touching = (x < margin) | (x > drive.cylinder.stroke_m - margin)
@@ -90,7 +90,7 @@ def _whole(mask: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
 
 
 def _sliding(drive: Drive, signals: Signals) -> NDArray[np.bool_]:
-    """Return a mask where the piston has slid, since its last reversal, beyond the deflection of bristles."""
+    """Return a mask of samples at which the piston has slid beyond the deflection of bristles since a reversal."""
     v, x = signals.velocity_m_s, signals.position_m
     sign = np.where(signals.moving, np.sign(v), 0.0)
     turned = np.r_[True, np.diff(sign) != 0.0]

@@ -74,7 +74,7 @@ class Signals:
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:
-        """Uncertainty of the velocity from its window: change with half of the window, at each sample."""
+        """Uncertainty of the velocity from its window, for each sample: the change if the window is halved."""
         if "velocity_m_s" in self.recording:
             return np.zeros_like(self.position_m)
         return np.abs(self._derivative(1) - self._derivative(1, max(self.half // 2, LEAST_HALF - 1)))

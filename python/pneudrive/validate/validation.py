@@ -364,7 +364,7 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
 
 
 def _is_crossed(record: RecordResult) -> bool:
-    """Whether the pressures of the free run fit those of the other chamber only."""
+    """Whether the pressures of the free run fit only the recorded pressures of the other chamber (swapped columns)."""
     a, b = "pressure_a_pa", "pressure_b_pa"
     crossed = [metrics(getattr(record.signals, p), record.free[q]).nrmse for p, q in ((a, b), (b, a))]
     return max(crossed) < PRESSURE_NRMSE < max(record.channels[p].free.nrmse for p in (a, b))
@@ -400,7 +400,10 @@ def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
 
 
 def validation_toml(found: Validation) -> str:
-    """Return the text of validation.toml: SI, shares as numbers, fit in percent; unknown values are left out."""
+    """Return the text of validation.toml: Values are in SI, fractions as numbers, fit in percent.
+
+    Unknown values are left out.
+    """
     drive, diagnosis = found.drive, found.diagnosis()
     identified = {"identified": drive.to_dict()["provenance"]} if drive.provenance else {}
     tables = {

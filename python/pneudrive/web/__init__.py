@@ -1,5 +1,5 @@
 """The page of `pneudrive web`: a server for one user on this machine, over a folder of files.
 
-It computes nothing itself: it calls the same functions as the command line and Python, and packs results for a page
-that draws them.
+The server computes nothing itself: it calls the functions of the command line and of Python, and sends results to a
+page that draws them.
 """

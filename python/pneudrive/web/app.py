@@ -206,7 +206,7 @@ def _answered(view: Callable[[Mapping[str, str], bytes], Any]) -> Callable[[Aske
 
 
 def _json(found: Any) -> JSONResponse:  # noqa: ANN401 - plain data
-    """Return an answer. Infinite values and NaN, which a file may hold, become null."""
+    """Return an answer. Infinite values and NaN, which a file may contain, become null."""
     try:
         return JSONResponse(found)
     except ValueError:

@@ -18,7 +18,7 @@ LONGEST_UNUSED_S = 30 * 86400.0
 def cache_folder() -> Path:
     """Return the folder of converted recordings, which only this user can open. The first call makes it.
 
-    Without a writable home, it is `log_folder`.
+    Without a writable home folder, `log_folder` is returned.
     """
     folder = _user_cache() / "pneudrive" / "page"
     try:
@@ -32,7 +32,7 @@ def cache_folder() -> Path:
 
 
 def forget_unused(folder: Path, now_s: float | None = None) -> None:
-    """Remove files that were not opened for `LONGEST_UNUSED_S`."""
+    """Remove files that were not opened during `LONGEST_UNUSED_S`."""
     oldest = (time.time() if now_s is None else now_s) - LONGEST_UNUSED_S
     for entry in os.scandir(folder):
         if entry.is_dir(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_mtime < oldest:

@@ -1,4 +1,4 @@
-"""Long work as on the command line: one process for each job, its last lines, cancellation by Ctrl-C."""
+"""Jobs: each runs a command line in one process, shows its last lines, and can be cancelled like by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _NAME = re.compile(r"[\w][\w .-]{0,80}")
 
 @dataclass(frozen=True)
 class JobRequest:
-    """A command that makes a folder, or continues in one.
+    """A command that makes a folder, or continues in an existing one.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ class PageJobs:
         with self._lock:
             running = [one.out for one in self.all if one.state == "running"]
             if len(running) >= (os.cpu_count() or 1):
-                raise CommandError(f"{len(running)} jobs are running", remedy="Wait for one, or cancel it.")
+                raise CommandError(f"{len(running)} jobs are running", remedy="Wait until a job ends, or cancel one.")
             out = self.workspace.folder(work.out)
             if (work.is_new and out.exists()) or work.out in running:
                 raise CommandError(f"{work.out} is there already", remedy="Choose another name.")

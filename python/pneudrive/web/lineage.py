@@ -63,10 +63,8 @@ SAME, CHANGED, DIFFERS, MISSING, NAMED, UNREAD = "same", "changed", "differs", "
 class Input(NamedTuple):
     """An input named by a result: kind, name and hash. Without a hash, only the name identifies the input.
 
-    `part` has further data. For a map, it has the fit's options. For a fit, it is the value that came from this fit.
-    For a
-    drive, it is ``"identified"`` if the drive had identified values. For a recording, it is ``"volume"``, or ``"file"``
-    if the hash is not that of its samples.
+    `part` distinguishes inputs further: the options of a fit of a map, the value that came from a fit, ``"identified"``
+    for a drive with identified values, and for a recording ``"volume"``, or ``"file"`` if the hash is not that of its samples.
     """
 
     kind: str
@@ -198,7 +196,7 @@ class Lineage:
         return None
 
     def _recording(self, each: Input, _of: str) -> tuple[str, str]:
-        """Return the file of a recording. Among several of its name, return the one with its hash, or None."""
+        """Return the file of a recording: by name, and among several also by hash; None without one."""
         own, alike = each.name in self.files, self._recordings.get(stem(Path(each.name)), [])
         paths = list(dict.fromkeys([each.name, *alike])) if own else alike
         path = paths[0] if own or len(paths) == 1 else ""
@@ -296,7 +294,7 @@ class Lineage:
         return None
 
     def _new(self, path: str, suffix: str = "") -> str:
-        """Return a free name similar to that of a path, without folder and suffix."""
+        """Return an unused name that is similar to that of a path, without folder and suffix."""
         places = ((number, self.workspace.folder(f"{path}-{number}{suffix}")) for number in count(2))
         return f"{Path(path).name}-{next(number for number, place in places if not place.exists())}"
 
@@ -339,7 +337,7 @@ def _hash_at(workspace: Workspace, path: str, changed: float) -> str:
 
 
 def _law(fit: FrictionFit) -> str:
-    """Return the law that repeats this fit. Empty if some options cannot be named, or its law was reduced."""
+    """Return the law that repeats this fit. Empty if some options cannot be expressed, or if the law was reduced."""
     plain = fit.provenance["direction"] == "both" and fit.provenance["robust"] and not fit.provenance["exclude_flags"]
     own = (fit.law, fit.model.exponent, fit.model.lorentzian)
     named = ((name, (one.law, one.exponent, one.lorentzian)) for name, one in CANDIDATES.items())

@@ -45,7 +45,7 @@ LONG_REST = 20  # samples without motion that are marked as a rest
 
 
 class Mailbox:
-    """A place for one message. A new message replaces one that was not taken."""
+    """A place for one message. A new message replaces a message that was not taken yet."""
 
     def __init__(self) -> None:
         self._new = asyncio.Event()

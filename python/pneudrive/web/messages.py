@@ -129,7 +129,7 @@ def fault_of(fault: BaseException, path: str = "") -> CommandError:
         return CommandError(
             f"{path[:LONGEST_NAME]} cannot be shown: it is incomplete or damaged",
             value=f"{fault.args[0]} is missing" if isinstance(fault, KeyError) and fault.args else text,
-            remedy="Make it again. If it is whole, report this with the file.",
+            remedy="Make it again. If the file is complete, report this error with the file.",
         )
     print_exception(fault)
     return CommandError(

@@ -51,7 +51,7 @@ class BuiltPage:
 
 
 class Opening:
-    """ASGI application that is replaced by another one as soon as that is ready. Until then it serves only the page.
+    """ASGI application that serves only the page until the full application is ready and replaces it.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Reports of the folder as separate pages: each address opens one report and nothing else.
 
-A tab that opens from a link carries no token. The address itself is therefore the key: a secret of the length of a
+A tab that is opened by a link has no token. The address itself is therefore the key: a secret of the length of a
 token, for one folder, valid until the server stops. A report never runs code.
 """
 
@@ -38,7 +38,7 @@ class OpenReports:
         self.workspace, self._folders = workspace, folders
 
     def address(self, name: str) -> str:
-        """Return the address of the report in a folder. Empty without a report."""
+        """Return the address of the report in a folder. The result is empty if there is no report."""
         if not (self.workspace.folder(name) / REPORT).is_file():
             return ""
         secret = next((one for one, folder in self._folders.items() if folder == name), None) or new_token()

@@ -22,7 +22,7 @@ Value = StrictStr | StrictInt | FiniteFloat
 
 
 class PageRequest(BaseModel):
-    """A request of the page. Additional fields are ignored, because one message may hold several requests."""
+    """A request of the page. Additional fields are ignored, because one message may contain several requests."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 

@@ -38,7 +38,7 @@ def serve(
 ) -> None:
     """Serve a folder until Ctrl-C.
 
-    The address is given as soon as the port listens. The rest is imported while the browser starts.
+    The address is given as soon as the port listens. Other modules are imported while the browser starts.
 
     Parameters
     ----------

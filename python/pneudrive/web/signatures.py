@@ -1,6 +1,6 @@
 """Commands that the page starts, each with a signature: its fields, its command line and its Python lines.
 
-A form of the page, the copied command, the copied Python and the started process all follow from one entry of
+The form of the page, the copied command, the copied Python and the started process are all derived from one entry of
 `SIGNATURES`.
 """
 
@@ -132,7 +132,7 @@ def _choice(given: str, _: Workspace, of: CommandInput) -> str:
 def _keys(given: str, _: Workspace, of: CommandInput) -> str:
     keys = [one.strip() for one in given.split(",") if one.strip()]
     if not keys:
-        raise CommandError("no value is named that may change", remedy=f"Write {of.hint}, for instance.")
+        raise CommandError("no changeable value is named", remedy=f"Write {of.hint}, for instance.")
     return ", ".join(keys)
 
 
@@ -167,7 +167,7 @@ def _recordings(given: list[Any], workspace: Workspace, of: CommandInput) -> lis
             is_trajectory(path) if of.hint == "rig" else len(columns_in(path, NEEDED)) == len(NEEDED)
         )
         if not is_own and layout_in(workspace, path) is None:
-            raise CommandError(f"{name} has no layout in the workspace", remedy="Propose one and accept it.")
+            raise CommandError(f"{name} has no layout in the workspace", remedy="Propose a layout and accept it.")
     return given
 
 

@@ -1,6 +1,7 @@
 """The folder of the page: its accessible files, and safe writing of files.
 
-The import is fast, because the address is printed after it. Modules for campaigns and descriptions are imported in
+The import of this module is fast, because the address is printed only after it. Modules for campaigns and descriptions
+are imported in
 functions.
 """
 
@@ -89,11 +90,11 @@ class Workspace:
             It is not a folder.
         """
         if not folder.is_dir():
-            raise CommandError(f"{folder} is not a folder", remedy="Name the folder that holds your drives.")
+            raise CommandError(f"{folder} is not a folder", remedy="Name the folder that contains your drives.")
         return cls(folder.resolve())
 
     def path(self, name: str, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-        """Return the place of a file by its name in the workspace: relative, of a known kind, inside the folder.
+        """Return the path of a file from its name, which must be relative, of a known kind, and inside the folder.
 
         Raises
         ------
@@ -106,7 +107,7 @@ class Workspace:
         return place
 
     def folder(self, name: str) -> Path:
-        """Return the place of a folder, or of a file of any kind, by its name. Links must stay inside.
+        """Return the path of a folder, or of a file of any kind, from its name. Links must stay inside.
 
         Raises
         ------
@@ -185,7 +186,8 @@ class Workspace:
     def write(self, name: str, text: str, known: str | None) -> str:
         """Write a file that has not changed since the page read it, and return its new version.
 
-        A version is the SHA-256 of the text. After a save without a change, a random word is appended. Otherwise a
+        A version is the SHA-256 of the text. If the text is unchanged, a random word is appended to the version.
+        Otherwise a
         second writer with the same version would not notice the save.
 
         Parameters
@@ -266,7 +268,7 @@ def fingerprint(text: str) -> str:
 
 
 def is_in_catalogue(name: str) -> bool:
-    """Return whether a name belongs to the catalogue and therefore not to a file of the workspace."""
+    """Return whether a name refers to the catalogue and not to a file of the workspace."""
     from pneudrive.describe.files.catalogue import PREFIX
 
     return name.startswith(PREFIX)

@@ -138,7 +138,7 @@ def test_compressed_files_read_the_same(tmp_path, suffix):
 # what is changed, into what, line of the message, words of the message
 MISTAKES = [
     (', unit = "mm" }', " }", 7, 'columns.position.unit is missing(?s:.*)unit = "mm"'),
-    ('"bar gauge"', '"bar"', 8, "does not say gauge or abs"),
+    ('"bar gauge"', '"bar"', 8, "does not state gauge or abs"),
     ('"bar gauge"', '"mm"', 8, "is a length"),
     ('unit = "ms"', 'unit = "blorb"', 6, "not known"),
     ('unit = "ms"', 'unit = "ms", format = "%H:%M"', 6, 'for a time with unit = "date-time" only'),

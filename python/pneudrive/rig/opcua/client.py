@@ -194,7 +194,7 @@ class OpcUaRig:
         done, current, stops = self._link.read("answer.done", "command.id", "heartbeat.stops")
         self._link.check_stops(stops)
         if current != identity and current == self._id:
-            raise _EndedError("another command of this program ended it", where=self._link.url)
+            raise _EndedError("it was ended by another command of this program", where=self._link.url)
         if current != identity:
             what = "another client commands this rig"
             raise RigError(
@@ -221,7 +221,7 @@ class OpcUaRig:
         slot = self._link.nodes.slot_of(number)
         sequence, count, *read = self._link.read("samples.sequence", "samples.count", *SAMPLES, slot=slot)
         if sequence != number:
-            what = f"samples were lost: slot {slot} holds chunk {sequence} instead of {number}"
+            what = f"samples were lost: slot {slot} contains chunk {sequence} instead of {number}"
             raise RigError(what, where=self._link.url, remedy="Use more or larger slots in the PLC and the node map.")
         columns = [np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in read]
         if any(column.size != count for column in columns):
@@ -338,7 +338,7 @@ class OpcUaRig:
         return identity_of(self._described("rig.identity"), self._link.url)[0].name
 
     def _halt(self) -> None:
-        """Bring the axis to rest now; the pressures stay."""
+        """Bring the axis to rest now, and keep the pressures."""
         with contextlib.suppress(LinkError, RigError):  # another error is already being raised
             self._await(self._start(Verb.HALT, {}), 0.0, Verb.HALT)
 
@@ -420,7 +420,7 @@ def open_rig(
             time.sleep(wait_s)
         return _opened(*asked)
     except LinkError as error:
-        remedy = "Check the address, and that the server runs; pneudrive rig serve starts a server."
+        remedy = "Check the address, and whether the server is running; pneudrive rig serve starts a server."
         raise RigError(f"the rig cannot be reached: {error}", where=url, remedy=remedy) from None
 
 

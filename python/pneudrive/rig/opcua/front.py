@@ -1,9 +1,9 @@
-"""Front of a served rig: asyncua's server with few connections and one session in each.
+"""Front of a served rig: the server of asyncua, with few connections and one session per connection.
 
 Each connection is served by one task, one request at a time, so that requests of all connections alternate. If all
 places are taken, a new connection replaces the oldest one without a session. A connection is closed if it opens no
 session within seconds, sends requests faster than they are served, or does not read its answers. A session ends with
-its connection: it cannot move to another one.
+its connection, and cannot continue on another connection.
 """
 
 from __future__ import annotations

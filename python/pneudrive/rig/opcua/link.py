@@ -42,7 +42,7 @@ class LinkError(ConnectionError):
 
 
 class HungUpError(LinkError):
-    """The server closed the connection: it may have too many."""
+    """The server closed the connection; it may have too many connections."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Link:
         self._loop.run(self._connect())
 
     def beat(self) -> None:
-        """Start the heartbeat if it does not run; a client that only reads needs none."""
+        """Start the heartbeat if it is not running; a client that only reads needs no heartbeat."""
         if self._heart is None:
             self._loop.run(self._start_heart())
 
@@ -340,7 +340,7 @@ def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # no
 
 
 async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
-    """Close a connection, orderly if the server still answers."""
+    """Close a connection, by the protocol if the server still answers."""
     transport = getattr(client.uaclient.protocol, "transport", None)
     with contextlib.suppress(Exception):  # any exception of a half-closed connection is ignored
         await asyncio.wait_for(client.disconnect(), CLOSING_S / 2)

@@ -4,13 +4,14 @@ The handshake uses only variables, so that every PLC can implement it:
 
 - A command is its verb and arguments, then a new ``command.id``. The server sets ``answer.fault`` and then
   ``answer.done`` to that id. Halt and stop are accepted at any time from any client, and end the running verb. Any
-  other verb is a fault while one runs, or while another client commands.
+  other verb is a fault while a verb runs, or while another client is the commander.
 - Samples come in chunks through a ring of slots. The server writes a slot, its sequence number, then
-  ``samples.written``. The client reads the slot and increments ``samples.acknowledged``. Only then is the slot written
-  again. ``answer.done`` follows the last chunk.
+  ``samples.written``. The client reads the slot and increments ``samples.acknowledged``. Only after this
+  acknowledgement is the slot written again. ``answer.done`` follows the last chunk.
 - Both sides increment their heartbeat, the client from its first command on. If the client's heartbeat stops, the
-  server brings the axis to rest, releases the pressure, and increments ``heartbeat.stops``. It accepts no command until
-  the heartbeat is back. A change of ``heartbeat.stops`` tells the client that its earlier commands are undone.
+  server brings the axis to rest, releases the pressure, and increments ``heartbeat.stops``. The server accepts no
+  command until the heartbeat has returned. A change of ``heartbeat.stops`` informs the client that its earlier commands
+  are no longer in effect.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ class Verb(IntEnum):
 
 @dataclass(frozen=True)
 class Kind:
-    """Kind of a node: OPC UA type, SI unit ("" for no quantity), scalar or array, which side writes it."""
+    """Kind of a node: OPC UA type, SI unit ("" for no quantity), scalar or array, and the side that writes the node."""
 
     type: str
     unit: str = ""
@@ -188,7 +189,7 @@ class NodeMap:
         return (sequence - 1) % self.slots
 
     def node_ids(self, name: str) -> list[str]:
-        """Return the ids of a node: one, or one for each slot of the ring."""
+        """Return the ids of a node: one id, or one for each slot of the ring."""
         node_id = self.nodes[name].id
         if node_id is None:
             return []

@@ -1,6 +1,6 @@
 """Data exchanged through the nodes of a map: state, samples, steps and sampling.
 
-Requests of a client are bounded, so that no client can occupy a rig forever.
+Requests of a client are limited, so that no client can occupy a rig forever.
 """
 
 from __future__ import annotations

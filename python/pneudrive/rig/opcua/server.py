@@ -224,7 +224,7 @@ class RigServer:
                 self._held = command
 
     def _refusal(self, client: Client) -> str:
-        """Return the reason why a client may not command now; empty if it may."""
+        """Return the reason why a client may not send commands now; empty if it may."""
         if client.dismissed:
             return client.dismissed
         if self._commander not in (None, client):
@@ -377,8 +377,7 @@ class RigServer:
                 seen_late = last  # this process was suspended: first read, once, what was sent meanwhile
                 continue
             self._lost(
-                f"the client's heartbeat was silent for {limit:g} s: "
-                "the server stopped the axis and released the pressure"
+                f"no heartbeat of the client for {limit:g} s: the server stopped the axis and released the pressure"
             )
 
     async def _beat(self) -> None:
@@ -426,7 +425,7 @@ class RigServer:
         return self._space.to_si(name, raw)
 
     async def _write(self, values: dict[str, Any], slot: int = 0, client: Client | None = None) -> None:
-        """Publish values to all, or to one client; those of the commander also to observers."""
+        """Publish values to all clients, or to one client; values of the commander are also sent to observers."""
         for name, value in values.items():
             if name not in self._space.places:
                 continue  # a constant
@@ -445,5 +444,5 @@ async def _ends_within(seconds: float, verb: Future[str]) -> bool:
 
 
 def _another(identity: int) -> int:
-    """Return another id, so that the command with this id is not done."""
+    """Return an id that differs from this id, so that the command with this id does not appear as done."""
     return identity - 1 if identity > 0 else 1

@@ -1,4 +1,4 @@
-"""Services of a connection to a served rig, in one session."""
+"""OPC UA services of a connection to a served rig, in one session."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Served(Protocol):
     """Protocol of the server behind the front."""
 
     def name_of(self, node_id: Any) -> str | None:  # noqa: ANN401 - asyncua's node id
-        """Return the name of a node with a separate value for each client; None for any other."""
+        """Return the name of a node that has a separate value for each client; None for other nodes."""
         ...
 
     def read(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value
@@ -106,7 +106,7 @@ class ServedSession(InternalSession):
         return [self.served.read(self.client, name, result) if name else result for name, result in both]
 
     async def write(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Write nodes that clients of a rig write, and no others."""
+        """Write nodes that clients of a rig may write, and no others."""
         results = []
         for asked in params.NodesToWrite:
             name, refused = self._name_of(asked), ua.StatusCode(CODES.BadUserAccessDenied)

@@ -57,9 +57,9 @@ class Candidate:
 
 @dataclass
 class TableSignals:
-    """The columns of a table with their headers; slow channels are complete, counters do not wrap.
+    """The columns of a table with their headers, after slow channels were filled and wraps of counters removed.
 
-    ``taken`` holds the columns that have a role or none.
+    ``taken`` has the columns whose role is decided, including those without a role.
     """
 
     reading: FileForm
@@ -161,7 +161,7 @@ def same_signal(first: Array, second: Array) -> bool:
 def unevenness(values: Array, *, is_one_of_many: bool) -> float:
     """Return the deviation of a signal from even strokes between turning points.
 
-    It is 1 for a triangle, and infinite without motion.
+    The ratio is 1 for a triangle, and infinite without motion.
     """
     values = values[np.isfinite(values)]
     if values.size < FEWEST:
@@ -180,7 +180,7 @@ def unevenness(values: Array, *, is_one_of_many: bool) -> float:
 
 @dataclass(frozen=True)
 class Directions:
-    """Samples at which the piston moves: towards +x, back, and their place along the travel."""
+    """Samples at which the piston moves: towards +x, towards -x, and their position along the travel."""
 
     up: NDArray[np.bool_]
     down: NDArray[np.bool_]

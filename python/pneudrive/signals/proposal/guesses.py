@@ -46,7 +46,7 @@ class Guess:
     """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
 
     A time at a rate has no ``index``. ``gauge`` has the value None if a pressure is not marked as gauge or absolute.
-    The layout gets ``keys`` as further keys of the column.
+    ``keys`` are further keys of the column in the layout.
     """
 
     role: str
@@ -267,11 +267,7 @@ def _pressures(roles: Roles) -> None:
         is_alone = not any(header.name for header in signals.headers) and len(rest) == 1
         if roles.index("position") is None and not is_alone:
             return
-        why = (
-            "the only signal other than the time"
-            if roles.index("position") is None
-            else "held more evenly than the force"
-        )
+        why = "the only signal besides the time" if roles.index("position") is None else "more constant than the force"
         named = [Candidate(at, PHYSICS, (why,)) for at in rest]
     if not named:
         return
@@ -290,7 +286,7 @@ def _pressures(roles: Roles) -> None:
                 _accept(roles, f"pressure_{side}", chosen, f"chamber {side} by its name; {rank}")
         if len(sides) == 1 and len(free) == 1:
             side = "b" if "a" in sides else "a"
-            _accept(roles, f"pressure_{side}", free[0], f"chamber {side}: the other one has a name")
+            _accept(roles, f"pressure_{side}", free[0], f"chamber {side}: the other pressure is named")
         elif free:
             _leave_open(roles, "the other pressure", "more than one column may be it", free)
         return
@@ -312,7 +308,7 @@ def _without_names(roles: Roles, free: list[Candidate]) -> None:
         closed = {side: [one for one in free if words in one.evidence] for side, words in CLOSED.items()}
         if all(len(some) == 1 for some in closed.values()):
             for side, (one,) in closed.items():
-                _accept(roles, f"pressure_{side}", one, f"chamber {side} closed, by its pressure over the position")
+                _accept(roles, f"pressure_{side}", one, f"chamber {side} is closed: its pressure follows the position")
             return
         _leave_open(roles, "pressure_a and pressure_b", "more than two columns may be pressures of chambers", free)
         return
@@ -329,7 +325,7 @@ def _without_names(roles: Roles, free: list[Candidate]) -> None:
 
 
 def _trend(roles: Roles, one: Candidate) -> tuple[str, ...]:
-    """Return how the pressure follows the position, as in a closed chamber; nothing if it does not."""
+    """Return the text on a pressure that follows the position as in a closed chamber; empty if it does not."""
     position = roles.index("position")
     if position is None:
         return ()
@@ -355,7 +351,7 @@ def _chamber(roles: Roles, pressures: list[Array]) -> tuple[str, str]:
         if abs(mean) > half:
             is_first = len(means) == 1 or means[0] > means[1]
             side = "b" if (mean > 0) == is_first else "a"
-            return side, f"the mean force towards {'+x' if mean > 0 else '-x'} is held by the higher pressure"
+            return side, f"the higher pressure balances the mean force towards {'+x' if mean > 0 else '-x'}"
     together = [_within_directions(directions, values, p) for p in pressures]
     strongest = max(range(len(together)), key=lambda at: abs(together[at]))
     if abs(together[strongest]) > CLEAR_SHARE:
@@ -414,7 +410,10 @@ def _toml(place: int | str) -> str:
 
 
 def _choose(roles: Roles, role: str, named: list[Candidate]) -> Candidate | None:
-    """Return the best candidate. Close candidates are left open, unless they hold one signal."""
+    """Return the best candidate.
+
+    If candidates are similarly good, the user is asked, unless they show the same signal.
+    """
     signals = roles.signals
     named = sorted(named, key=lambda one: -one.score)
     best = named[0]
@@ -436,17 +435,17 @@ def _next(signals: TableSignals, chosen: Candidate, named: list[Candidate]) -> s
 
 
 def _accept(roles: Roles, role: str, one: Candidate, rank: str) -> None:
-    """Add a guess with its unit. An unknown unit and the size of a count are left open."""
+    """Add a guess with its unit. For an unknown unit or a count, the user is asked."""
     signals = roles.signals
     guess = _guess(roles, role, one, rank)
     header, values = signals.headers[one.index], signals.columns[one.index]
     signals.taken |= {at for at in signals.without_role() if same_signal(values, signals.columns[at])} | {one.index}
     if header.unknown and not header.unit:
-        why = f"its unit {header.unknown!r} is not known: state the unit"
+        why = f"the unit {header.unknown!r} of this column is not known: state the unit"
         roles.questions.append(Question(role, why, (guess,)))
         return
     if role == "position" and not guess.unit:
-        why = "it holds counts: state the unit, and its scale in the unit for each count"
+        why = "this column contains counts: state the unit, and the scale (unit per count)"
         roles.questions.append(
             Question(role, why, (Guess(role, guess.column, guess.index, "mm", why, keys="scale = 1.0"),))
         )
@@ -477,7 +476,7 @@ def _leave_open(roles: Roles, role: str, why: str, candidates: list[Candidate]) 
 def _unit(signals: TableSignals, index: int, role: str) -> tuple[str, bool | None, bool]:
     """Return the unit in the header, or a guess from the size of the numbers.
 
-    Also return whether it is gauge, and whether it was named.
+    Also return whether the unit is gauge, and whether the file states the unit.
     """
     unit = signals.headers[index].unit
     kind = role.partition("_")[0]

@@ -35,7 +35,7 @@ STAGES = 3
 class Proposal:
     """A proposed layout, and the data as read, for a picture.
 
-    ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` holds the raw numbers of
+    ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` has the raw numbers of
     every column. ``recording`` and ``strokes`` are the file as read by the layout. They are None and empty if it is not
     a recording of a rig, or not readable, with the reason in ``problem``.
     """
@@ -110,7 +110,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
 
 
 def _kind(path: Path, reading: FileForm, roles: Roles) -> str:
-    """Return the kind of recording, by the roles that are found or left open.
+    """Return the kind of recording, by the roles that were found or are open questions.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def _kind(path: Path, reading: FileForm, roles: Roles) -> str:
     shown = ", ".join(f"{g.role}: column {g.column!r}" for g in roles.guesses)
     named = f"; columns: {', '.join(reading.names)}" if reading.names else ""
     raise RecordingError(
-        "this table is not a recording, by its names and numbers",
+        "names and numbers of this table are not those of a recording",
         where=str(path),
         value=f"{shown}{named}"[:300],
         rule="time, position and force of a rig; time, command, position and pressures of a drive; time and pressure "
@@ -139,7 +139,7 @@ def _kind(path: Path, reading: FileForm, roles: Roles) -> str:
 
 
 def _one_pressure(guesses: list[Guess]) -> list[Guess]:
-    """Keep time, command and one pressure: that of a volume has no side."""
+    """Keep time, command and one pressure, because the pressure of a volume does not belong to a chamber."""
     first = next((g for g in guesses if g.role.startswith("pressure")), None)
     kept = [g for g in guesses if g.role in ("time", "command")]
     return kept if first is None else [*kept, replace(first, role="pressure", reason=first.reason.partition(";")[0])]

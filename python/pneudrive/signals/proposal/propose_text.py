@@ -59,7 +59,7 @@ def layout_text(path: Path, reading: FileForm, roles: Roles, kind: str) -> str:
 
 
 def _parallel_lines(roles: Roles) -> list[str]:
-    """Return a parallel force as a comment, if two more columns are pressures, possibly of a ram."""
+    """Return a parallel force as a comment, if two further columns are pressures, which may belong to a ram."""
     signals = roles.signals
     spare = [(one.index, unit) for one in signals.candidates("pressure") if (unit := signals.headers[one.index].unit)]
     if len(spare) != 2:
@@ -75,7 +75,7 @@ def _parallel_lines(roles: Roles) -> list[str]:
 def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
     """Return the lines on the format of the file."""
     form = reading.form
-    lines = [f"# Proposed for {path.name}. Check every line that says guess, above all units and signs.", ""]
+    lines = [f"# Proposed for {path.name}. Check every line that says guess, in particular units and signs.", ""]
     if kind == "fixed-volume":
         lines.append('kind = "fixed-volume"  # guess: pressures, and no position')
     lines.append(f'format = "{reading.format}"')

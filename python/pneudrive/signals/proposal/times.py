@@ -36,7 +36,7 @@ class Times:
 
     Samples at a rate have no ``index`` of a column, but ``rate_hz``; their ``values`` are numbers of samples.
     An unstated ``unit`` is empty. A time of day may have a ``date`` column. The keys of ``clocks`` are columns with
-    another time, its values the columns of that time. ``question`` asks the user.
+    another time, its values are the columns of that time. ``question`` asks the user.
     """
 
     index: int | None
@@ -196,7 +196,7 @@ def _without_column(signals: TableSignals, count: int, numbered: list[int]) -> T
     else:
         only = f", column {signals.place(numbered[0])!r} numbers the rows" if numbered else ""
         times.question = (
-            f'no column rises like a time{only}: state the rate of the samples, time = {{ rate = "50 Hz" }}'
+            f'no column increases like a time{only}: state the rate of the samples, time = {{ rate = "50 Hz" }}'
         )
     return times
 

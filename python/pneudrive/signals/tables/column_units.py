@@ -35,7 +35,7 @@ _MICRO = str.maketrans({"µ": "u", "μ": "u", "²": "2", "^": ""})
 class ColumnUnit:
     """SI value = number * factor + shift; ``gauge`` is True or False for pressures, None otherwise.
 
-    ``text`` is the unit as written.
+    ``text`` is the unit as written in the file.
     """
 
     factor: float
@@ -161,7 +161,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     if not words or words[-1] not in ("gauge", "abs"):
         converter(text, si_unit)  # a wrong dimension is the greater mistake: report it first
         raise DescriptionError(
-            f'unit "{text}" does not say gauge or abs',
+            f'unit "{text}" does not state gauge or abs',
             rule="a pressure is absolute (abs) or above ambient (gauge)",
             remedy=f'Write "{text} gauge" or "{text} abs".',
         )
@@ -169,7 +169,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
 
 
 def uncertainty(text: str, si_unit: str) -> float:
-    """Read a standard uncertainty; that of a pressure is neither gauge nor absolute."""
+    """Read a standard uncertainty. As a difference, an uncertainty of pressure has neither gauge nor abs."""
     if si_unit == "Pa" and isinstance(text, str) and text.split()[-1:] in (["gauge"], ["abs"]):
         raise DescriptionError(f'uncertainty "{text}": gauge and abs do not apply to a difference')
     value = parse(text, si_unit)

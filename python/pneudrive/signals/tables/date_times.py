@@ -1,4 +1,4 @@
-"""Columns of dates and times instead of seconds: read to the nanosecond, counted from the first one."""
+"""Columns of dates and times instead of seconds: read to the nanosecond, and counted from the first value."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def looks_like_date_time(text: str) -> bool:
 
 
 def guess_form(texts: Sequence[str]) -> str | None:
-    """Return the format of dates; None if no usual one fits all of them.
+    """Return the format of dates; None if no usual format fits all of them.
 
     Examples
     --------

@@ -26,7 +26,7 @@ FAMILY = 3
 
 
 def words_of(name: str) -> str:
-    """Return a name as words of small letters.
+    """Return the words of a name in lower case.
 
     Examples
     --------

@@ -82,7 +82,7 @@ def _number(text: str) -> float:
 
 
 def _numbers(cells: list[str], form: TextForm) -> dict[int, float]:
-    """Return the numbers of a labelled line by column; nothing if a cell is a text."""
+    """Return the numbers of a labelled line by column; None if a cell is a text."""
     try:
         return {at: to_number(cell, form) for at, cell in enumerate(cells, 1) if cell}
     except ValueError:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def read_raw_table(path: Path) -> tuple[FileForm, list[NDArray[np.float64]]]:
-    """Return the form of a file and its columns of numbers; those of texts hold none.
+    """Return the form of a file and its columns of numbers; columns of texts are empty.
 
     Raises
     ------

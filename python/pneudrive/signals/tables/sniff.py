@@ -200,7 +200,7 @@ def _told(fit: list[_Reading], sample: list[str], path: Path) -> _Reading:
     raise RecordingError(
         f"numbers such as {marked[0][0]} can have decimals, or groups of three digits",
         where=str(path),
-        rule="nothing else in the file shows which",
+        rule="nothing else in the file shows which of both is meant",
         remedy='write the layout by hand, with decimal = "," or with thousands = ","',
     )
 
@@ -225,7 +225,7 @@ def _with_header(lines: list[str], reading: _Reading) -> FileForm:
 def _first_of_numbers(lines: list[str], reading: _Reading) -> int:
     """Return the first line of the table.
 
-    It is a row of numbers followed by others, because a preamble may contain numbers, too.
+    This row must be followed by further rows of numbers, because a preamble may also contain numbers.
     """
     first = length = 0
     longest = (0, 0)
@@ -245,7 +245,8 @@ def _first_of_numbers(lines: list[str], reading: _Reading) -> int:
 def _names_above(above: list[str], form: TextForm, width: int) -> tuple[list[str], list[str], int, TextForm]:
     """Return names and units of the columns, the number of lines above the names, and the form with its header.
 
-    The rows next to the numbers are names, units and descriptions. The names are in the row that names most roles.
+    The rows next to the numbers are names, units and descriptions. The row of names is the one that contains names of
+    most roles.
     Among equals, they are in the row above the units. Names for fewer than half of the columns are a preamble.
     """
     rows = list(_rows_above(above, form, width))

@@ -32,8 +32,9 @@ HEADER_ROWS = 4  # most rows of words below the names: units, descriptions
 class TextForm:
     """Format of a text table.
 
-    ``delimiter`` None means any white space. ``thousands`` is a separator inside numbers. If it equals ``decimal``,
-    the last one is the decimal sign. ``header_delimiter`` is empty if it is that of the numbers.
+    ``delimiter`` None means any white space. ``thousands`` is a separator inside numbers. If ``thousands`` equals
+    ``decimal``, the last sign is the decimal one. ``header_delimiter`` is empty if the header has the delimiter of the
+    numbers.
     """
 
     delimiter: str | None = None
@@ -331,8 +332,8 @@ def _parse(
 ) -> tuple[list[NDArray[np.float64]], dict[str, int]]:
     """Parse the used columns; count single broken rows, refuse many with the first one in the message.
 
-    `numbers` are the places of the rows. `places` are the numbers of the used columns, and of others, which break no
-    row. `dates` gives the format of columns of dates and times, by their place among the used ones.
+    `numbers` are the numbers of the rows in the file. `places` are the numbers of the used columns; other columns do
+    not invalidate a row. `dates` gives the format of columns of dates and times, by their place among the used ones.
     """
     rows = [lines[at] for at in numbers]
     use, more = _fields(rows, form, places)

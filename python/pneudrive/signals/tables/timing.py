@@ -81,7 +81,7 @@ def filled(time: Array, values: Array, *, held: bool = False) -> Array:
 
 
 def samples_of_a_stamp(time: Array) -> float:
-    """Return the number of samples that share one stamp. 1 if most stamps are new.
+    """Return the number of samples that share one stamp. The result is 1 if most stamps are new.
 
     Examples
     --------
@@ -122,7 +122,7 @@ def refuse_equal_stamps(time: Array, column: object, where: str) -> None:
         raise RecordingError(
             f"{count:g} samples share each time stamp",
             where=f"{where}, column {column!r}",
-            rule="each sample needs its own time",
+            rule="each sample needs a different time",
             remedy='if the samples are evenly spaced, give their rate instead: time = { rate = "50 Hz" }',
         )
 

@@ -93,7 +93,7 @@ def _arrival(run: xr.Dataset, stroke_m: float) -> float:
 
 
 def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float:
-    """Audit chamber a: stored energy less enthalpy that flowed in, work received and heat, largest value in J.
+    """Return the largest error of the energy balance of chamber a, J.
 
       residual = U - U_0 - int (h m_dot - p V_dot + Q) dt,    U = p V / (k - 1),    h = k / (k - 1) R T
 

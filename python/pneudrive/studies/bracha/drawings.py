@@ -45,7 +45,7 @@ def cycle(data: PaperFigure) -> Figure:
 
 
 def over_speed(data: PaperFigure) -> Figure:
-    """Draw figure 6: friction over speed, on linear and logarithmic axes; below, less the ground truth."""
+    """Draw figure 6: friction over speed, on linear and logarithmic axes; below it, friction minus the ground truth."""
     figure = style.new_figure(4.2)
     axes, below = figure.subplots(2, 2, sharex="col", sharey="row", height_ratios=(2, 1))
     c = data.columns

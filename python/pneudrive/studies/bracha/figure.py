@@ -52,7 +52,7 @@ class Claim:
 
 
 def judge(whole: object, *, part: object) -> str:
-    """Return a verdict from two tests: of the whole sentence, and of its remaining part."""
+    """Return a verdict from two tests: of the whole sentence, and of a part of it."""
     return "holds" if whole else "holds in part" if part else "does not hold"
 
 
@@ -65,7 +65,7 @@ def claims_of(topic: str, verdicts: Mapping[str, str], numbers: Mapping[str, Any
 
 
 def readable(numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the quantities, with each one in its usual unit too.
+    """Return the quantities, each in SI and in its usual unit.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The source paper on the drive as a whole: its chamber equations, and its conclusions."""
+"""Sentences of the source paper on the drive as a whole: its chamber equations, and its conclusions."""
 
 from __future__ import annotations
 

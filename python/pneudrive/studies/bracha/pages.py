@@ -40,7 +40,7 @@ def verdict(
     *,
     alone: bool,
 ) -> Iterator[str]:
-    """Return the results in a few lines, or in one."""
+    """Return the results as a few lines, or as one line."""
     topic, pairs = Topic(PAGE, "verdict"), recovered(found)
     first = topic.say("paper", count=count_verdicts(claims))
     truth = topic.say("recovered", inside=pairs.inside, all=pairs.true_n.size) if pairs else ""

@@ -227,7 +227,7 @@ def copied(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _valid(study: EnsembleStudy, limit: RunLimit) -> tuple[Array, str]:
-    """Return the valid rows of a study, and why the first of the other rows is not valid."""
+    """Return the valid rows of a study, and the reason why the first invalid row is not valid."""
     rows = study.rows.take(0, study.rows.size)
     try:
         study.variation.check(rows)
@@ -291,7 +291,7 @@ def _other(
     names = columns_in(place, columns)
     if "time_s" not in names or len(names) < 2:
         raise CommandError(
-            f"{path} is not a trajectory of such a drive", rule="columns as pneudrive simulate writes them"
+            f"{path} is not a trajectory of such a drive", rule="a file with the columns of pneudrive simulate"
         )
     found = read_columns(place, names)
     time = found["time_s"]

@@ -53,7 +53,7 @@ _PANELS = (
     ("Error", "", 0.0, (("error_m", "reference less position"),)),
     ("Pressure, absolute", "bar", 1e5, (("pressure_a_pa", "chamber a"), ("pressure_b_pa", "chamber b"))),
     ("Command", "", 1.0, (("command", "command"),)),
-    ("Disturbance, as the law sees it", "N", 1.0, (("disturbance_n", "disturbance"),)),
+    ("Disturbance estimated by the controller", "N", 1.0, (("disturbance_n", "disturbance"),)),
 )
 _REFERENCE_FILES = (*DESCRIPTIONS, *RECORDS)
 
@@ -117,7 +117,7 @@ class ControlRequest(PageRequest):
         )
 
     def place_of_mismatch(self, workspace: Workspace) -> str:
-        """Return the name of a mismatch of the package, or the place of its file.
+        """Return the name of a mismatch of the package, or the path of its file.
 
         Raises
         ------
@@ -185,7 +185,7 @@ def _is_file(law: str) -> bool:
 def _controller(workspace: Workspace, name: str) -> str:
     """Return the place of a controller file.
 
-    The drive that it assumes must also be in the workspace or the catalogue.
+    The drive that a controller file assumes must also be in the workspace or the catalogue.
     """
     tables = toml.parse(workspace.read(name)[0], name)
     drive = tables.get("drive")
@@ -196,7 +196,7 @@ def _controller(workspace: Workspace, name: str) -> str:
 
 
 def _ready(workspace: Workspace, name: str, ready: Mapping[str, Path], what: str) -> str:
-    """Return the name of a table of the package, or the place of a file of the workspace."""
+    """Return the name of a table of the package, or the path of a file in the workspace."""
     if name in ready:
         return name
     if not _is_file(name):
@@ -205,7 +205,7 @@ def _ready(workspace: Workspace, name: str, ready: Mapping[str, Path], what: str
 
 
 def _reference(workspace: Workspace, text: str) -> str:
-    """Return a reference unchanged, or the place of its file in the workspace."""
+    """Return a reference unchanged, or the path of its file in the workspace."""
     return str(workspace.path(text, _REFERENCE_FILES)) if text.endswith(_REFERENCE_FILES) else text
 
 
@@ -368,7 +368,7 @@ def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bo
 
 
 def _words(given: object, what: str) -> list[str]:
-    """Return a list of words for one argument of a command. No word contains a comma."""
+    """Return a list of words for one argument of a command. No item may contain a comma."""
     each = [given] if isinstance(given, str) else given
     if not isinstance(each, list) or not each or not all(isinstance(one, str) and one.strip() for one in each):
         raise CommandError(f"{what} are missing", remedy="Choose at least one.")

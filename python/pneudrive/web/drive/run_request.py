@@ -109,12 +109,12 @@ class RunRequest(PageRequest):
     @field_validator("command")
     @classmethod
     def _check_command(cls, command: str | list[str]) -> str | list[str]:
-        """Refuse a line that is neither a command nor a file. Empty lines of a circuit are left out."""
+        """Refuse a text that is neither a command nor the name of a file. Empty lines of a circuit are left out."""
         lines = command if isinstance(command, list) else [command]
         for line in lines:
             if line.strip() and not (_FILE if line.lower().rstrip().endswith(".csv") else _COMMAND).fullmatch(line):
                 rule = 'a number, "0 s: 1, 1 s: -1", or a CSV file of the folder'
-                raise CommandError(f'command "{line}" is not one', rule=rule)
+                raise CommandError(f'"{line}" is not a command', rule=rule)
         return [line for line in lines if line.strip()] if isinstance(command, list) else command
 
     def with_path(self, path: str) -> RunRequest:
@@ -157,7 +157,7 @@ class RunRequest(PageRequest):
         return run(described, self.command_of(described, workspace), self.duration, **options)
 
     def command_of(self, described: Drive | Circuit, workspace: Workspace) -> Any:  # noqa: ANN401 - any form of a command
-        """Return the command in the form of a description, with files by their place.
+        """Return the command in the form of a description; files are given by their path.
 
         Raises
         ------
@@ -170,7 +170,7 @@ class RunRequest(PageRequest):
         return _placed(self.command if isinstance(self.command, str) else ", ".join(self.command), workspace)
 
     def check_saved(self, workspace: Workspace) -> None:
-        """Check that the file, which the command reads, contains the page's text.
+        """Check that the file contains the text of the page, because the copied command reads the file.
 
         Raises
         ------
@@ -209,12 +209,12 @@ class RunRequest(PageRequest):
         return self.command or None, f", initial={self.initial!r}" if self.initial else ""
 
     def stem(self) -> str:
-        """Return the name of files made from its description."""
+        """Return the beginning of the names of files that are made from the description."""
         return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem).lstrip("-") or "run"
 
 
 def _placed(command: str, workspace: Workspace) -> str:
-    """Return a command with the place of its file, if it is a file."""
+    """Return a command, with the path of its file if it is a file."""
     found = _FILE.fullmatch(command)
     return f"{found[1]}{workspace.path(found[2], COMMANDS)}" if found else command
 

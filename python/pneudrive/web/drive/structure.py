@@ -42,7 +42,7 @@ def kinds(_: Workspace) -> dict[str, Any]:
 
 
 def _gas(kind: str) -> bool:
-    """Return whether the first port of a kind is one for gas."""
+    """Return whether the first port of a kind carries gas."""
     return component_kinds()[kind]["ports"][0]["kind"] == "gas"
 
 
@@ -100,7 +100,7 @@ def restructured(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, st
 
 
 class CircuitText:
-    """The text of a valid circuit while its structure changes. Comments and order stay.
+    """The text of a valid circuit, whose structure is changed step by step. Comments and order stay.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ class CircuitText:
         return name
 
     def _places(self, port: Port) -> Any:  # noqa: ANN401 - pairs of numbers
-        """Yield the index of the chain and of the component before each line of a port."""
+        """Yield, for each line of a port, the index of the chain and of the component before the line."""
         for number, chain in enumerate(self._chains):
             if PILOT_LINE not in chain:
                 for word, ((_, left), (right, _)) in enumerate(pairwise(self._ends(str(chain)))):
@@ -215,9 +215,9 @@ class CircuitText:
                 self._put(number, chain, [0, *(word + 1 for word in cuts), len(ends)])
 
     def _put(self, number: int, chain: str, bounds: list[int]) -> None:
-        """Split a chain between some of its components.
+        """Divide a chain between some of its components.
 
-        A part with a single component joins nothing, and is left out.
+        A remaining part with a single component is dropped, because it joins nothing.
         """
         mark, words = PILOT_LINE if PILOT_LINE in chain else ARROW, _words(chain)
         parts = [words[low:high] for low, high in pairwise(bounds)]
@@ -254,9 +254,12 @@ class CircuitText:
             del initial[key]
 
     def written(self) -> str:
-        """Return the text. Ports that need a line and have none are plugged, or open if gas flows through.
+        """Return the text.
 
-        A plug before a restriction would leave a joint without any gas.
+        Ports that need a line and have none are plugged, or opened to the ambient air if gas flows through the
+        component.
+
+        A plug at a restriction would make a joint without any gas.
         """
         named: set[str] = set()
         if not len(self._chains):

@@ -66,7 +66,7 @@ def planned(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class WatchedCampaign:
-    """One campaign folder. Its data are kept until they are out of date."""
+    """One campaign folder. The data of a campaign are kept until they are out of date."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -112,7 +112,7 @@ class WatchedCampaign:
         }
 
     def live(self) -> bytes:
-        """Return the running cycle as a frame. Without one, the head does not contain a cycle."""
+        """Return the running cycle as a frame. If no cycle is running, the head does not contain a cycle."""
         found = read_live(self.folder) if holder(self.folder) is not None else None
         if found is None:
             return pack({"cycle": ""}, {})
@@ -120,7 +120,7 @@ class WatchedCampaign:
         return pack(head, {**found.points})
 
     def _changed(self) -> int:
-        """Return when a cycle was last stored. A cycle is renamed into its folder once it is complete."""
+        """Return when a cycle was last stored. The file of a cycle gets its final name when it is complete."""
         try:
             return (self.folder / CYCLES).stat().st_mtime_ns
         except OSError:

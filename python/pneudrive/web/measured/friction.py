@@ -59,7 +59,8 @@ def shown_map(workspace: Workspace, name: str, fit: str) -> dict[str, Any]:
 def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
     """Return the points of a map, in groups of one assembly and pair of chamber pressures, with curves of fits.
 
-    Each curve belongs to the fit of one seal, mounting and drive. A fit over several of them does not have a curve.
+    Each curve belongs to the fit of one seal, mounting and drive. A fit over several seals, mountings or drives has no
+    curve.
 
     Raises
     ------
@@ -250,7 +251,10 @@ def map_difference(workspace: Workspace, path: str, fit: str, other: str) -> dic
 
 
 def _paired(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the differences of the points of two maps, each used once. Spreads are treated as independent."""
+    """Return the differences of the points of two maps, each used once.
+
+    The uncertainties of both maps are treated as independent.
+    """
     left, out = list(new), []
     for one in old:
         near = [two for two in left if two["direction"] == one["direction"]]

@@ -30,7 +30,8 @@ def assemblies_of(found: xr.Dataset, rows: Any) -> Any:  # noqa: ANN401 - arrays
 def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, FrictionFit], str]:
     """Return the fit of each assembly, and reasons for missing fits.
 
-    In a map with several assemblies, the usual name refers to the fit of each. Another file belongs to one of them.
+    In a map with several assemblies, the usual name refers to the fit of each. Another file belongs to one seal,
+    mounting or drive.
     """
     if len(names) == 1:
         fit, why = fit_beside(path, fit_name)

@@ -58,7 +58,7 @@ class OpenRecording:
 
     @property
     def time(self) -> FileChannel | None:
-        """Column of the time. None: samples are counted."""
+        """Column of the time. None if samples are counted instead of times."""
         return self.file.time
 
     @property
@@ -111,7 +111,7 @@ class OpenRecording:
 
     @cached_property
     def samples(self) -> KeptSamples:
-        """Samples of the recording. Those near the last view are kept."""
+        """Samples of the recording. Samples near the last view are kept."""
         return KeptSamples(self.file)
 
     @cached_property
@@ -153,9 +153,10 @@ class Reading:
 
 
 class Recordings:
-    """Open recordings of a workspace. Each is read once, in the background.
+    """Open recordings of a workspace. Each recording is read once, in the background.
 
-    A file may change while it is shown. A reading has the key of the file before it was read. Later additions give the
+    A file may change while it is shown. Data that were read have the key that the file had before reading. Later
+    additions give the
     file another key, so that the next request reads it again.
     """
 
@@ -226,7 +227,7 @@ class Recordings:
         """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
 
         A stroke has start, end, direction and speed. A kind of fault has a count, and places as first and last time. If
-        samples are counted or too numerous, both have the value None, with the reason.
+        samples are counted or too many, strokes and faults are None, and a reason is given.
         """
         path = self.workspace.path(name, TABLES)
         reading = self.opened(name)
@@ -293,7 +294,7 @@ def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
             else f"; pneudrive characterise {safe(name)} finds strokes"
         )
         return (
-            f"Strokes and faults are not looked for: {count:,} samples, here at most {MOST_SAMPLES_OF_STROKES:,}. "
+            f"Strokes and faults are not searched: {count:,} samples, at most {MOST_SAMPLES_OF_STROKES:,} here. "
             f"In a terminal: pneudrive measure {safe(name)} --at 0 --to 1 counts faults{strokes}."
         )
     return "Strokes and faults are not shown: they have times, but samples are counted." if opened.time is None else ""
@@ -302,7 +303,7 @@ def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
 def layout_in(workspace: Workspace, path: Path) -> Layout | None:
     """Return the layout next to a recording, or in the folder above, inside the workspace. None without a layout.
 
-    A trajectory needs no layout, and that of another file does not fit.
+    A trajectory needs no layout, and a layout of another file would not fit.
     """
     if _needs_none(path):
         return None
@@ -316,7 +317,7 @@ def layout_in(workspace: Workspace, path: Path) -> Layout | None:
 def layout_above(workspace: Workspace, path: Path) -> tuple[str, ...]:
     """Return a note about a layout above the workspace.
 
-    Commands read it for a file in the workspace, but the page does not.
+    Commands use this layout for a file in the workspace, but the page does not.
     """
     above = path.parent == workspace.root and (workspace.root.parent / "layout.toml").is_file()
     if not above or _needs_none(path):
@@ -335,7 +336,7 @@ def _needs_none(path: Path) -> bool:
 
 @lru_cache(maxsize=4 * MOST_OPEN)
 def _is_trajectory(path: Path, _size: int, _changed_ns: int) -> bool:
-    """Query a file once, because the reader process may be busy, and the next view would wait."""
+    """Query a file once, because the reader process may be busy."""
     return is_trajectory(path)
 
 
@@ -373,7 +374,7 @@ def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> Ope
 
 
 def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid:
-    """Return the blocks of a recording. They are made once for each way of reading."""
+    """Return the blocks of a recording. Blocks are made once for each way of reading."""
     how = (file.table.path.name, file.first, file.time, file.channels)
     place = cache / hashlib.sha256(repr(how).encode()).hexdigest()[:16]
     pyramid = Pyramid.open(place)

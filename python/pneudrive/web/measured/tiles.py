@@ -158,7 +158,7 @@ class Pyramid:
         return cls(tuple(names), count, time, low, high, missing, fall)
 
     def save(self, folder: Path) -> None:
-        """Write the blocks into a folder. The last file makes it valid."""
+        """Write the blocks into a folder. The last file makes the whole folder valid."""
         folder.mkdir(parents=True, exist_ok=True)
         for name in _FILES:
             np.save(folder / f"{name}.npy", getattr(self, name))
@@ -253,7 +253,7 @@ class _Pixels(NamedTuple):
     def filled(self, found: dict[str, tuple[Array, Array]]) -> TileWindow:
         """Return the view: lowest and highest value of each column side by side, with NaN at pauses of the clock.
 
-        A column with samples on both sides of a pause is drawn on both sides.
+        A pixel column with samples before and after a pause is drawn on both sides.
         """
         nothing = np.float32(np.nan)
         across = np.flatnonzero(self.ends - self.begins > PAUSE * self.width)
@@ -276,8 +276,8 @@ class _Pixels(NamedTuple):
 def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
     """Return columns in the form of `per_pixel`. Thinned columns also have ``NAME/at``: the values at the sent times.
 
-    Lowest and highest values of pixels are for drawing. A number that the user reads is the value of the run at that
-    time.
+    Lowest and highest values of pixels are for drawing. The displayed number under the cursor is therefore a value of
+    the run at that time.
     """
     drawn = per_pixel(columns, pixels)
     time, sent = np.asarray(columns["time_s"]), drawn["time_s"]
@@ -289,7 +289,7 @@ def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]
 
 
 def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
-    """Return where the columns of pixels begin among increasing times. Columns without a sample are left out."""
+    """Return where the columns of pixels begin among increasing times. Pixel columns without a sample are left out."""
     wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1], "left")
     edges = np.concatenate([[0], wanted, [len(seconds)]])
     return edges[np.diff(edges, prepend=-1) > 0]

@@ -136,7 +136,10 @@ def _written(one: Parameter) -> str | float:
 
 
 def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return as fields the values that the causes name but the file does not contain. They follow from other values."""
+    """Return fields for the values that the causes name but the file does not contain.
+
+    Such values are derived from others.
+    """
     if drive is None:
         return []
     given = {one.key for one in values_of(drive)}
