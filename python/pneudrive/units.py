@@ -1,8 +1,8 @@
 """Quantities with units, converted to SI once, at the boundary.
 
 A quantity is written as a number and a unit, ``"25 mm"``. A pressure is also marked as absolute or gauge, ``"3 bar
-abs"`` or ``"2 bar gauge"``. The table below converts common units, pint all others. It is imported only then: its
-import and first parse cost more than a whole simulation. A test proves the table equal to pint.
+abs"`` or ``"2 bar gauge"``. The table below converts common units, pint all others. pint is imported
+only when needed, because its import takes longer than a whole simulation. A test compares the table with pint.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ class Input(NamedTuple):
     """An input named by a result: kind, name and hash. Without a hash, only the name identifies the input.
 
     `part` distinguishes inputs further: the options of a fit of a map, the value that came from a fit, ``"identified"``
-    for a drive with identified values, and for a recording ``"volume"``, or ``"file"`` if the hash is not that of its samples.
+    for a drive with identified values, and ``"volume"`` or ``"file"`` (hash of the file) for a recording.
     """
 
     kind: str
