@@ -79,7 +79,7 @@ class Pneu:
             if len(changed) == before:
                 raise CommandError(
                     f'no column of this run is converted to "{unit}"',
-                    rule=f"a unit of {', '.join(sorted({_si(one) for one in columns.values()}))}",
+                    rule=f"a unit of {', '.join(sorted({_si(column) for column in columns.values()}))}",
                 )
         return self._run.assign_coords({k: v for k, v in changed.items() if k in self._run.coords}).assign(
             {k: v for k, v in changed.items() if k not in self._run.coords}

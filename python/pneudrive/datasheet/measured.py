@@ -125,9 +125,9 @@ class MeasuredBeside:
     @property
     def verdicts(self) -> list[tuple[bool | None, str]]:
         """Sentences with their outcome; None where nothing was tested."""
-        out = [] if self.validation is None else [(one.met, one.text) for one in self.validation.verdicts]
+        out = [] if self.validation is None else [(verdict.met, verdict.text) for verdict in self.validation.verdicts]
         if self.numbers:
-            good = sum(one.agrees for one in self.numbers)
+            good = sum(number.agrees for number in self.numbers)
             out.append(
                 (
                     good == len(self.numbers),

@@ -80,10 +80,10 @@ FIGURES = {
 
 def parts_of(drive: Drive) -> Iterator[Entry]:
     """Yield the parts of the catalogue whose sourced values are all values of the drive."""
-    own = {one.key: one.value for one in drive.origins}
+    own = {origin.key: origin.value for origin in drive.origins}
     for part in entries().values():
         table = part.kind.partition("/")[0]
-        sourced = [one for one in part.values if one.source is not None]
+        sourced = [value for value in part.values if value.source is not None]
         if part.is_drive or table not in ("valve", "cylinder") or not sourced:
             continue
         if part.kind.partition("/")[2] != getattr(drive, table).kind:

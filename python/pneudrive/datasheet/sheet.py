@@ -92,7 +92,7 @@ class Datasheet(Shown):
     @property
     def headlines(self) -> list[str]:
         """Sentences at the top."""
-        at = {one.name: one for one in self.numbers}
+        at = {number.name: number for number in self.numbers}
         lines = []
         if "stroke time" in at:
             time, where = at["stroke time"], f"{plain(1e-5 * self.supply_pa)} bar abs"

@@ -243,7 +243,7 @@ def _samples(columns: Mapping[str, Any], begin_s: float, end_s: float) -> dict[s
 def _contact(impacts: Sequence[Mapping[str, Any]], direction: int) -> tuple[float, float]:
     """Return time and speed of the first contact with the end ahead, or NaN."""
     end = "b" if direction > 0 else "a"
-    first = next((one for one in impacts if one["end"] == end), None)
+    first = next((impact for impact in impacts if impact["end"] == end), None)
     return (first["time_s"], first["speed_m_s"]) if first is not None else (math.nan, math.nan)
 
 

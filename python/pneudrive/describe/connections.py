@@ -361,7 +361,7 @@ class Wiring:
             places = [self.at[port] for port in ports if port in self.at]
             if any(port.kind == "axis" for port in self.ports(name)):
                 continue  # a piston separates its ports: equal pressures on both sides are a state like any other
-            if len(ports) == len(places) == 2 and (places[0] is places[1] or all(one.ambient for one in places)):
+            if len(ports) == len(places) == 2 and (places[0] is places[1] or all(place.ambient for place in places)):
                 where = AMBIENT if places[0].ambient else f"{{{places[0]}}}"
                 what = f"{name} connects joint {where} with itself"
                 self.problems.add(wrong(places[0].key, what, rule="a restriction lies between two joints"))

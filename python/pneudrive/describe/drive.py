@@ -197,7 +197,7 @@ class Drive(Described):
     @property
     def origin_of(self) -> dict[str, Value]:
         """Origins of values by their keys in the drive file."""
-        return {one.key: one for one in self.origins}
+        return {origin.key: origin for origin in self.origins}
 
     @property
     def component_places(self) -> list[tuple[str, str]]:

@@ -108,10 +108,10 @@ class CircuitVariation(Variation):
         names = self.drive.start_names
         return np.array(
             [
-                starts[names[one.name.removeprefix(INITIAL)]]
-                if one.name.startswith(INITIAL)
-                else numbers[core_path(one.name)]
-                for one in self.numbers
+                starts[names[number.name.removeprefix(INITIAL)]]
+                if number.name.startswith(INITIAL)
+                else numbers[core_path(number.name)]
+                for number in self.numbers
             ]
         )
 
@@ -119,9 +119,9 @@ class CircuitVariation(Variation):
     def _moved(self) -> tuple[list[str], list[str], bool]:
         """Return the paths and start values that the numbers change, and whether each changes only its own path."""
         base, starts = self._leaves(self._nominal)
-        paths = [core_path(one.name) for one in self.numbers if not one.name.startswith(INITIAL)]
+        paths = [core_path(number.name) for number in self.numbers if not number.name.startswith(INITIAL)]
         names = self.drive.start_names
-        begun = [names[one.name.removeprefix(INITIAL)] for one in self.numbers if one.name.startswith(INITIAL)]
+        begun = [names[number.name.removeprefix(INITIAL)] for number in self.numbers if number.name.startswith(INITIAL)]
         own = {*paths, *begun}
         alone = True
         for place in range(len(self.numbers)):

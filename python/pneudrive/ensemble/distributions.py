@@ -224,7 +224,7 @@ def grid(*values: Any) -> GridAxis:  # noqa: ANN401 - quantities or numbers
     if values and isinstance(values[0], str) and ".." in values[0]:
         low, _, high = values[0].partition("..")
         try:
-            (count,) = (int(str(one)) for one in values[1:])
+            (count,) = (int(str(value)) for value in values[1:])
         except ValueError:
             count = 0
         if not count >= 2:

@@ -87,7 +87,7 @@ def run(
         places = np.arange(n)[alike.places]
         tell = None if look is None else (lambda count, before=done: look(before + count))
         found = _run_alike(core, members.at(places), alike, rtol, kept, threads, tell)
-        values = values or [np.empty((n, *one.shape[1:])) for one in found.values]
+        values = values or [np.empty((n, *value.shape[1:])) for value in found.values]
         for target, own in zip(values, found.values, strict=True):
             target[places] = own
         status[places] = found.status

@@ -231,7 +231,7 @@ def study_of(
             raise CommandError(f"initial has {beside.size} rows, and there are {rows.size} members")
         rows = WiderRows(rows, beside)  # pyright: ignore[reportArgumentType]
     plans.check(rows.size)
-    columns = [one.name for one in start(drive, for_all).variables if one.kind == "output"]
+    columns = [variable.name for variable in start(drive, for_all).variables if variable.kind == "output"]
     kept = reductions(outputs, _signals(drive, columns, plans))
     taken = {*(number.name for number in variation.numbers), "member", "status", "reason"}
     taken |= {"time"} if any(one.word == "samples" for one in kept) else set()
@@ -320,7 +320,7 @@ class Gathered:
         self.status = np.zeros(self.size, np.uint8)
         self.reason = np.full(self.size, "", dtype=object)
         self.varied = np.empty((len(study.variation.numbers), self.size))
-        self.values = [np.empty((self.size, *self._samples(one))) for one in study.outputs]
+        self.values = [np.empty((self.size, *self._samples(output))) for output in study.outputs]
 
     def _samples(self, output: Reduction) -> tuple[int, ...]:
         return (len(self.study.sample_times(output.rate_hz)),) if output.word == "samples" else ()
@@ -340,7 +340,7 @@ class Gathered:
         for chunk, frame in zip(store.chunks, store.frames(), strict=True):
             reasons = {place: why for place, why in enumerate(frame["reason"].to_list()) if why}
             varied = frame[[number.file_name for number in self.study.variation.numbers]].to_numpy()
-            values = [np.asarray(frame[one.file_name].to_numpy()) for one in self.study.outputs]
+            values = [np.asarray(frame[output.file_name].to_numpy()) for output in self.study.outputs]
             self.take(ChunkResult(chunk, varied, values, frame["status"].to_numpy(), reasons))
 
     def save(self, path: Path) -> None:

@@ -178,8 +178,8 @@ def _labelled(
     variables["used"] = ("output", used, {"long_name": "number of points used: those with finite values", "units": "1"})
     coordinates = {
         "number": ("number", list(study.rows.names), {"long_name": "number of the drive"}),
-        "output": ("output", [one.name for one in study.outputs], {"long_name": "output"}),
-        "unit": ("output", [one.unit for one in study.outputs], {"long_name": "unit of the output"}),
+        "output": ("output", [output.name for output in study.outputs], {"long_name": "output"}),
+        "unit": ("output", [output.unit for output in study.outputs], {"long_name": "unit of the output"}),
         "end": ("end", ["lower", "upper"], {"long_name": "end of the interval"}),
     }
     drive = study.variation.drive

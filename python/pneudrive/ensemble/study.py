@@ -117,7 +117,7 @@ class EnsembleStudy:
         return max(1, min(CHUNK, MOST_SAMPLES // max(sampled, 1)))
 
     def _sampled(self) -> list[Reduction]:
-        return [one for one in self.outputs if one.word in ("samples", "own")]
+        return [output for output in self.outputs if output.word in ("samples", "own")]
 
     def part(self, chunk: Chunk) -> EnsembleStudy:
         """Return the object that runs a chunk, without other data, to be sent to another machine."""

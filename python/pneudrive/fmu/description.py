@@ -37,9 +37,9 @@ def description(plan: FmuPlan, version: str) -> bytes:
         ``"2.0"`` or ``"3.0"``.
     """
     is_two = version == "2.0"
-    states = [one for one in plan.variables if one.rate_of]
-    indicators = [one for one in plan.variables if one.role["role"] == "event"]
-    structured = all(_STRUCTURED.fullmatch(one.name) for one in plan.variables)
+    states = [variable for variable in plan.variables if variable.rate_of]
+    indicators = [variable for variable in plan.variables if variable.role["role"] == "event"]
+    structured = all(_STRUCTURED.fullmatch(variable.name) for variable in plan.variables)
     root = ElementTree.Element(
         "fmiModelDescription",
         {
@@ -65,16 +65,16 @@ def description(plan: FmuPlan, version: str) -> bytes:
     for one in plan.variables:
         (_variable_two if is_two else _variable_three)(variables, one, places)
     structure = ElementTree.SubElement(root, "ModelStructure")
-    outputs = [places[one.name] for one in plan.variables if one.causality == "output"]
-    rates = [places[one.name] for one in states]
-    unknown = sorted({*outputs, *rates, *(places[one.rate_of] for one in states)})
+    outputs = [places[variable.name] for variable in plan.variables if variable.causality == "output"]
+    rates = [places[state.name] for state in states]
+    unknown = sorted({*outputs, *rates, *(places[state.rate_of] for state in states)})
     if is_two:
         for tag, each in (("Outputs", outputs), ("Derivatives", rates), ("InitialUnknowns", unknown)):
             within = ElementTree.SubElement(structure, tag) if each else structure
             for place in each:
                 ElementTree.SubElement(within, "Unknown", index=str(place + 1))
     else:
-        events = [places[one.name] for one in indicators]
+        events = [places[indicator.name] for indicator in indicators]
         each_kind = (
             ("Output", outputs),
             ("ContinuousStateDerivative", rates),
@@ -134,7 +134,7 @@ def _interfaces(root: ElementTree.Element, plan: FmuPlan, is_two: bool) -> None:
 
 def _units(root: ElementTree.Element, plan: FmuPlan) -> None:
     units = ElementTree.SubElement(root, "UnitDefinitions")
-    for unit in dict.fromkeys(one.unit for one in plan.variables):
+    for unit in dict.fromkeys(variable.unit for variable in plan.variables):
         own = ElementTree.SubElement(units, "Unit", name=unit)
         ElementTree.SubElement(own, "BaseUnit", {base: str(power) for base, power in exponents(unit).items()})
         if unit in DISPLAYED:

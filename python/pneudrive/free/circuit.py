@@ -87,12 +87,12 @@ class CircuitFamily:
         self.numbers = [known[name] for name in names]
         values = self._at(circuit)
         self.parameters = [
-            Parameter(one.name, path, one.unit, values[path], -np.inf, np.inf, abs(values[path]) or 1.0)
-            for one in self.numbers
-            if (path := core_path(one.name))
+            Parameter(number.name, path, number.unit, values[path], -np.inf, np.inf, abs(values[path]) or 1.0)
+            for number in self.numbers
+            if (path := core_path(number.name))
         ]
-        self.paths = [one.core for one in self.parameters]
-        start = np.array([one.value for one in self.parameters])
+        self.paths = [parameter.core for parameter in self.parameters]
+        start = np.array([parameter.value for parameter in self.parameters])
         for place in range(len(start)):
             low, high = self._ends(start, place)
             self.paths += [path for path, value in high.items() if value != low[path] and path not in self.paths]

@@ -102,7 +102,7 @@ def numbers_of(drive: Drive) -> dict[str, Parameter]:
     form = json.loads(drive.core_json())
     own = {"ambient": form["ambient"], "friction": drive.friction.core()}
     found = [_parameter(path, value, laws) for path, value in _leaves(own, "")]
-    found += [_of_component(*one) for one in lines.numbers(form)]
+    found += [_of_component(*number) for number in lines.numbers(form)]
     return {p.name: p for p in sorted(found, key=lambda p: p.core.replace(lines.FRICTION, "friction."))}
 
 

@@ -171,7 +171,7 @@ def _of_lines(drive: Drive) -> dict[str, Quantity]:
     from pneudrive.free.lines import numbers
 
     form = json.loads(drive.core_json())
-    own = (one for one in numbers(form) if one[0].startswith(("tubing.", "flow_control.")))
+    own = (number for number in numbers(form) if number[0].startswith(("tubing.", "flow_control.")))
     return {name: parameter_quantity(entry) for name, _, _, entry in own}
 
 

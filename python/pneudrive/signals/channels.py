@@ -112,7 +112,7 @@ class ChannelFile:
         """Return the times of samples, s, or their numbers without a column of times; and columns in their units."""
         wanted = [*names, *([] if self.time is None else [self.time.column])]
         raw = self.table.get(wanted, (self.first + rows[0], self.first + rows[1]))
-        by_name = {one.column: one for one in self.channels}
+        by_name = {channel.column: channel for channel in self.channels}
         values = {name: by_name[name].of(np.asarray(raw[name], float)) for name in names}
         if self.time is None:
             return np.arange(*rows, dtype=float), values
@@ -279,7 +279,7 @@ def _open(path: Path, said: SampledLayout | None, cache: Path) -> _OpenTable:
             return _OpenTable(table)
         names = names_of(said.places, table.names, path)
         kinds = [table.get([name], (0, 16))[name].dtype.kind for name in names]
-        if said.is_plain and not any(one in TEXT_KINDS for one in kinds):
+        if said.is_plain and not any(kind in TEXT_KINDS for kind in kinds):
             return _OpenTable(table, roles=dict(zip(names, said.columns, strict=True)))
     how = (said.format, said.text, said.columns) if said is not None else ()
     converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"

@@ -180,7 +180,7 @@ def measured(
 ) -> list[MeasuredChannel]:
     """Return channels at two samples, from their times and values, shape (2,) each."""
     ends = float(time_s[0]), float(time_s[1])
-    each = ((one, values[one.column]) for one in channels)
+    each = ((channel, values[channel.column]) for channel in channels)
     return [MeasuredChannel(name, one.label, one.unit, ends, (float(own[0]), float(own[1]))) for one, own in each]
 
 
@@ -280,6 +280,6 @@ def _opened(path: Path, layout: Layout | None, cache: Path) -> tuple[ChannelFile
 def _at(file: ChannelFile, seconds: Array, times: tuple[float, float]) -> tuple[Array, dict[str, Array]]:
     """Return times and values of the samples nearest to two times."""
     rows = [nearest_sample(seconds, one) for one in times]
-    names = [one.column for one in file.channels]
+    names = [channel.column for channel in file.channels]
     each = [file.read(names, (row, row + 1))[1] for row in rows]
     return seconds[rows], {name: np.array([float(one[name][0]) for one in each]) for name in names}

@@ -64,8 +64,8 @@ class Run(Shown):
     def _sensitivities(self, found: Sensitivities) -> dict[str, Any]:
         """Name the derivatives and their dimensions."""
         out: dict[str, Any] = {
-            "parameter": ("parameter", [one.name for one in found.parameters]),
-            "parameter_units": ("parameter", [one.unit for one in found.parameters]),
+            "parameter": ("parameter", [parameter.name for parameter in found.parameters]),
+            "parameter_units": ("parameter", [parameter.unit for parameter in found.parameters]),
         }
         for i, column in enumerate(found.columns):
             name, attrs = _label(column, self.meanings.get(column))
@@ -252,7 +252,7 @@ def run(
         from pneudrive.free.derivatives import Differentiator
 
         differentiator = Differentiator(drive, sensitivities, command, initial, rtol)
-        values = [one.value for one in differentiator.parameters]
+        values = [parameter.value for parameter in differentiator.parameters]
         columns = [name for name in result["columns"] if name not in UNDIFFERENTIATED]
         by_numbers = differentiator.run(values, result["columns"]["time_s"], columns, watch=watch)
     known = {} if drive.system.names is None else _steps(*plans[0][1])

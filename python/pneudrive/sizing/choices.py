@@ -181,7 +181,7 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
     DescriptionError
         A part of the catalogue is not valid, or a slot has none left.
     """
-    known = [one for one in entries().values() if not one.is_drive]
+    known = [entry for entry in entries().values() if not entry.is_drive]
     found: dict[str, list[PartChoice]] = {}
     for slot, kinds in SLOTS.items():
         chosen = [one for one in known if one.kind in kinds and not task.excludes(one.name, one.kind)]

@@ -62,10 +62,10 @@ class Pruning:
     ) -> None:
         """Leave out valves and flow controls through which the gas cannot leave in time."""
         names = {"cylinder": cylinder.name, "tube": tube.name}
-        slow = {one.name: bounds.flow(cylinder, tube, valve=one) for one in valves}
-        slow |= {one.name: bounds.flow(cylinder, tube, control=one) for one in controls}
-        wide = [one for one in valves if slow[one.name] is None]
-        open_ = [one for one in controls if slow[one.name] is None]
+        slow = {valve.name: bounds.flow(cylinder, tube, valve=valve) for valve in valves}
+        slow |= {control.name: bounds.flow(cylinder, tube, control=control) for control in controls}
+        wide = [valve for valve in valves if slow[valve.name] is None]
+        open_ = [control for control in controls if slow[control.name] is None]
         for slot, every, others in (("valve", valves, len(controls)), ("flow_control", controls, len(wide))):
             for one in every:
                 if others and (shortage := slow[one.name]) is not None:

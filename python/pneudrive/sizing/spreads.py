@@ -102,9 +102,9 @@ def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: 
     """
     allowed, first = judge.passed(len(draws)), len(known.air)
     design = np.column_stack([np.ones(len(draws)), draws])
-    columns = np.column_stack([*(one.margins for one in known.limits), known.air])
+    columns = np.column_stack([*(limit.margins for limit in known.limits), known.air])
     *estimates, air = (design @ np.linalg.lstsq(design[:first], columns, rcond=None)[0]).T
-    lows = [float(np.partition(one, allowed)[allowed]) for one in estimates]
+    lows = [float(np.partition(estimate, allowed)[allowed]) for estimate in estimates]
     near = [one for one, low in zip(estimates, lows, strict=True) if low < min(lows) + NEAR]
     places = np.unique(np.concatenate([one.argsort()[: HARD + allowed] for one in near]))
     found = judge.limits(strokes.task, strokes.choice, *_both(strokes, setting, draws[places], RTOL))

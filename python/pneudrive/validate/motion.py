@@ -157,7 +157,7 @@ def validate_motion(
         found = tuple(follow_record(solution, at) for at in range(len(used)))
         doubts += [*poor_fit(solution), *other_readings(solution), *_late(found)]
     forces = [record.recording for record in records if np.ptp(record.recording.force_n) > 0.0]
-    closures = tuple(close_balance(one) for one in forces)
+    closures = tuple(close_balance(force) for force in forces)
     return MotionValidation(described, found, closures, tuple(r.name for r in idle), tuple(doubts), solution)
 
 

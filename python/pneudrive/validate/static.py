@@ -173,7 +173,7 @@ def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
     velocity, friction = rows["velocity_m_s"].to_numpy(), rows["friction_n"].to_numpy()
     band = NORMAL_95 * np.hypot(rows["stderr_n"].to_numpy(), rows["u_systematic_n"].to_numpy())
     flags = rows["flags"].to_numpy()
-    stuck, alone = (np.array([word in one for one in flags]) for word in ("stick_slip", UNPAIRED))
+    stuck, alone = (np.array([word in flag for flag in flags]) for word in ("stick_slip", UNPAIRED))
     good = np.isfinite(friction) & (velocity != 0.0) & ~stuck
     direction_of = np.where(alone, np.sign(velocity), 0.0)  # otherwise friction_n is the mean of both directions
     gauges = [rows[f"pressure_{c}_pa"].to_numpy() - ambient for c in "ab"]

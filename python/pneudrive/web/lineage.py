@@ -236,25 +236,25 @@ class Lineage:
     def why_stale(self, path: str, seen: tuple[str, ...] = ()) -> list[str]:
         """Return the names of changed inputs, of the result or of its inputs."""
         said = []
-        for one in self.edges(path):
-            if one.state == CHANGED:
-                said.append(one.path or one.input.name)
-            elif one.path not in ("", *seen):
-                said += self.why_stale(one.path, (*seen, path))
+        for edge in self.edges(path):
+            if edge.state == CHANGED:
+                said.append(edge.path or edge.input.name)
+            elif edge.path not in ("", *seen):
+                said += self.why_stale(edge.path, (*seen, path))
         return list(dict.fromkeys(said))
 
     def tree(self, path: str, seen: tuple[str, ...] = ()) -> list[dict[str, Any]]:
         """Return the inputs of a file, and their inputs, as plain tables."""
         return [
             {
-                "kind": one.input.kind,
-                "name": stem(Path(one.input.name)) if one.input.kind == "recording" else one.input.name,
-                "digest": one.input.digest[:12],
-                "path": one.path,
-                "state": one.state,
-                "inputs": [] if one.path in ("", *seen) else self.tree(one.path, (*seen, path)),
+                "kind": edge.input.kind,
+                "name": stem(Path(edge.input.name)) if edge.input.kind == "recording" else edge.input.name,
+                "digest": edge.input.digest[:12],
+                "path": edge.path,
+                "state": edge.state,
+                "inputs": [] if edge.path in ("", *seen) else self.tree(edge.path, (*seen, path)),
             }
-            for one in self.edges(path)
+            for edge in self.edges(path)
         ]
 
     @cached_property
@@ -266,18 +266,18 @@ class Lineage:
     def again(self, path: str) -> dict[str, Any] | None:
         """Return the request that makes a result again from the present inputs, or None if this is not possible."""
         one = self.files[path]
-        edges = [each for each in self.edges(path) if each.input.kind != "recording"]
-        recordings = [each.path for each in self.edges(path) if each.input.kind == "recording"]
-        if not all([*recordings, *(each.path for each in edges)]):
+        edges = [edge for edge in self.edges(path) if edge.input.kind != "recording"]
+        recordings = [edge.path for edge in self.edges(path) if edge.input.kind == "recording"]
+        if not all([*recordings, *(edge.path for edge in edges)]):
             return None
-        drive = next((each.path for each in edges if each.input.kind == "drive"), "")
+        drive = next((edge.path for edge in edges if edge.input.kind == "drive"), "")
         results = f"{RESULTS}/{Path(path).parent.name or Path(path).stem}"
         if one.kind == "validation" and drive and recordings:
             return {"kind": "validate", "drive": drive, "recordings": recordings, "name": self._new(results)}
         if one.kind == "friction map" and recordings:
             return {"kind": "characterise", "recordings": recordings, "name": self._new(results)}
-        if one.kind == "drive" and len(fits := {each.path for each in edges}) == 1:
-            of_fit = next((each.path for each in self.edges(*fits) if each.input.kind == "drive"), "")
+        if one.kind == "drive" and len(fits := {edge.path for edge in edges}) == 1:
+            of_fit = next((edge.path for edge in self.edges(*fits) if edge.input.kind == "drive"), "")
             out = f"{self._new(path.removesuffix('.toml'), '.toml')}.toml"
             return (
                 {"kind": "apply", "fit": edges[0].path, "drive": of_fit, "out": _beside(path, out)} if of_fit else None
@@ -486,7 +486,7 @@ def shown_lineage(workspace: Workspace, path: str) -> dict[str, Any]:
     found = Lineage(workspace, MOST_TRACED)
     if path not in found.files and not is_in_catalogue(path):
         raise CommandError(f"there is no {path[:200]} in the folder", remedy="Read the folder again.")
-    made = [one for one in found.results[:MOST_TRACED] if any(edge.path == path for edge in found.edges(one))]
+    made = [result for result in found.results[:MOST_TRACED] if any(edge.path == path for edge in found.edges(result))]
     again = found.again(path) if path in found.files else None
     return {"path": path, "inputs": found.tree(path), "made": made, "again": again, "stale": found.why_stale(path)}
 

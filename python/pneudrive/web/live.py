@@ -184,7 +184,7 @@ def frame_of(run: Run, pixels: int, head: dict[str, Any], beside: dict[str, Any]
 def events_of(run: Run, impacts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return the moments that the page marks above the curves: impacts, reversals and stops."""
     time, out = run.columns["time_s"], [(one["time_s"], f"impact, end {one['end']}") for one in impacts]
-    for name in (one for one in run.columns if _quantity(one) == ("velocity", "m/s")):
+    for name in (column for column in run.columns if _quantity(column) == ("velocity", "m/s")):
         speed = run.columns[name]
         sign = np.sign(np.where(np.abs(speed) > AT_REST_M_S, speed, 0.0))
         moving = np.flatnonzero(sign)

@@ -76,7 +76,7 @@ def sent(view: View) -> dict[str, Any]:
         vars(SentValue(one.key, one.label, one.quantity, _number(one.value), one.text, one.usual_unit, one.origin))
         for one in view.rows
     ]
-    curves = [vars(_curve(one)) for one in view.curves]
+    curves = [vars(_curve(curve)) for curve in view.curves]
     return vars(SentView(view.title, list(head), list(map(list, table)), rows, curves, list(view.notes)))  # type: ignore[arg-type]
 
 
@@ -102,7 +102,7 @@ def _number(value: float | str) -> float | str | None:
 
 
 def _scaled(values: Iterable[float], size: float) -> list[float | None]:
-    return [float(one) / size if math.isfinite(one) else None for one in values]
+    return [float(value) / size if math.isfinite(value) else None for value in values]
 
 
 def shown_result(workspace: Workspace, path: str) -> dict[str, Any]:

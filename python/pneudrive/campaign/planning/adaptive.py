@@ -265,12 +265,12 @@ def _added(plan: Plan, finished: Sequence[Finished], rules: Adaptive) -> tuple[C
     builder = Builder(plan.protocol, plan.identity, plan.envelope)
     for pair in dict.fromkeys((p.cycle.pressure_a_pa, p.cycle.pressure_b_pa) for p in here):
         members = [one for one in finished if one.cycle.block == block and one.cycle.kind == "sweep"]
-        members = [one for one in members if (one.cycle.pressure_a_pa, one.cycle.pressure_b_pa) == pair]
-        added = {_cell(one.cycle) for one in members} - planned_keys
+        members = [member for member in members if (member.cycle.pressure_a_pa, member.cycle.pressure_b_pa) == pair]
+        added = {_cell(member.cycle) for member in members} - planned_keys
         if len(added) >= rules.added_speeds:
             continue
-        taken = [one.cycle.speed_m_s for one in members if one.cycle.speed_m_s]
-        chosen = choose_speed([one for one in members if not fault_of(one, rules)], taken)
+        taken = [member.cycle.speed_m_s for member in members if member.cycle.speed_m_s]
+        chosen = choose_speed([member for member in members if not fault_of(member, rules)], taken)
         if chosen is None:
             continue
         speed, why = chosen

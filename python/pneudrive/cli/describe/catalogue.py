@@ -57,7 +57,7 @@ def _write(name: str | None, out: Path) -> None:
     from pneudrive.simulation.trajectory import check_target
 
     if name is None or (name in entries() and not entries()[name].is_drive):
-        drives = ", ".join(one.name for one in entries().values() if one.is_drive)
+        drives = ", ".join(entry.name for entry in entries().values() if entry.is_drive)
         what = f"{name} is a part, not a drive" if name else "--out needs the name of a drive"
         raise CommandError(what, remedy=f"Drives: {drives}.")
     check_target(out, (".toml",))

@@ -36,7 +36,7 @@ def _show(entry: Mapping[str, Any]) -> None:
     for title, lines in (
         ("Ports", [(port["name"], port["kind"], _flags(port)) for port in entry["ports"]]),
         ("Keys", rows(entry)),
-        ("Names of its formula", [(one["name"], one["unit"], one["meaning"]) for one in _names(entry)]),
+        ("Names of its formula", [(name["name"], name["unit"], name["meaning"]) for name in _names(entry)]),
         ("Inputs of a session", [(one["name"], one["unit"], one["meaning"]) for one in entry["inputs"]]),
         ("Columns", [(one["name"], one["meaning"]) for one in entry["outputs"]]),
     ):

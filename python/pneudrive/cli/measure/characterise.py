@@ -77,7 +77,7 @@ def characterise(
     for problem in problems:
         sys.stderr.write(f"Note: no fit of {problem}\n")
     show_view(found.view())
-    balances = [close_balance(one) for one in found.recordings if one.force_n.any()]
+    balances = [close_balance(recording) for recording in found.recordings if recording.force_n.any()]
     show_lines(f"- {balance}." for balance in balances if balance.gains)
     if curves is not None:
         show_view(replace(curves.view(), rows=()))

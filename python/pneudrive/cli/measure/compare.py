@@ -67,7 +67,7 @@ def _values(first: str, second: str) -> None:
         rows.append((one.key, one.before, one.interval_before, one.after, one.interval_after, change))
     show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), rows)
     show_lines([] if found else ["No value differs."])
-    if all(isinstance(one, FrictionFit) for one in sources):
+    if all(isinstance(source, FrictionFit) for source in sources):
         _curves(*sources)  # type: ignore[arg-type]
 
 

@@ -124,7 +124,7 @@ def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, 
     impacts = run.attrs["impacts"]
     strokes = []
     for k, (begin, end) in enumerate(pairwise(edges)):
-        own = [one for one in impacts if begin <= one["time_s"] < end]
+        own = [impact for impact in impacts if begin <= impact["time_s"] < end]
         towards = 1 if (command > 0.0) == (k % 2 == 0) else -1
         strokes.append(stroke_numbers(columns, plant.stroke_m, plant.mass, begin, end, own, towards))
     keep = columns["time_s"] >= edges[0]

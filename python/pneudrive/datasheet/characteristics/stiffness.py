@@ -62,7 +62,7 @@ def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times
 def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 - a sequence, or None
     """Return the pressures of a map, Pa."""
     if pressures is not None:
-        return [float(gas_at(plant, one)[0, 0]) for one in pressures]
+        return [float(gas_at(plant, pressure)[0, 0]) for pressure in pressures]
     low, high = plant.ambient[0], plant.supply_pa
     return [1e5 * p for p in LEVELS if low < 1e5 * p < high] or [0.5 * (low + high)]
 

@@ -47,7 +47,7 @@ def find_parts(
     >>> [one.name for one in find_parts("cylinder", bore="25 mm")]
     ['parker-osp-p25', 'smc-c55-25', 'smc-cd85n25', 'smc-cm2y-25', 'smc-cy1b25h', 'smc-cy1b25l', 'smc-mgpm25']
     """
-    found = [one for one in entries().values() if not one.is_drive]
+    found = [entry for entry in entries().values() if not entry.is_drive]
     if kind is not None:
         kinds = sorted({one.kind for one in found})
         found = [one for one in found if one.kind.startswith(kind) or fnmatchcase(one.kind, kind)]

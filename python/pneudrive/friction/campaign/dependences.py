@@ -126,11 +126,11 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
     """Return trend and waves of the levels over position, scaled so that their mean over the common range is 1."""
     title = ", ".join(level for level in levels if level)
     own = [one for one in found.position if one.levels == title]
-    curves = [one for one in found.curves if one.direction == BOTH and _is_of(one.condition, levels)]
+    curves = [curve for curve in found.curves if curve.direction == BOTH and _is_of(curve.condition, levels)]
     if not own or not curves:
         return
     pattern = max(own, key=lambda one: (one.condition is None, one.cycles))
-    viscous = [viscous_n_s_m * one.speed_m_s / one.friction_n for one in curves]
+    viscous = [viscous_n_s_m * curve.speed_m_s / curve.friction_n for curve in curves]
     level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in the reference of the pattern
     away = pattern.position_m - (middle := float(pattern.position_m.mean()))
     waves = [(w.wavelength_m, w.cosine.value, w.sine.value) for w in pattern.harmonics]
@@ -231,7 +231,7 @@ def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterat
     per_kelvin = None if found.drift is None else found.drift.per_kelvin
     if per_kelvin is None or not per_kelvin.differs:
         return
-    sliding = [one for one in found.cycles if np.isfinite(one.friction_n) and np.isfinite(one.temperature_k)]
+    sliding = [cycle for cycle in found.cycles if np.isfinite(cycle.friction_n) and np.isfinite(cycle.temperature_k)]
     level = float(np.mean([one.friction_n - viscous_n_s_m * one.speed_m_s for one in sliding]))
     kelvin = float(np.mean([one.temperature_k for one in sliding]))
     if level <= 0.0:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def _under_pressure(results: tuple[RecordingResult, ...]) -> set[str]:
     """Return the chambers that were under pressure in any recording."""
-    gauges = [level.gauge_pa(one.recording.ambient_pressure_pa) for one in results for level in one.levels]
+    gauges = [level.gauge_pa(result.recording.ambient_pressure_pa) for result in results for level in result.levels]
     return {side for gauge in gauges for side in gauge if abs(gauge[side]) > MINIMUM_RANGE_PA}
 
 
@@ -98,7 +98,7 @@ def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
 
 def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list[tuple[Level, Level]]:
     """Return the pairs of levels with about the same speed in a direction; none without curves over speed."""
-    ours, others = ([one for one in levels if way in one.sides] for levels in (first, second))
+    ours, others = ([level for level in levels if way in level.sides] for levels in (first, second))
     if min(len(ours), len(others)) < LEAST_SPEEDS:
         return []
     pairs = [(one, min(others, key=lambda other: abs(other.speed_m_s - one.speed_m_s))) for one in ours]

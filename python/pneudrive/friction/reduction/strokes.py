@@ -224,7 +224,7 @@ def profile_of(grid: Grid, frictions: Sequence[StrokeFriction]) -> Profile:
 
 
 def _by_direction(frictions: Sequence[StrokeFriction]) -> dict[int, list[StrokeFriction]]:
-    return {d: [one for one in frictions if one.stroke.direction == d] for d in (1, -1)}
+    return {d: [friction for friction in frictions if friction.stroke.direction == d] for d in (1, -1)}
 
 
 def rows_over(grid: Grid, strokes: Sequence[StrokeFriction]) -> Array:
@@ -239,7 +239,7 @@ def rows_over(grid: Grid, strokes: Sequence[StrokeFriction]) -> Array:
 def _side(used: Sequence[StrokeFriction], means_n: Array, recorded: int) -> Side:
     """Combine the used strokes of one direction, which have equal weight."""
     inside, strokes = [s.inside for s in used if s.inside], tuple(s.stroke for s in used)
-    names = [one.name for one in fields(DirectionMeans)]
+    names = [field.name for field in fields(DirectionMeans)]
     return Side(
         **{name: float(np.mean([getattr(s, name) for s in inside])) for name in names},
         samples=sum(s.samples for s in inside),

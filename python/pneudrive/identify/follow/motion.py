@@ -87,9 +87,9 @@ def driven_recordings(
         A file cannot be read so.
     """
     items = list(recordings)
-    files = [one for one in items if not isinstance(one, Recording)]
+    files = [item for item in items if not isinstance(item, Recording)]
     read = iter(load_recordings(files, layout)) if files else iter(())
-    return [driven_recording(one if isinstance(one, Recording) else next(read)) for one in items]
+    return [driven_recording(item if isinstance(item, Recording) else next(read)) for item in items]
 
 
 def driven_recording(recording: Recording) -> DrivenRecording:
@@ -101,7 +101,7 @@ def driven_recording(recording: Recording) -> DrivenRecording:
         Too few samples are left.
     """
     values = [recording.time_s, recording.position_m, recording.pressure_a_pa, recording.pressure_b_pa]
-    keep = np.all([np.isfinite(one) for one in values], axis=0)
+    keep = np.all([np.isfinite(value) for value in values], axis=0)
     keep &= np.r_[True, np.diff(recording.time_s) > 0.0]
     recording = recording.at(keep)
     time, position = recording.time_s - recording.time_s[0], recording.position_m
@@ -110,7 +110,7 @@ def driven_recording(recording: Recording) -> DrivenRecording:
     pressures = np.array([recording.pressure_a_pa, recording.pressure_b_pa])
     usual = float(np.median(np.diff(time)))
     stride = max(int(np.ceil(time.size / MOST_GRID)), int(COARSEST_S / usual), 1)
-    noise = np.array([max(noise_level(one), _step(one) / np.sqrt(12.0), 1.0) for one in pressures])
+    noise = np.array([max(noise_level(pressure), _step(pressure) / np.sqrt(12.0), 1.0) for pressure in pressures])
     travel = float(np.ptp(position))
     kept = straight_lines(time, position, max(TOLERANCE * travel, NOISE_FACTOR * noise_level(position)))
     begins = position[time <= AT_REST_S]

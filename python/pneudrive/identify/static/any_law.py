@@ -162,7 +162,7 @@ def _with_sizes(model: AnyLaw, data: Observations) -> AnyLaw:
     value, jac = model.value_and_jacobian(q, data)
     slope = np.abs(jac).max(axis=0) / np.diag(model.natural_jacobian(q))
     sizes = 0.1 * float(np.median(np.abs(value))) / np.where(slope > 0.0, slope, np.inf)
-    uppers = [one["upper"] for one in model.entries()]
+    uppers = [entry["upper"] for entry in model.entries()]
     most = np.array([np.inf if top is None else 0.5 * top for top in uppers])
     return replace(model, start=tuple(np.where(zero, np.minimum(sizes, most), start).tolist()))
 

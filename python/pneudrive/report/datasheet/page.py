@@ -109,7 +109,7 @@ def _sections(found: Datasheet) -> list[Section | None]:
 
 
 def _numbers(found: Datasheet) -> Section:
-    rows = tuple((one.name, one.standard, one.out, one.back) for one in found.numbers)
+    rows = tuple((number.name, number.standard, number.out, number.back) for number in found.numbers)
     return section(
         "numbers",
         "Numbers",
@@ -165,14 +165,14 @@ def _measured(measured: MeasuredBeside) -> Section:
     if measured.numbers:
         rows = tuple(
             (
-                one.stroke,
-                one.name.replace("_", " "),
-                written_value(one.measured, one.unit, one.low, one.high),
-                str(one.repeats),
-                written_value(one.simulated, one.unit),
-                "agrees" if one.agrees else "differs",
+                number.stroke,
+                number.name.replace("_", " "),
+                written_value(number.measured, number.unit, number.low, number.high),
+                str(number.repeats),
+                written_value(number.simulated, number.unit),
+                "agrees" if number.agrees else "differs",
             )
-            for one in measured.numbers
+            for number in measured.numbers
         )
         head = ("stroke", "number", "measured (95 %)", "strokes", "simulated", "")
         blocks.append(PageTable(head, rows, "The same definitions, read from recording and simulation", numbers_from=2))
@@ -258,7 +258,7 @@ def _friction(axis: Axes, measured: MeasuredBeside) -> None:
 
 
 def _values(found: Datasheet) -> Section:
-    rows = tuple((one.key.removeprefix("components."), one.value, one.origin) for one in found.values)
+    rows = tuple((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
     return section(
         "values",
         "Values and where they come from",

@@ -116,9 +116,9 @@ class AccessFile(RigFile):
     def access(self) -> Access:
         """Credentials, with the paths of their files."""
         files: dict[str, Any] = {
-            one.name: self.beside(getattr(self, one.name))
-            for one in fields(Access)
-            if one.name not in ("user", "password_env")
+            field.name: self.beside(getattr(self, field.name))
+            for field in fields(Access)
+            if field.name not in ("user", "password_env")
         }
         return Access(user=self.user, password_env=self.password_env, **files)
 

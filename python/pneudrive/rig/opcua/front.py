@@ -124,7 +124,7 @@ class Connection(OPCUAProtocol):
     def connection_made(self, transport: Any) -> None:  # noqa: ANN401
         """Accept a connection; if all places are taken, close the oldest one without a session."""
         if len(self.clients) >= MOST_CONNECTIONS:
-            idle = next((one for one in self.clients if not getattr(one, "session", None)), None)
+            idle = next((client for client in self.clients if not getattr(client, "session", None)), None)
             if idle is not None and idle.transport is not None:
                 self.clients.remove(idle)
                 idle.transport.abort()

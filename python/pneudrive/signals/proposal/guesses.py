@@ -202,7 +202,7 @@ def _position_by_strokes(roles: Roles) -> Candidate | None:
 
 def _command(roles: Roles) -> None:
     signals = roles.signals
-    named = [one for one in signals.candidates("command") if "name" in one.evidence]
+    named = [candidate for candidate in signals.candidates("command") if "name" in candidate.evidence]
     if named and (chosen := _choose(roles, "command", named)):
         _accept(roles, "command", chosen, _next(signals, chosen, named))
 
@@ -469,7 +469,7 @@ def _guess(roles: Roles, role: str, one: Candidate, rank: str) -> Guess:
 
 def _leave_open(roles: Roles, role: str, why: str, candidates: list[Candidate]) -> None:
     kind = "pressure" if "pressure" in role else role
-    choices = tuple(_guess(roles, kind, one, "") for one in candidates)
+    choices = tuple(_guess(roles, kind, candidate, "") for candidate in candidates)
     roles.questions.append(Question(role, why, choices))
 
 

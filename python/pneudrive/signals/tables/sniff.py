@@ -106,9 +106,9 @@ def sniff_text(path: Path) -> FileForm:
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
     sample = _sample(tail)
     readings = [_read(sample, form) for form in _candidates(sample)]
-    readings = [one for one in readings if one.width - len(one.words) >= 2]
+    readings = [reading for reading in readings if reading.width - len(reading.words) >= 2]
     for least in (MOSTLY, SEGMENTED):
-        fit = [one for one in readings if one.share >= least]
+        fit = [reading for reading in readings if reading.share >= least]
         # White space is also used inside dates. It is the delimiter only without other signs.
         fit = [one for one in fit if one.form.delimiter is not None] or fit
         if fit:

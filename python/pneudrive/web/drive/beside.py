@@ -319,7 +319,7 @@ def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[s
 
 def _moving(columns: Mapping[str, Array], rows: NDArray[np.int64]) -> dict[str, Array]:
     """Return pressures, flows and valve positions at some samples, for an animation of the drawing."""
-    names = [one for one in columns if one == "time_s" or _ANIMATED.search(one)]
+    names = [column for column in columns if column == "time_s" or _ANIMATED.search(column)]
     return {f"motion/{name}": np.asarray(columns[name], dtype=np.float64)[rows] for name in names}
 
 

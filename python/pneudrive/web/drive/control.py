@@ -339,7 +339,7 @@ def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bo
     texts |= {name: given.get(name) or "" for name in ("mismatch", "spread")}
     lists = [_words(given.get(name), name) for name in ("laws", "references")]
     count = given.get("count", 1)
-    right = all(isinstance(one, str) for one in texts.values()) and isinstance(count, int)
+    right = all(isinstance(text, str) for text in texts.values()) and isinstance(count, int)
     if not right or isinstance(count, bool) or not 1 <= count <= MOST_MEMBERS:
         raise CommandError(f"count = {str(count)[:80]} is out of bounds", rule=f"a whole number, 1 to {MOST_MEMBERS}")
     drive = described_at(workspace, texts["drive"])
@@ -488,5 +488,5 @@ def shown_tracks(workspace: Workspace, name: str, along: str, pixels: str = "") 
     for law, one in tracks.items():
         thin = drawn_columns({key: one[key] for key in ("time_s", "position_m", "reference_m", "error_m")}, int(width))
         arrays |= {f"{law}/{key}": values for key, values in thin.items()}
-    head = {"reference": along, "laws": list(tracks), "seeds": [one["seed"] for one in tracks.values()]}
-    return pack(head | {"error": _error_unit([one["error_m"] for one in tracks.values()])}, arrays)
+    head = {"reference": along, "laws": list(tracks), "seeds": [track["seed"] for track in tracks.values()]}
+    return pack(head | {"error": _error_unit([track["error_m"] for track in tracks.values()])}, arrays)

@@ -31,8 +31,8 @@ def shown_fmu(workspace: Workspace, name: str) -> dict[str, Any]:
     """
     path = workspace.path(name, FMUS)
     data, found = read_bytes(path, CommandError), read_fmu(path)
-    inputs = [one.name for one in found.variables if one.causality == "input"]
-    outputs = [one.name for one in found.variables if one.causality == "output"]
+    inputs = [variable.name for variable in found.variables if variable.causality == "input"]
+    outputs = [variable.name for variable in found.variables if variable.causality == "output"]
     commands = dict.fromkeys((one for one in inputs if _COMMAND.fullmatch(one)), _OPENING)
     given = f", start_values={commands}" if commands else ""
     lines = [
@@ -49,7 +49,7 @@ def shown_fmu(workspace: Workspace, name: str) -> dict[str, Any]:
         "version": found.version,
         "token": found.token,
         "kinds": found.kinds,
-        "variables": [vars(one) for one in found.variables],
+        "variables": [vars(variable) for variable in found.variables],
         "sha256": hashlib.sha256(data).hexdigest(),
         "size": len(data),
         "fmpy": "\n".join(lines) + "\n",

@@ -106,7 +106,7 @@ class WatchedCampaign:
             "text": "" if running is None else str(running),
             "cycle": "" if running is None else running.cycle,
             "flags": status.flags,
-            "problems": [str(one) for one in status.problems],
+            "problems": [str(problem) for problem in status.problems],
             "log": self._log(),
             "groups": _groups(points, status.campaign.identity.ambient_pressure_pa),
         }
@@ -128,7 +128,7 @@ class WatchedCampaign:
 
     def _look(self) -> None:
         status = status_of(self.folder)
-        damaged = {one.where for one in status.problems}
+        damaged = {problem.where for problem in status.problems}
         files = {(file.path, file.path.stat().st_mtime_ns): file for file in status.files}
         known = {key: one for key, one in self._points.items() if key in files}  # the folder may have been replaced
         sound = {

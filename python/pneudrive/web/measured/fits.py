@@ -132,7 +132,7 @@ def next_points(workspace: Workspace, path: str, asked: str) -> dict[str, Any]:
         "print(plan)\n"
     )
     return {
-        "points": [vars(one) for one in plan.points],
+        "points": [vars(point) for point in plan.points],
         "seconds": plan.seconds,
         "expected": [
             {

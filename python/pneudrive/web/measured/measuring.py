@@ -57,12 +57,12 @@ class MeasureRequest(PageRequest):
             As for `Recordings.need`.
         """
         own = recordings.need(self.path)
-        channels = [one for one in own.channels if one.column in self.columns]
-        names = [one.column for one in channels]
+        channels = [channel for channel in own.channels if channel.column in self.columns]
+        names = [channel.column for channel in channels]
         rows = measured(self.path, channels, *_ends([own.sample_at(at, names) for at in self.at]))
         if self.beside:
             other = recordings.need(self.beside)
-            both = [one for one in pairs(own.file, other.file) if one.own.column in names]
+            both = [pair for pair in pairs(own.file, other.file) if pair.own.column in names]
             wanted = [one.other.column for one in both]
             there, values = _ends([other.sample_at(at - self.shift, wanted) for at in self.at])
             shown = {one.own.column: one.of(values[one.other.column]) for one in both}

@@ -284,7 +284,7 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     """
     names = (before, after)
     sources = [_source(workspace, name) for name in names]
-    texts = [one.to_toml().splitlines() for one in sources if isinstance(one, Drive)]
+    texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive)]
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
     python = (
         "from pneudrive.identify.static.differences import differences\n"
@@ -292,7 +292,7 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
         f"for one in differences(read_source({before!r}), read_source({after!r})):\n    print(one)\n"
     )
     return {
-        "values": [one._asdict() for one in differences(*sources)],
+        "values": [difference._asdict() for difference in differences(*sources)],
         "lines": lines,
         "command": shlex.join(["pneudrive", "compare", *map(safe, names)]),
         "python": python,
