@@ -108,7 +108,7 @@ impl Band {
 /// directions does, too.
 #[derive(Clone, Debug)]
 pub struct Adaptation {
-    /// The described model, before any learning.
+    /// The model as described, before any learning.
     described: Model,
     /// Load of that model at first, N.
     load: f64,
@@ -122,8 +122,8 @@ pub struct Adaptation {
     gas: [Lagged<4>; 2],
     /// Residual of the force balance, in each direction.
     disturbance: [Lagged<1>; 2],
-    /// Direction of motion since the last reversal, 1 or -1; 0 if it has not moved. Then the duration of this motion
-    /// and of the rest that followed, s.
+    /// Direction of motion since the last reversal, 1 or -1; 0 if it has not moved. The following numbers are the
+    /// duration of this motion and of the rest after it, s.
     way: f64,
     gone: f64,
     stood: f64,
@@ -261,7 +261,8 @@ impl Adaptation {
     ///
     /// Friction is in phase with the velocity, a quarter of a period apart from the inertia. Errors of the friction
     /// therefore
-    /// hardly move the mass. Slips of a creeping or resting drive would move it. The `speed` of the reference must
+    /// hardly move the mass. Slips of a creeping or resting drive would change the estimate. The `speed` of the
+    /// reference must
     /// therefore exceed [`LEARN_SLIDES`]. A model with more mass than the drive makes predictive control swing, and the
     /// swing
     /// corrects the mass.

@@ -29,7 +29,7 @@ macro_rules! laws {
         pub const LAWS: &[&str] = &[$(<$name as Tuned>::KEY),*];
 
         impl AnyLaw {
-            /// Returns the law of a key, with gains that follow from the drive.
+            /// Returns the law of a key, with gains that are derived from the drive.
             pub fn tuned(key: &str, model: &Model, plant: &Plant) -> Option<Self> {
                 $(if key == <$name as Tuned>::KEY {
                     return Some(AnyLaw::$name(<$name as Tuned>::tuned(model, plant)));

@@ -73,8 +73,8 @@ impl<S: Number> Fade<S> {
 }
 
 impl Fade {
-    /// Returns a path back to a reference, with a limited acceleration, m/s2. It starts with a distance, a speed and an
-    /// acceleration relative to the reference.
+    /// Returns a path back to a reference, with a limited acceleration, m/s2. The path starts with a distance, a speed
+    /// and an acceleration relative to the reference.
     pub fn back(begin: f64, from: [f64; 3], acceleration: f64) -> Self {
         let [x, v, _] = from;
         let duration = (PEAKS[1] * x.abs() / acceleration).sqrt().max(STEEPEST * v.abs() / acceleration);
@@ -95,7 +95,8 @@ pub struct Slowed {
 }
 
 impl Slowed {
-    /// Returns a clock that follows the samples' clock, or another one, up to a time, s. After this time, the rate is a
+    /// Returns a clock that follows the clock of the samples, or another clock, up to a time, s. After this time, the
+    /// rate is a
     /// fraction of the earlier rate.
     pub fn from(before: Option<Self>, t: f64, share: f64) -> Self {
         let [time, rate, ..] = before.map_or([t, 1.0, 0.0, 0.0], |own| own.at(t));

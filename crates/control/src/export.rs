@@ -65,7 +65,7 @@ pub struct Program {
 /// Inputs of a move of a reference: positions, m, and times, s.
 pub const MOVE: [&str; 5] = ["start", "target", "begin_time", "duration", "at_time"];
 
-/// Position, velocity, acceleration and jerk of a move at a time. The reference is at rest before and after it.
+/// Position, velocity, acceleration and jerk of a move at a time. The reference is at rest before and after the move.
 pub fn along_a_move() -> Graph {
     record(MOVE.len(), |given| {
         let [from, to, begin, duration, t] = [0, 1, 2, 3, 4].map(|place| given[place]);
@@ -86,7 +86,7 @@ pub const RESULTS: [(&str, &str, &str); 4] = [
     ("holds", "1", "1 while the drive is held at rest, else 0"),
 ];
 
-/// Samples after which the number of commands under way no longer changes.
+/// Number of samples after which the number of commands that do not act yet is constant.
 const SETTLED: u32 = 200;
 
 fn inputs(with_pressures: bool) -> Vec<Given> {
@@ -138,7 +138,7 @@ pub fn program(controller: &Controller, with_pressures: bool) -> Result<Program,
                     "nmpc cannot be exported: its search for limits of the moves depends on numbers. Export inversion or \
                      super-twisting, or call the compiled core".into(),
                 ),
-                AnyLaw::Own(_) => Err("a custom law cannot be exported: it is code already".into()),
+                AnyLaw::Own(_) => Err("a custom law cannot be exported, because it already is code".into()),
             }
         };
     }
@@ -198,8 +198,8 @@ impl Asked<Traced> {
 }
 
 impl Recorder<'_> {
-    /// Returns two observers of a controller that has run for long: at time zero after its last command, and at the
-    /// next sample.
+    /// Returns two observers of a controller in steady operation: at time zero after its last command, and at the next
+    /// sample.
     fn settled(&self) -> [Observer; 2] {
         let Controller { model, period, noise, .. } = self.controller;
         let sample =

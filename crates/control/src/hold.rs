@@ -12,13 +12,13 @@ use crate::thresholds::{
 pub struct Hold<S = f64> {
     /// Error below which holding begins, m.
     pub band: f64,
-    /// Time for which the error must have been so small, s.
+    /// Time for which the error must have been within the band, s.
     pub after: f64,
     /// Time near the target, s; time within the band about any place, s; and the error at this place, m.
     waited: S,
     rested: S,
     place: S,
-    /// Whether it holds, 0 or 1; the kept force, N; and about the force at the beginning, N.
+    /// Whether holding is active, 0 or 1; the kept force, N; and approximately the force at its beginning, N.
     holds: S,
     force: S,
     begun: S,
@@ -30,7 +30,7 @@ pub struct Hold<S = f64> {
     /// Time for which the drive has been kept many bands away, s, and whether it is moved nearer, 0 or 1.
     far_for: S,
     tries: S,
-    /// Error at the last try, m, and the number of successive tries that came no nearer.
+    /// Error at the last try, m, and the number of successive tries that did not reduce the error.
     tried: S,
     missed: S,
 }
@@ -144,7 +144,7 @@ impl<S: Number> Hold<S> {
         self.rest = S::select(zero.lt(self.kept() * moved), e, self.rest);
     }
 
-    /// Returns whether it holds, and the rate of the gas force then, N/s:
+    /// Returns whether holding is active, and the rate of the gas force during holding, N/s:
     ///
     ///   F_h' = c s e within a bound about the first force, F' = F_h' + k_s (F_h - F)
     ///

@@ -77,11 +77,11 @@ impl<S: Copy> Openings<S> for [S; 2] {
 /// Slip condition of a contact under a force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Slip {
-    /// It drifts under any force, as LuGre does.
+    /// The contact drifts under any force, like LuGre.
     Always,
-    /// It drifts above this fraction of its level, and increasingly so from there on.
+    /// The contact drifts above this fraction of its level, and more with increasing force.
     From(f64),
-    /// It does not drift below its level.
+    /// The contact does not drift below its level.
     AtLevel,
 }
 
@@ -218,8 +218,8 @@ impl Model {
         [0, 1].map(|i| (low[i] - high[i]) / (2.0 * SLOPE_STEP * p[i]))
     }
 
-    /// Returns the open fraction of the conductance with the spool at `spool`. The first is that of supply to a (and
-    /// b to exhaust), the second that of a to exhaust (and supply to b).
+    /// Returns the open fraction of the conductance with the spool at `spool`. The first opening is supply to a (and b
+    /// to exhaust), the second is a to exhaust (and supply to b).
     #[inline(always)]
     pub fn openings<S: Over<f64>>(&self, spool: S) -> [S; 2] {
         self.edges_at(spool, self.valve.overlap)
@@ -345,7 +345,8 @@ impl Model {
     ///
     ///   df/dt = min(s |v|/g, 1/h) (g sgn v - f)
     ///
-    /// s stiffness N/m. Exact below the bound; above it f is at its level within a step. A contact that does not drift
+    /// s stiffness N/m. The rate is exact below the bound 1/h. Above the bound, f reaches its level within a step. A
+    /// contact that does not drift
     /// follows df/dt = s v (1 - alpha |f|/g) below its level, and does not exceed g within the step. Here alpha is the
     /// [`plastic_share`] of the motion. It is zero if the contact slips only at its level.
     #[inline(always)]
@@ -373,8 +374,8 @@ impl Model {
         S::select((left * v).lt(S::zero()), rate * left, elastic)
     }
 
-    /// Returns the damping of the contact over its stiffness, s, for a step of `h` s. It can bring the mass to rest
-    /// within the step, but cannot reverse it.
+    /// Returns the damping of the contact over its stiffness, s, for a step of `h` s. The damping can bring the mass to
+    /// rest within the step, but cannot reverse its motion.
     pub fn damping_time(&self, h: f64) -> f64 {
         self.stick_damping_time.min(self.mass / (self.stick_stiffness * h))
     }

@@ -61,8 +61,8 @@ impl<S: Over<f64>> State<S> {
         begin[1]
     }
 
-    /// Returns pressures, Pa, and temperatures, K, after `h` s, by the midpoint method. The gas sees its separate
-    /// `speed`, m/s.
+    /// Returns pressures, Pa, and temperatures, K, after `h` s, by the midpoint method. The gas is simulated with a
+    /// separate `speed` of the piston, m/s.
     pub(crate) fn flow(&self, model: &Model, openings: impl Openings<S>, h: f64, speed: S) -> [[S; 2]; 2] {
         let (openings, mut gas) = (openings.edges(), [self.pressures, self.temperatures]);
         for (from, to) in [(0.0, 0.5 * h), (0.5 * h, h)] {
@@ -206,7 +206,7 @@ impl<S: Number> Observer<S> {
         Observer { state, spool: Spool::new(&model.valve), gain, time: sample.time }
     }
 
-    /// Takes over a sample.
+    /// Uses a sample to correct the estimates.
     pub fn update(&mut self, model: &Model, sample: &Sample<S>) {
         let (from, to) = (self.time, sample.time);
         if to > from {

@@ -45,8 +45,8 @@ signals! {
     position: "m", "measured position";
     velocity: "m/s", "velocity, estimated";
     acceleration: "m/s2", "acceleration, estimated";
-    pressure_a: "Pa", "absolute pressure of chamber a: measured, or of the model without a sensor";
-    pressure_b: "Pa", "absolute pressure of chamber b: measured, or of the model without a sensor";
+    pressure_a: "Pa", "absolute pressure of chamber a: measured, or without a sensor from the model";
+    pressure_b: "Pa", "absolute pressure of chamber b: measured, or without a sensor from the model";
     temperature_a: "K", "temperature of the gas in chamber a, estimated";
     temperature_b: "K", "temperature of the gas in chamber b, estimated";
     gas_force: "N", "force of the gas on the piston, in +x";

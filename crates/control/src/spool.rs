@@ -28,7 +28,7 @@ enum Beside<S> {
     Nothing,
     /// Common part of both commands: valve a is at the sum of both spools, valve b at the difference.
     Both(Box<Spool<S>>),
-    /// Edges that are open or shut, filling and venting a, filling and venting b, instead of a spool.
+    /// For valves without a spool: openings of the edges that fill a, vent a, fill b and vent b.
     Edges(Box<[Line<S>; MOST_VALVES]>),
 }
 
@@ -188,7 +188,7 @@ impl<S: Number> Spool<S> {
         [decay * (c + d * w * s), decay * s, -decay * w * w * s, decay * (c - d * w * s)]
     }
 
-    /// Shows each of its numbers.
+    /// Visits each number of the spool.
     pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
         self.state.iter_mut().for_each(&mut *see);
         self.acts.iter_mut().for_each(|(_, value)| see(value));

@@ -1,5 +1,5 @@
 //! A supervisor in front of a law. It acts when sensors, references, the valve, the law or the user fail. It is not a
-//! safety function in the sense of a norm.
+//! safety function according to any standard.
 //!
 //! It uses the observer and the model of its controller. Without a fault, samples, reference and commands pass
 //! unchanged.
@@ -99,12 +99,12 @@ impl Rules {
         if !(low - LIMIT_ROUNDING..=high + LIMIT_ROUNDING).contains(&x) {
             let whose = if [low, high] == [0.0, stroke] { "the stroke" } else { "limits.position" };
             return Some(format!(
-                "the reference asks for {x} m: it must stay within {whose}, {low} to {high} m"
+                "the reference has the position {x} m: it must stay within {whose}, {low} to {high} m"
             ));
         }
         let fastest = self.speed;
         (v.is_nan() || v.abs() > fastest + LIMIT_ROUNDING)
-            .then(|| format!("the reference asks for {v} m/s: limits.speed is {fastest} m/s"))
+            .then(|| format!("the reference has the speed {v} m/s: limits.speed is {fastest} m/s"))
     }
 }
 
@@ -143,7 +143,7 @@ enum Mode {
     },
     /// The valve is shut.
     Shut,
-    /// Shut until it is enabled.
+    /// The valve is shut until the drive is enabled.
     Off,
 }
 
@@ -180,16 +180,16 @@ pub struct Supervisor {
     braking: Braking,
     /// Whether the model replaces a chamber's pressure.
     modelled: bool,
-    /// Whether the law held at the last sample.
+    /// Whether holding was active at the last sample.
     is_held: bool,
     /// Whether the drive has pressure sensors.
     measures_gas: bool,
     /// Time for which the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
-    /// Direction of commands that act in reverse on a fallen supply, and the time until which they are not given, s.
+    /// Direction of commands with a reversed effect on a fallen supply, and the time until which they are blocked, s.
     reversed: Option<(f64, f64)>,
-    /// Time until which a command that is tried again may act in reverse, s.
+    /// Time until which a command that is tried again may have a reversed effect, s.
     doubted_until: f64,
 }
 
@@ -232,7 +232,7 @@ impl Supervisor {
         &self.log
     }
 
-    /// Returns the time of a sample on an even clock. A time that is not a number becomes that of the last sample.
+    /// Returns the time of a sample on an even clock. An invalid time becomes the time of the last sample.
     pub(crate) fn corrected(&self, time: f64) -> f64 {
         let time = time + self.correction;
         if time.is_finite() { time } else { self.clock.unwrap_or(0.0) }

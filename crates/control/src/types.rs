@@ -12,7 +12,7 @@ pub struct Sample<S = f64> {
     pub time: f64,
     /// m.
     pub position: S,
-    /// Pa absolute in chambers a and b; none: they run by the model alone.
+    /// Pressures in chambers a and b, Pa absolute; `None`: they come from the model.
     pub pressures: Option<[S; 2]>,
 }
 
@@ -25,7 +25,7 @@ pub struct Moment {
     pub period: f64,
 }
 
-/// The state of a drive as a law sees it.
+/// The state of a drive that a law receives.
 #[derive(Clone, Copy, Debug)]
 pub struct State<S = f64> {
     /// m.
@@ -48,7 +48,7 @@ impl<S: Over<f64>> State<S> {
         gas_at(&[self.pressures, self.temperatures])
     }
 
-    /// The same in other numbers.
+    /// The same state in another number type.
     pub fn map<T: Copy>(&self, f: impl Fn(S) -> T) -> State<T> {
         State {
             position: f(self.position),
@@ -91,12 +91,12 @@ impl Plant {
     }
 }
 
-/// Times of the armature of a switching valve: there, and back.
+/// Times of the armature of a switching valve, for opening and for closing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Armature {
-    /// From a command until it moves, s.
+    /// Time from a command until the armature moves, s.
     pub dead: [f64; 2],
-    /// For which it moves, s.
+    /// Time for which the armature moves, s.
     pub travel: [f64; 2],
 }
 
@@ -106,18 +106,18 @@ impl Armature {
         self.dead[usize::from(back)] + share * self.travel[usize::from(back)]
     }
 
-    /// A time in which it arrives either way, s.
+    /// A time in which the armature arrives in either direction, s.
     pub(crate) fn arrives(&self) -> f64 {
         self.at(false, 1.0).max(self.at(true, 1.0))
     }
 
-    /// The mean of both times to the middle of its way, s.
+    /// The mean, over both directions, of the time to the middle of the way, s.
     pub fn mean(&self) -> f64 {
         0.5 * (self.at(false, 0.5) + self.at(true, 0.5))
     }
 }
 
-/// Valves as a circuit has them.
+/// Arrangement of the valves of a circuit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Arrangement {
     /// One proportional 5/3 valve.
@@ -128,7 +128,7 @@ pub enum Arrangement {
     Three(Armature),
     /// Four 2/2 switching valves: filling and venting a, filling and venting b.
     Seven(Armature),
-    /// The same under pulses of a period, s.
+    /// The same valves, commanded by pulses with a period, s.
     Pulses(Armature, f64),
 }
 
@@ -150,7 +150,7 @@ impl Arrangement {
     }
 }
 
-/// Samples that a time takes.
+/// Number of samples in a time.
 pub(crate) fn samples(time: f64, period: f64) -> f64 {
     (time / period - 1e-6).ceil().max(1.0)
 }

@@ -30,7 +30,7 @@ impl Commands {
         &self.values[..self.count]
     }
 
-    /// The same after something was done to each.
+    /// The same data after an operation on each.
     pub fn map(mut self, f: impl FnMut(f64) -> f64) -> Self {
         self.values = self.values.map(f);
         self
@@ -58,7 +58,7 @@ law! {
     ///
     /// E is the missing force at the end of the shortest pulse, N. The remainder is corrected later.
     pub struct Three {
-        shortest_pulse: "s", above(0.0), "time for which a position stays, and not less than the armature takes", rule "dead time and travel of the armature";
+        shortest_pulse: "s", above(0.0), "least time in a position, at least the travel time of the armature", rule "dead time and travel of the armature";
         dead_band: "N", at_least(0.0), "force that is missing when a solenoid switches", rule "half of the force of the shortest pulse at mid stroke";
     } memory<S> { switched: Switched<S> = Switched::new() }
 }
@@ -73,7 +73,7 @@ law! {
     /// E_a and E_b are the missing forces of both chambers at the end of the shortest pulse, N. The stiffness is
     /// controlled as with two 3/2 valves. The remainder is corrected later.
     pub struct Seven {
-        shortest_pulse: "s", above(0.0), "time for which a mode stays, and not less than the armature takes", rule "dead time and travel of the armature";
+        shortest_pulse: "s", above(0.0), "least time in a mode, at least the travel time of the armature", rule "dead time and travel of the armature";
         dead_band: "N", at_least(0.0), "force that is missing when a valve switches", rule "half of the force of the shortest pulse at mid stroke";
         stiffness: "N/m", above(0.0), "of the shut-in gas, where pressures allow it", rule "that of both chambers at the mean of supply and ambient pressure, mid stroke";
         rate: "1/s", at_least(0.0), "at which the stiffness follows", rule "a fifth of 0.22/lag, assumed";

@@ -52,7 +52,7 @@ pub struct Listener {
 
 /// Returns a text for C, cut at the first zero.
 pub fn c_text(text: &str) -> CString {
-    CString::new(text.split('\0').next().unwrap_or_default()).expect("there is no zero in it")
+    CString::new(text.split('\0').next().unwrap_or_default()).expect("it does not end with a zero")
 }
 
 impl Listener {
@@ -113,7 +113,7 @@ impl Instance {
         }
         if plan.actuator.is_some() && !outside {
             return refuse(
-                "an actuator is for model exchange: in co-simulation nobody moves it within a step",
+                "an actuator is for model exchange: in co-simulation its motion within a step is unknown",
             );
         }
         if plan.law.is_some() && outside {

@@ -53,7 +53,7 @@ enum Place {
     Rate(usize),
     Event(usize),
     Force,
-    /// Not in the session: the model keeps its value.
+    /// The variable is not in the session; the model stores its value.
     Kept,
 }
 
@@ -64,7 +64,7 @@ struct Running {
     places: Arc<[Place]>,
     /// Axis of an actuator, and the index of its position among the states. Its velocity follows.
     motion: Option<(AxisId, usize)>,
-    /// State at the start or the last event. A tool integrates the changes since then. Its tolerance then
+    /// State at the start or the last event. A tool integrates the changes since then. The tolerance of the tool then
     /// refers to these changes, not to a position that may be far from 0.
     origin: Vec<f64>,
     /// Last state with finite rates.

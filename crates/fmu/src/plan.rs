@@ -28,7 +28,7 @@ pub struct Plan {
     pub variables: Vec<Variable>,
 }
 
-/// A variable that a tool sees.
+/// A variable of the FMU.
 #[derive(Debug, Deserialize)]
 pub struct Variable {
     pub name: String,

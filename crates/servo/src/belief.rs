@@ -18,8 +18,8 @@ pub struct Axis {
     pub switches: bool,
     /// Name of its supply.
     pub supply: String,
-    /// Components of which a law knows nothing but the volume of tubes at the chambers: it takes the valve to stand at the
-    /// cylinder and at its supply.
+    /// Components that a law ignores, except for the volume of tubes at the chambers: for the law, the valve is
+    /// directly at the cylinder and at its supply.
     pub left_out: Vec<String>,
 }
 
@@ -73,7 +73,7 @@ fn tubes_at(circuit: &Circuit, cylinder: &Component, chamber: &str) -> f64 {
     volume
 }
 
-/// The belief of a drive with one cylinder on valves that a law commands, and its components.
+/// The controller model of a drive with one cylinder and valves, and its components.
 pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
     let cylinder = only(circuit, "cylinder/", "cylinder")?;
     let supply = only(circuit, "reservoir", "reservoir")?;

@@ -73,7 +73,7 @@ impl Faults {
         }
     }
 
-    /// The reference that arrives.
+    /// Returns the reference that the law receives.
     pub fn reference<'a>(&'a mut self, t: f64, reference: &'a Reference) -> &'a Reference {
         let lost = self.at(t).find(|own| own.kind == FaultKind::Reference).map(|own| own.value);
         match lost {

@@ -12,9 +12,9 @@ use physics::constants::STANDARD_GRAVITY;
 /// Relative tolerance of the horizon, and attempts at a step after which it is given up (assumed).
 const RTOL: f64 = 1e-3;
 const MOST_ATTEMPTS: u64 = 100;
-/// First step that is tried, s: the first move holds as long (assumed).
+/// First step that is tried, s: the duration of the first move (assumed).
 const FIRST_STEP: f64 = 1e-3;
-/// Share by which a number that is learned may move before the circuit takes it over (assumed).
+/// Relative change of a learned number after which the circuit uses the new value (assumed).
 const MOVED: f64 = 0.01;
 /// Settling time of unmeasured states before the first sample, s (assumed).
 const SETTLES: f64 = 0.05;
@@ -29,7 +29,7 @@ pub struct ByCircuit {
     /// Model as described, and the learned numbers that the circuit uses.
     described: Model,
     learned: [f64; 4],
-    /// The circuit of numbers that were learned since, and these.
+    /// A new circuit with numbers that were learned since, and these numbers.
     next: Option<(Assembly, [f64; 4])>,
     /// Whether the predictor learns in this sample. During learning the built-in model predicts, because learning and
     /// this
@@ -81,7 +81,7 @@ fn ends() -> Vec<f64> {
     steps().map(|(_, h)| (end += h, end).1).collect()
 }
 
-/// Until when each move is held, s.
+/// End time of each move, s.
 fn held<S: Copy>(plan: &[S; MOVES]) -> Vec<(f64, S)> {
     let mut end = 0.0;
     let mut each: Vec<(f64, S)> = plan.iter().map(|&own| (0.0, own)).collect();
@@ -208,7 +208,7 @@ impl ByCircuit {
         self.next.is_some()
     }
 
-    /// The circuit and its state where the law has the drive.
+    /// Returns the circuit, and its state at the state of the drive that the law estimates.
     fn at(&self, tick: &Tick, hidden: Option<(&Circuit<f64>, &[f64])>) -> (Circuit<f64>, Vec<f64>) {
         let assembly = &self.assembly;
         let (state, cylinder) = (&tick.state, &self.axis.cylinder);

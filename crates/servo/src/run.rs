@@ -1,4 +1,4 @@
-//! The loop: samples, law, command, each at its time.
+//! The sampled loop: samples, law and command, each at its time.
 
 use crate::belief::{Axis, belief};
 use crate::faults::Faults;
@@ -144,15 +144,16 @@ pub struct Servo {
     computing_time: f64,
     /// Times that each step is run; the least time of them is that of the processor undisturbed.
     repeats: u32,
-    /// Columns of position, velocity and both pressures.
+    /// Indices of the columns position, velocity and both pressures.
     columns: [usize; 4],
-    /// Inputs of the valves, whether they are open or shut alone, and commands of each sample where there are several.
+    /// Inputs of the valves, whether the valves are only open or shut, and the commands of each sample if there are
+    /// several valves.
     commands: Vec<usize>,
     valves: Vec<String>,
     switches: bool,
     commanded: Vec<f64>,
     faults: Faults,
-    /// Times, s, from which on a user has other factors.
+    /// Times, s, at which a user changes the factors.
     factors: Vec<(f64, [f64; FACTORS.len()])>,
 }
 
@@ -169,7 +170,7 @@ pub struct Turn {
     pub answer: Answer,
     /// Computing time of the law, s.
     pub took: f64,
-    /// The same, the least of its repeats, s.
+    /// Shortest time of the repeats of a step, s.
     pub least: f64,
 }
 
@@ -244,7 +245,7 @@ impl Loop {
         Ok(rows.remove(0))
     }
 
-    /// Mass of air that reservoirs and compressors gave, kg, where the session follows it.
+    /// Mass of air from reservoirs and compressors, kg, if the session records it.
     pub fn air_drawn(&self) -> Option<f64> {
         self.session.drawn()
     }

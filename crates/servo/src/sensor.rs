@@ -22,8 +22,8 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// Returns the lagged signal after a period. It was `behind` before, and the signal changed linearly since the
-    /// last sample.
+    /// Returns the lagged signal after a period. `behind` is its value at the last sample; the signal has changed
+    /// linearly since then.
     pub fn follow(&self, behind: f64, [from, to]: [f64; 2], period: f64) -> f64 {
         if self.lag == 0.0 {
             return to;
@@ -58,7 +58,7 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// The last full count.
+    /// The last count of the encoder.
     pub fn read(&self, signal: f64, noise: Noise, tick: u64) -> f64 {
         let seen = if self.noise > 0.0 { signal + self.noise * noise.normal(tick) } else { signal };
         if self.resolution > 0.0 { (seen / self.resolution).floor() * self.resolution } else { seen }

@@ -16,26 +16,27 @@ pub struct Controller {
     pub law: String,
     /// s.
     pub period_s: f64,
-    /// Gains by their keys; those that are left out follow from the drive.
+    /// Gains by their keys; gains that are left out are derived from the drive.
     #[serde(default)]
     pub gains: BTreeMap<String, f64>,
-    /// Words that the law has to choose, by their keys; those that are left out are usual.
+    /// Options of the law by their keys; options that are left out have their defaults.
     #[serde(default)]
     pub choices: BTreeMap<String, String>,
     /// Factors of its gains: gain, damping, filter.
     #[serde(default = "ones")]
     pub factors: [f64; FACTORS.len()],
-    /// Numbers of the valves by their keys, where there is more than one proportional valve; likewise.
+    /// Numbers of the valves by their keys, unless there is one proportional valve; numbers that are left out are
+    /// derived from the drive.
     #[serde(default)]
     pub valves: BTreeMap<String, f64>,
-    /// Standing still; none: it never holds.
+    /// Holding at rest; `None`: the drive is never held.
     pub hold: Option<Hold>,
     /// Whether the controller learns friction and valve of its drive during the run.
     #[serde(default = "yes")]
     pub adaptation: bool,
     /// Supervisor of the law; `None`: one with the usual rules.
     pub supervision: Option<Supervision>,
-    /// The drive as the law believes it to be.
+    /// The controller model of the drive.
     #[serde(deserialize_with = "specification::within")]
     pub belief: Circuit,
 }
@@ -86,7 +87,8 @@ pub enum Motion {
     Pieces {
         /// m.
         start_m: f64,
-        /// Begin, s, and duration, s, of each, and its numbers of the powers of the share of the duration, m.
+        /// For each polynomial: begin, s, duration, s, and coefficients, m, of the powers of the elapsed fraction of
+        /// the duration.
         pieces: Vec<[f64; 2 + COEFFICIENTS]>,
         /// Moving mass and load along them.
         #[serde(default)]
@@ -194,7 +196,7 @@ pub struct Setup {
     /// Number of the axis among those of one run; each has its own noise.
     #[serde(default)]
     pub member: u32,
-    /// Times that each step of the law is run, for its time.
+    /// Number of repeats of each step of the law, to measure its time.
     #[serde(default = "once")]
     pub step_repeats: u32,
     /// Standard deviation of the times of samples, s: of the position, of chambers a and b; and of the computing time.
@@ -233,15 +235,15 @@ pub enum FaultKind {
     Nan,
     /// A channel shows `value`.
     Saturated,
-    /// A channel shows too much by `value`.
+    /// A channel reads too high by `value`.
     Offset,
-    /// A single sample of a channel shows too much by `value`.
+    /// A single sample of a channel reads too high by `value`.
     Jump,
-    /// The clock is back by `value`, s.
+    /// The clock jumps back by `value`, s.
     Clock,
-    /// The valve's spool stays where it is.
+    /// The spool of the valve stops at its present position.
     ValveStuck,
-    /// The valve's spool goes to its centre.
+    /// The spool of the valve moves to its centre.
     ValveDead,
     /// The supply has the pressure `value`, Pa absolute.
     SupplyFallen,
@@ -256,7 +258,7 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// It is the valve's.
+    /// The number belongs to the valve.
     pub fn is_of_valve(self) -> bool {
         matches!(self, FaultKind::ValveStuck | FaultKind::ValveDead)
     }
@@ -272,14 +274,14 @@ pub struct Fault {
     pub channel: Option<Channel>,
     /// s.
     pub begin_s: f64,
-    /// s; none: it stays.
+    /// End of the fault, s; `None`: it is permanent.
     pub end_s: Option<f64>,
     /// See the kinds.
     pub value: Option<f64>,
 }
 
 impl Fault {
-    /// It acts at a time, s.
+    /// Time at which the fault begins, s.
     pub fn acts(&self, t: f64) -> bool {
         self.begin_s <= t && self.end_s.is_none_or(|end| t < end)
     }
@@ -293,9 +295,9 @@ pub enum Answering {
     Tell,
     /// The model replaces the lost signal.
     Model,
-    /// Stop ramp, then hold.
+    /// A stop ramp, and then holding at rest.
     Stop,
-    /// The valve is shut at once.
+    /// The valve is shut immediately.
     Block,
     /// The reference is slowed in time.
     Slow,
@@ -324,7 +326,8 @@ pub struct Supervision {
     pub pressure_pa: Option<[f64; 2]>,
     /// m/s2.
     pub stop_deceleration_m_s2: f64,
-    /// Error within which a motion is complete, m, for how long, s, and time until then, s.
+    /// Error within which a motion is complete, m, the time for which it must be within, s, and the time allowed for
+    /// this, s.
     pub motion: [f64; 3],
     /// On a lost position sensor.
     pub on_position: Answering,
@@ -334,7 +337,7 @@ pub struct Supervision {
     pub on_valve: Answering,
     /// On a fallen supply.
     pub on_supply: Answering,
-    /// Standby law; `None`: the usual one, which does not serve custom laws.
+    /// Standby law; `None`: the usual one, which does not replace custom laws.
     pub standby: Option<String>,
 }
 

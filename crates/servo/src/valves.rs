@@ -13,7 +13,7 @@ const PROPORTIONAL_53: &str = "valve/proportional-5/3";
 const PROPORTIONAL_32: &str = "valve/proportional-3/2";
 const SWITCHING_22: &str = "valve/switching-2/2";
 const SWITCHING_53: &str = "valve/switching-5/3";
-/// Valves that shut no chamber, under no command.
+/// Valves that do not shut a chamber without a command.
 const NEVER_SHUT: [&str; 3] = ["valve/switching-3/2", "valve/switching-5/2", "valve/impulse-5/2"];
 const COMMANDED: &str = "a law commands one proportional 5/3 valve, two proportional 3/2 valves, four 2/2 switching valves or one \
                          5/3 switching valve";
@@ -147,7 +147,7 @@ fn armature(own: &Component) -> Result<Armature, Error> {
     Ok(Armature { dead: times.map(|t| t * (1.0 - 0.5 * share)), travel: times.map(|t| t * share) })
 }
 
-/// Valves that a law takes for equal are equal, and have no numbers of these of their own.
+/// Checks that valves that a law treats as equal are equal.
 fn same(each: &[&Component], never: &[&str]) -> Result<(), Error> {
     let [first, others @ ..] = each else { return Ok(()) };
     for own in others {

@@ -34,7 +34,7 @@ const STATES: Record<Made["state"], string> = {
   same: "unchanged",
   changed: "changed since the file was made",
   differs: "its values changed, or values were set for this run",
-  missing: "no longer in the folder, or changed under another name",
+  missing: "not in the folder any more, or renamed and changed",
   named: "known only by name: the result does not contain its hash",
   unread: "not checked: too long, or no longer readable",
 };

@@ -104,7 +104,7 @@ pub(crate) struct Driven<'a, P> {
 /// sqrt(R T/(R_0 T_0))/A, with p_0, R_0 and T_0 of air at standard conditions.
 ///
 /// If a start pressure exceeds the supply pressure by p Pa, the stop is stiffer by 2 p A (L + d)/d^2, with A the larger
-/// area. This is the work of the excess pressure over stroke and depth. The damping ratio stays.
+/// area. This is the work of the excess pressure over stroke and depth. The damping ratio does not change.
 ///
 /// A described stop may be too soft to keep such a piston within 0.8 of the dead length. Then the covers act behind it.
 /// A cover is a contact of the same form, with d a tenth of the dead length, and v twice as large but at least 10 m/s.

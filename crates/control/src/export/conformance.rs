@@ -53,7 +53,8 @@ impl Program {
     }
 
     /// Returns a file of samples: the bits of each input and result in hexadecimal digits. The drive rests, moves and
-    /// loses two readings. Then its reference jumps, it is disabled and enabled, and it loses its position sensor.
+    /// loses two readings. After that the reference jumps, the code is disabled and enabled, and the position sensor
+    /// fails.
     pub fn conformance(&self) -> String {
         let names = self.inputs.iter().map(|own| own.name.as_str());
         let results = RESULTS.iter().map(|own| own.0).chain(["status"]);

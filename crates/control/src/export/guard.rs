@@ -77,11 +77,11 @@ pub struct Guard<S> {
     /// 1 if the last sample was enabled, else 0.
     enabled: S,
     status: S,
-    /// Position, m, and pressures, Pa, that were passed on, and the number of successive rejected readings.
+    /// Last accepted position, m, and pressures, Pa, and the number of successive rejected readings.
     position: S,
     pressures: [S; 2],
     missed: [S; 3],
-    /// Wanted state that was passed on.
+    /// Last accepted wanted state.
     followed: Wanted<S>,
     /// Time since the stop ramp began, s; its duration, s; its begin, m, m/s, m/s2; and its end, m.
     stops_for: S,
@@ -196,7 +196,7 @@ impl<S: Number> Guard<S> {
         self.position
     }
 
-    /// Returns the pressures, or the last credible one for a reading that is not.
+    /// Returns the pressures; a reading that is not credible is replaced by the last credible one.
     fn gas(&mut self, fixed: &Fixed, read: [S; 2], begins: S) -> [S; 2] {
         let [low, high] = GUARD_PRESSURE;
         for (side, reading) in read.into_iter().enumerate() {
@@ -209,8 +209,8 @@ impl<S: Number> Guard<S> {
         self.pressures
     }
 
-    /// Returns 1 if the reference is within the limits, finite and continuous. At the first sample it must be near the
-    /// drive.
+    /// Returns 1 if the reference is within the limits, finite and continuous. At the first sample the reference must
+    /// be near the drive.
     fn accepts(&self, fixed: &Fixed, limits: &Limits<S>, asked: &Asked<S>, position: S, begins: S) -> S {
         let rounding = S::c(LIMIT_ROUNDING);
         let [low, high] = limits.position;
@@ -229,7 +229,7 @@ impl<S: Number> Guard<S> {
         within(&asked.now) * within(&asked.then) * between(-least, apart, least)
     }
 
-    /// Begins a stop ramp at the last wanted position. At the first sample, the drive stays where it is.
+    /// Begins a stop ramp at the last wanted position. At the first sample, the place of rest is the present position.
     fn stop(&mut self, fixed: &Fixed, limits: &Limits<S>, stops: S, begins: S, position: S) {
         let (period, zero) = (S::c(fixed.period), S::zero());
         let Wanted { position: x, velocity: v, acceleration: a, .. } = self.followed;

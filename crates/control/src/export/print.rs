@@ -190,7 +190,7 @@ impl Program {
     fn about(&self, about: &str) -> Vec<String> {
         let mut lines = vec![
             format!("Controller {} with its observer, made by pneudrive from its own equations.", self.law),
-            format!("To be called every {} s. It needs the reference now and {} s later.", self.period, self.ahead),
+            format!("Call it every {} s. It needs the reference now and {} s later.", self.period, self.ahead),
             "SI units, pressures absolute. Nothing is learned: friction and valve are those of the description.".into(),
             "Sensors and reference are checked. It is not a safety function, and it does not brake before an end stop.".into(),
         ];

@@ -21,7 +21,7 @@ pub struct Tick<'a, S = f64> {
     pub state: State<S>,
     /// Its acceleration, m/s2.
     pub acceleration: S,
-    /// Wanted state at that time.
+    /// Wanted state at the time when the command acts.
     pub wanted: Wanted<S>,
     /// Friction force along the reference, N, and the rate of friction and load there, N/s.
     pub friction: [S; 2],
@@ -67,21 +67,21 @@ pub(super) fn is_free<S: Number>(asked: S) -> S::Mask {
 
 /// A law whose gains follow from the drive.
 pub trait Tuned: Gains + Sized {
-    /// Its word in a controller file.
+    /// Name of the law in a controller file.
     const KEY: &'static str;
 
     /// Returns the law with gains that follow from the drive.
     fn tuned(model: &Model, plant: &Plant) -> Self;
 }
 
-/// A law. Its memory consists of numbers. It has no clock.
+/// A law. The memory of a law consists of numbers. A law has no clock.
 pub trait Law<S: Number = f64>: Memory<S> {
-    /// Whether the law predicts the spool. Its state is then that after the dead time, not after the whole lag.
+    /// Whether the law predicts the spool. The state is then predicted over the dead time only, not over the whole lag.
     fn predicts(&self) -> bool {
         false
     }
 
-    /// Expected random walk of the unexplained force in the observer, relative to the usual one.
+    /// Expected random walk of the unexplained force in the observer, relative to the usual value.
     fn wander(&self) -> f64 {
         1.0
     }

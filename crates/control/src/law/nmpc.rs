@@ -37,9 +37,10 @@ pub fn steps() -> impl Iterator<Item = (usize, f64)> {
     })
 }
 
-/// Predicts the horizon in place of the model. Moves are fractions of opening. Both methods pass on position, m,
+/// A predictor that replaces the model for the horizon. Moves are fractions of opening. Both methods pass on position,
+/// m,
 /// velocity, m/s, and acceleration, m/s2, after each of the [`steps`]. They return false if the prediction fails. The
-/// controller then uses its model.
+/// controller then uses its own model.
 pub trait Predictor: fmt::Debug + Send + Sync {
     /// Sets the state at the beginning of the horizon, and the opening of the previous period.
     fn begin(&mut self, tick: &Tick, given: f64);
@@ -132,7 +133,7 @@ law! {
     /// or a
     /// [`Predictor`].
     pub struct Nmpc {
-        bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, of a lag of 3 ms at least";
+        bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms";
         move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed";
     } memory<S> {
         plan: [S; MOVES] = [S::zero(); MOVES],
@@ -220,7 +221,7 @@ fn solve<const N: usize>(h: &[[f64; N]; N], g: &[f64; N], fixed: &[Option<f64>; 
 }
 
 impl Nmpc {
-    /// Shifts the plan of the last sample by one sample. Each block takes the mean of the plan over its time.
+    /// Shifts the plan of the last sample by one sample. Each block gets the mean of the plan over its time.
     fn shift(&mut self, period: f64) {
         let old = self.plan;
         let mut begins = [0.0; MOVES + 1];

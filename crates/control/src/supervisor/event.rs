@@ -22,7 +22,7 @@ macro_rules! events {
                 match self { $(EventKind::$name => $unit,)* }
             }
 
-            /// Its meaning, in words, with that of its value.
+            /// Its meaning as text, with the meaning of its value.
             pub fn text(self) -> &'static str {
                 match self { $(EventKind::$name => $text,)* }
             }
@@ -31,13 +31,13 @@ macro_rules! events {
 }
 
 events! {
-    Reference: "reference", "m", "the reference is no number, jumps or leaves the limits: stop ramp; value: the position asked for";
+    Reference: "reference", "m", "the reference is no number, jumps or leaves the limits: stop ramp; value: the position of the reference";
     Clock: "clock", "s", "the clock goes back or skips samples: stop ramp; value: the error of the clock";
     PositionPredicted: "position-predicted", "m", "a reading of the position is not credible and is replaced by the model; value: its distance from the model";
     PositionLost: "position-lost", "m", "three readings of the position in a row are not credible; value: the distance from the model";
     PressureLost: "pressure-lost", "1", "a pressure sensor is not credible: that chamber runs by the model; value: 0 chamber a, 1 chamber b";
-    Supply: "supply", "Pa", "the supply pressure has fallen, or the valve does not open to it; value: the supply pressure that explains how the chambers fill, or the pressure of one that is not filled";
-    Slowed: "slowed", "1", "the reference is slowed in time, as the fallen supply does not do for it; value: the factor";
+    Supply: "supply", "Pa", "the supply pressure has fallen, or the valve does not open; value: the supply pressure that explains the filling, or the pressure of a chamber that is not filled";
+    Slowed: "slowed", "1", "the reference is slowed down, because the supply pressure is too low for it; value: the factor";
     Valve: "valve", "Pa", "the valve does not react: both pressures deviate from the model; value: the larger deviation";
     EndStop: "end-stop", "m/s", "the drive nears an end stop faster than it can be braked: full braking; value: the velocity";
     Braked: "braked", "1", "a drive that should rest was braked before an end stop several times: the valve is shut; value: how often";
@@ -50,7 +50,7 @@ events! {
     LawFailed: "law-failed", "1", "the law returns no number: the last command is kept; value: number of such steps in a row";
     StandBy: "stand-by", "1", "the stand-by law takes over; value: its number among the laws";
     Stopped: "stopped", "m", "the drive is at rest after a stop ramp; value: the position";
-    NoAir: "no-air", "Pa", "the drive does not move: the air does not press; value: the higher pressure above ambient";
+    NoAir: "no-air", "Pa", "the drive does not move: there is no air pressure; value: the higher gauge pressure";
     Blocked: "blocked", "N", "the drive does not move: its air force is above its friction; value: the air force";
     Stuck: "stuck", "N", "the drive does not move: its air force is within its friction; value: the air force";
     NotSettled: "not-settled", "m", "the drive rests outside its tolerance; value: the error";
@@ -68,7 +68,7 @@ pub struct Event {
     pub value: f64,
 }
 
-/// Events that are kept; further ones are counted alone.
+/// Largest number of events that are stored; further events are only counted.
 const KEPT: usize = 256;
 
 /// Events in the order of their times.

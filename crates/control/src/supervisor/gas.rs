@@ -26,9 +26,9 @@ struct Chamber {
     /// Count of successive readings that are not a number or jump.
     bad: u32,
     is_lost: bool,
-    /// The valve opened it to the supply when it opened it last.
+    /// Whether the last opening of the valve connected the chamber with the supply.
     fills: bool,
-    /// The least rates at which a supply would have filled it at the last samples, Pa/s, and by how much it was filled less, Pa.
+    /// The least filling rates that a supply would have caused at the last samples, Pa/s, and the missing pressure, Pa.
     least: [f64; SUPPLY_LATE],
     lacks: f64,
 }
@@ -76,7 +76,7 @@ pub struct Gas {
     supply_told: bool,
     /// The supply did not fill a chamber at this pressure, Pa.
     below: Option<f64>,
-    /// The last filling that was seen was that of a supply that has fallen.
+    /// Whether the last observed filling was that of a supply that has fallen.
     pub is_doubted: bool,
     /// Duration for which the chamber at the supply has lost more than the other one, s, and the sign of the first
     /// command. The supply pressure is then below that of the chamber, and the valve acts in reverse.
@@ -96,7 +96,7 @@ pub struct Found {
     pub supply: bool,
     /// The supply was too low to fill a chamber.
     pub starved: bool,
-    /// Direction of commands that act in reverse from this sample on, on a fallen supply.
+    /// Direction of commands that have a reversed effect from this sample on, because the supply has fallen.
     pub reversed: Option<f64>,
     /// The pressure of a chamber comes from the model, or its reading is constant, so nothing is learned from it.
     pub modelled: bool,
@@ -262,8 +262,8 @@ impl Gas {
         found
     }
 
-    /// Both chambers share the valve, so a deficit of the filling chamber relative to the other one is that of the
-    /// supply. Returns whether a fallen supply is detected from this sample on. It also returns the direction of
+    /// Both chambers share the valve, so a deficit of the filling chamber relative to the other chamber is caused by
+    /// the supply. Returns whether a fallen supply is detected from this sample on. It also returns the direction of
     /// commands if the valve acts in reverse.
     fn watch_supply(&mut self, model: &Model, way: f64, at: Moment, log: &mut Log) -> (bool, Option<f64>) {
         let Moment { time, period } = at;

@@ -46,15 +46,15 @@ pub struct Motion {
 struct Swings {
     /// s.
     lasts: f64,
-    /// Side on which the error was beyond the tolerance last, and how often that changed.
+    /// Sign of the last error beyond the tolerance, and the number of its changes.
     side: f64,
     changes: u32,
-    /// Way of the reference, and how often it turned around.
+    /// Distance of the reference, and the number of its reversals.
     way: f64,
     turns: u32,
     /// Least and largest error, m.
     range: [f64; 2],
-    /// It swung within the time before.
+    /// Whether the error oscillated in the previous window.
     swung: bool,
     told: bool,
 }
@@ -143,7 +143,8 @@ impl Motion {
     }
 }
 
-/// Why a drive with an error does not move; with `no_air` its valve is shut, as the supply presses less than a chamber.
+/// Returns why a drive with an error does not move. With `no_air` its valve is shut, because the supply pressure is
+/// below that of a chamber.
 fn held(model: &Model, state: &State, e: f64, no_air: bool) -> (EventKind, f64) {
     let [a, b] = state.pressures.map(|p| p - model.ambient.pressure);
     if no_air || a.max(b) < MOTION_AIR * (model.supply.pressure - model.ambient.pressure) {

@@ -14,16 +14,16 @@ use crate::types::{Edges, State};
 pub struct Position {
     /// The last credible reading.
     last: Option<f64>,
-    /// Way of the model since the reading changed, m.
+    /// Distance of the model since the reading changed, m.
     moved: f64,
     /// The drive rested when the reading changed.
     from_rest: bool,
-    /// Friction may have stopped it since.
+    /// Whether friction may have stopped the drive since then.
     stopped: bool,
     /// State of the model without readings since the reading changed. The observer itself follows the readings,
     /// because it explains their deviation as a disturbance force.
     twin: Option<Twin>,
-    /// Readings in a row that are not credible.
+    /// Number of successive readings that are not credible.
     bad: u32,
     /// Jump of the first of these readings, m; `None` without a jump.
     jumped: Option<f64>,
@@ -67,7 +67,7 @@ pub struct Read {
     pub grain: f64,
     /// Highest speed, m/s.
     pub fastest: f64,
-    /// The law held at the last sample.
+    /// Whether holding was active at the last sample.
     pub is_held: bool,
     /// The model follows measured pressures.
     pub by_gas: bool,

@@ -276,7 +276,7 @@ def _refusal(plan: Plan, found: list[Violation]) -> ProtocolError:
     lines = [f"{v.item}: cycle {v.key}: {v.value}; {v.limit} ({_cycles(counts[v.item])})" for v in first[:SHOWN]]
     broken = len({one.key for one in found})
     return ProtocolError(
-        f'the rig "{plan.identity.name}" must not be asked to run this protocol: '
+        f'the rig "{plan.identity.name}" cannot run this protocol:  '
         f"{broken} of {_cycles(len(plan.cycles))} {'breaks' if broken == 1 else 'break'} its limits",
         where=plan.protocol.origin,
         value="\n    ".join(lines),

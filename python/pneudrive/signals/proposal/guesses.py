@@ -186,7 +186,7 @@ def _position_by_strokes(roles: Roles) -> Candidate | None:
     ]
     held = [group[-1] for group in groups if is_held(signals.columns[group[-1]])]
     if len(close) > 1 and held and len(groups) > FEWEST:
-        _accept(roles, "command", Candidate(held[0], PHYSICS, ("held from step to step, unlike a force",)), "")
+        _accept(roles, "command", Candidate(held[0], PHYSICS, ("constant from step to step, unlike a force",)), "")
         close = [Candidate(group[-1], PHYSICS, ("a signal",)) for group in groups if group[-1] != held[0]]
         _leave_open(roles, "position, pressure_a and pressure_b", "numbers alone do not distinguish them", close)
     elif len(close) > 1:
@@ -247,7 +247,7 @@ def _force_by_swing(roles: Roles) -> tuple[Candidate | None, str]:
     if ranked[0][0] == 0.0:
         return None, ""
     if is_held(signals.columns[ranked[0][1]]) and len(rest) >= FEWEST:
-        _accept(roles, "command", Candidate(ranked[0][1], PHYSICS, ("held from step to step, unlike a force",)), "")
+        _accept(roles, "command", Candidate(ranked[0][1], PHYSICS, ("constant from step to step, unlike a force",)), "")
         return None, ""
     close = [at for swing, at in ranked if swing * CLEAR_SWING > ranked[0][0]]
     if len(close) > 1:

@@ -27,7 +27,7 @@ const PARAMETERS: &[Row] = table! {
     heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "usual for air in a cylinder of this size",
         "Heat-transfer coefficient to the wall";
     wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", only "heat_transfer",
-        "Temperature of the wall; its start if the wall stores heat";
+        "Temperature of the wall; start temperature if the wall stores heat";
     ..WALL;
     leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
     end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a usual run never reaches a cover",

@@ -85,7 +85,7 @@ def _trend(
     The zero drifts during a cycle. In strokes towards +x the drift grows along x, in strokes towards -x it falls along
     x. In half the difference it appears as a slope of rate / speed. Slow cycles show this drift most. Because its rate
     varies, they contribute least
-    to the trend. The lengths of the waves are uncertain, and a wave of another length is partly a trend. Each
+    to the trend. The lengths of the waves are uncertain, and an error of the length looks partly like a trend. Each
     cycle therefore has waves that may be slightly longer or shorter.
     """
     found, variance = _slopes(position, rows, waves, length)
