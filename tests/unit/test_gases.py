@@ -122,7 +122,7 @@ def test_where_a_virial_coefficient_does_not_do_is_told():
         throttled({"name": "helium", "model": "virial"})
     drive = pn.Drive.load("catalogue:reference")
     printed = drive.replace({"gas": {"name": "argon", "model": "virial"}, "cylinder.chamber_law": "as-printed"})
-    with pytest.raises(DescriptionError, match="takes an ideal gas"):
+    with pytest.raises(DescriptionError, match="needs an ideal gas"):
         pn.simulate(printed, 1, "0.1 s")
     dense = drive.replace({"gas": {"name": "carbon-dioxide", "model": "virial"}, "supply.pressure": "25 bar abs"})
     assert any("third virial coefficient" in one for one in pn.simulate(dense, 0, "1 ms").attrs["warnings"])

@@ -32,7 +32,7 @@ pub struct CarriageId(pub(crate) usize);
 pub struct Path {
     kind: PartKind,
     index: usize,
-    /// A single path, also of a part with several.
+    /// A single path, also if its part has several.
     path: usize,
     backward: bool,
 }
@@ -73,7 +73,7 @@ impl CarriageId {
         InputId { kind: PartKind::Carriage, index: self.0, input: 0 }
     }
 
-    /// Compliance flag of a motor: one lets it deflect under the force, zero keeps it on its command.
+    /// Compliance flag of a motor: 1 lets it deflect under the force, 0 keeps it at its command.
     pub fn giving_way(self) -> InputId {
         InputId { input: 1, ..self.jerk() }
     }
@@ -367,7 +367,7 @@ impl<R: Lane> Circuit<R> {
         &self.topology.names
     }
 
-    /// Returns the volume that is nearest to having no room or no gas left at state `y` of one lane.
+    /// Returns the volume that has relatively the least room or gas left at state `y` of one lane.
     pub fn scarcest(&self, y: &[R], lane: usize) -> Option<Scarce> {
         let mut net = self.work::<R>();
         self.evaluate(y, &mut net);
@@ -606,7 +606,7 @@ impl<P: Real> Circuit<P> {
         tanks.chain(chambers)
     }
 
-    /// Rarely needed, and therefore compiled apart from the code of each step.
+    /// This function is rarely needed, and therefore compiled separately from the code of each step.
     #[inline(never)]
     fn fill_reservoirs<S: Over<P>>(&self, net: &mut Net<S>) {
         for (_, reservoir) in &self.parts.reservoirs {
@@ -648,7 +648,7 @@ impl<R: Lane> Circuit<R> {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// Result so far, valid if the volumes are valid too.
+    /// The result if the volumes are valid too.
     #[inline(never)]
     fn volumes_hold(&self, y: &[R], net: &mut Net<R>, so_far: R::Plain) -> R::Plain {
         let mut inside = so_far;

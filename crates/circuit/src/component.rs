@@ -119,7 +119,7 @@ pub struct Choice {
     pub name: &'static str,
     /// The options.
     pub options: &'static [&'static str],
-    /// Meaning of the choice, in words.
+    /// Meaning of the choice as text.
     pub meaning: &'static str,
 }
 
@@ -194,12 +194,12 @@ impl Kind {
 pub struct Instance<P> {
     /// Its name in the circuit.
     pub name: String,
-    /// Index of its kind in [`kinds`].
+    /// Index of the kind in [`kinds`].
     pub kind: usize,
     pub(crate) extra: Given<P>,
     /// `None` for a parameter that is left out and has no default.
     pub numbers: Vec<Option<P>>,
-    /// Numbers that are differentiated in any pass of directions.
+    /// Numbers by which any pass of directions differentiates.
     pub free: Vec<bool>,
     /// Selected option of each choice.
     pub choices: Vec<usize>,
@@ -268,7 +268,7 @@ impl<P: Lane> Instance<P> {
         self.kind().parameters.iter().any(|row| row.key == key) && self.is_free(key)
     }
 
-    /// Returns a number that exists: it was checked before.
+    /// Returns a number that must exist, because it was checked before.
     pub fn number(&self, key: &str) -> P {
         self.given(key).expect("a number that was checked")
     }
@@ -336,7 +336,7 @@ pub enum Brings<P> {
 /// A volume, m3, with a wall: m2, W/(m2 K), K.
 #[derive(Clone, Debug)]
 pub struct Vessel<P> {
-    /// The balance of its gas.
+    /// Mass and energy balance of the gas.
     pub law: ChamberLaw,
     /// Volume outside the stroke of a piston, m3.
     pub dead_volume: P,

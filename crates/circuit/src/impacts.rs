@@ -25,7 +25,8 @@ pub struct Impact {
     pub through: bool,
 }
 
-/// Least speed of a contact, m/s. A piston that is pressed against a stop trembles slightly (assumed).
+/// Least speed of a contact, m/s. Slower contacts are ignored, because a piston that is pressed against a stop vibrates
+/// slightly (assumed).
 const LEAST_SPEED: f64 = 1e-3;
 /// Points of a step in contact at which depth and force are evaluated.
 const POINTS: u32 = 8;
@@ -34,7 +35,7 @@ const HALVINGS: u32 = 20;
 
 /// The moving body.
 pub(crate) enum Mover {
-    /// A mass. This state is x, and the next one v.
+    /// A mass. Index of the state x; the next state is v.
     Mass(Axis<f64>, usize),
     /// A leg of a platform whose first state is this one.
     Leg(Platform<f64>, usize, usize),
@@ -59,7 +60,7 @@ impl Mover {
     }
 }
 
-/// Follows one moving body.
+/// Records the impacts of one moving body.
 pub(crate) struct Impacts {
     stops: EndStops<f64>,
     mover: Mover,

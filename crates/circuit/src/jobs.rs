@@ -1,4 +1,4 @@
-//! Work in pieces on several threads, while the caller checks whether to continue.
+//! Runs jobs on several threads, while the caller checks whether to continue.
 
 use crate::run::Error;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -10,8 +10,8 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Stack of a thread, bytes. Numbers with second derivatives are large.
 const STACK: usize = 16 << 20;
 
-/// Does the pieces 0 to `jobs - 1` on at most `threads` threads. Each thread makes its worker by `worker`. `work` does
-/// a piece, and receives a flag that allows it to stop early. `take` receives each result on the caller's thread, in
+/// Runs the jobs 0 to `jobs - 1` on at most `threads` threads. Each thread makes its worker by `worker`. `work` runs a
+/// job, and receives a flag that tells it to stop early. `take` receives each result on the caller's thread, in
 /// any order. Returns false if `interrupted` has requested a stop. Results taken before then stay valid.
 pub fn run_jobs<W, T: Send>(
     (threads, jobs): (usize, usize),

@@ -20,7 +20,7 @@ pub enum Kind {
 /// One balance.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Channel {
-    /// Its part and quantity.
+    /// Part and quantity of a balance.
     pub name: String,
     /// Its kind.
     pub kind: Kind,
@@ -40,12 +40,12 @@ pub struct Balance {
     pub least_production: f64,
     /// Energy throughput, J: the sum of the magnitudes of all energy balances.
     pub turnover: f64,
-    /// Every balance: name, kind, total. Balances of one name are added.
+    /// Every balance: name, kind, total. Balances with the same name are added.
     pub accounts: Vec<(String, Kind, f64)>,
 }
 
 /// Least throughput as a fraction of the stored quantity. Each state, including the energy of a gas, has a relative
-/// error of `rtol`. An error of `rtol` of the stored quantity then counts as 300 `rtol`. A piston that trembles at rest
+/// error of `rtol`. An error of `rtol` of the stored quantity then counts as 300 `rtol`. A piston that vibrates at rest
 /// on a stiff stop has a smaller throughput.
 const LEAST_SHARE: f64 = 1.0 / 300.0;
 

@@ -5,8 +5,8 @@ use math::Lane;
 use serde_json::Value;
 use specification::FromJson;
 
-/// A description and its free numbers. A table of the same shape holds the index of each number. A derivative is then a
-/// comparison, and the description is read only once.
+/// A description and its free numbers. A table of the same shape holds the index of each number. To set a derivative,
+/// indices are compared, and the description is read only once.
 #[derive(Clone, Debug)]
 pub(crate) struct Seeds<T> {
     pub value: T,

@@ -15,8 +15,8 @@ pub struct GasNode<S> {
     pub volume_rate: S,
     /// Wetted wall, m2.
     pub wall: S,
-    /// Pressure and temperature, with the reciprocals that all restrictions of the node share. It is always set as a
-    /// whole. A stale reciprocal would show only in the step size.
+    /// Pressure and temperature, with the reciprocals that all restrictions of the node share. All values of the node
+    /// are set together. A stale reciprocal would show only in the step size.
     state: GasState<S>,
     /// Net mass flow into the node, kg/s.
     pub m_dot: S,
@@ -133,7 +133,7 @@ impl<S: Real> GasNode<S> {
         self.state = GasState { p, inverse_p: S::one() / p, ..self.state };
     }
 
-    /// A node without volume and flow. Pressure and temperature are one, so that no division by zero occurs.
+    /// A node without volume and flow. Pressure and temperature are 1, so that no division by zero occurs.
     #[inline(always)]
     pub(crate) fn empty() -> Self {
         let (o, one) = (S::zero(), S::one());

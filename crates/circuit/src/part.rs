@@ -96,7 +96,7 @@ impl State {
 /// An input of a part: a number that may change at any time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Input {
-    /// Its name for people.
+    /// Name that users see.
     pub name: &'static str,
     /// Its unit in SI; `1` for a pure number.
     pub unit: &'static str,
@@ -219,7 +219,7 @@ impl<'y, S: Copy> OwnMut<'y, S> {
         self.y[self.place.first..self.place.first + N].copy_from_slice(&values);
     }
 
-    /// Returns those from the `n`-th on.
+    /// Returns the states from the `n`-th on.
     #[inline(always)]
     pub fn after(&mut self, n: usize) -> &mut [S] {
         &mut self.y[self.place.first + n..self.place.first + self.place.count]

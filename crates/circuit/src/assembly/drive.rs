@@ -26,7 +26,7 @@ pub struct Drive {
     citations: Vec<&'static str>,
 }
 
-/// The equations of a drive with its names, from numbers with or without derivatives.
+/// The equations of a drive with its names, for numbers with or without derivatives.
 #[derive(Clone, Debug)]
 pub(super) struct Wired<P> {
     pub assembly: Assembly<P>,
@@ -45,7 +45,7 @@ impl Drive {
             ));
         }
         if printed && spec.gas.virial.is_some() {
-            return Err(Error::Specification("chamber law \"as-printed\" takes an ideal gas".into()));
+            return Err(Error::Specification("chamber law \"as-printed\" needs an ideal gas".into()));
         }
         if spec.cylinder.leakage_m3_s_pa < 0.0 {
             return Err(Error::Specification(format!(
@@ -72,7 +72,7 @@ impl Drive {
         citations.extend(["iso6358-2013", "bejan2016", "steinebach2023", "hairer1996"]);
         if printed {
             warnings.push(
-                "chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only"
+                "chamber law \"as-printed\" violates the energy balance; use it only to reproduce the paper"
                     .into(),
             );
             citations.push("bracha");
@@ -330,7 +330,7 @@ impl Drive {
         })
     }
 
-    /// Returns a session of the drive at `initial`, with a closed valve and everything else as described.
+    /// Returns a session of the drive at `initial`, with a closed valve and all other values as described.
     pub fn session(&self, initial: &Initial, options: Options) -> Session {
         Session::new(self.assembly(), 0.0, self.start(initial, 0.0), options)
     }
@@ -339,7 +339,7 @@ impl Drive {
         &self.assembly().circuit
     }
 
-    /// The piston between its chambers.
+    /// Indices of the piston and its chambers.
     pub fn driven(&self) -> Result<Driven<'_>, Error> {
         Driven::of(self.assembly(), self.stroke)
     }

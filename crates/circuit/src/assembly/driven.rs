@@ -13,8 +13,8 @@ pub(super) const COMMAND: usize = 0;
 /// Inputs that are the openings of its edges.
 pub(super) const EDGES: std::ops::RangeInclusive<usize> = 1..=4;
 
-/// A circuit with a piston between two chambers on the edges of a valve. Its first inputs are the command and the
-/// openings of the edges, and its start begins with the piston and the chambers.
+/// A circuit with a piston between two chambers on the edges of a valve. The first inputs of such a circuit are the
+/// command and the openings of the edges, and its start values begin with those of the piston and the chambers.
 #[derive(Clone, Copy, Debug)]
 pub struct Driven<'a> {
     pub(super) assembly: &'a Assembly,
@@ -125,8 +125,8 @@ fn refuse<T>() -> Result<T, Error> {
     Err(Error::Specification("this needs one piston between two chambers on a 5/3 valve".into()))
 }
 
-/// Integration method of a servo loop: a low-order method if a sample is hardly longer than a step. It does less work
-/// per step, and a high-order step could not be longer.
+/// Integration method of a servo loop: a low-order method if a sample is hardly longer than a step. A low-order step
+/// needs less work, and the sample limits the length of a step anyway.
 #[derive(Default)]
 struct Samples {
     /// Remaining samples for the high-order method.

@@ -1,5 +1,5 @@
-//! End stops for descriptions without end-stop values. They are so stiff that a typical drive cannot reach a cover.
-//! Covers behind stops that a description makes softer.
+//! End stops for descriptions without end-stop values. These stops are so stiff that a typical drive cannot reach a
+//! cover. Softer stops of a description have covers behind them.
 
 use crate::circuit::PistonSide;
 use crate::impacts::Impact;
@@ -39,7 +39,7 @@ pub(crate) struct Ends<P> {
     pub stop: EndStop<P>,
     /// Depth at which the stop is fully compressed.
     pub covers: Option<Covers<P>>,
-    /// Stiffness that keeps any piston of the drive off the covers, N/m.
+    /// Stiffness with which no piston of the drive reaches the covers, N/m.
     pub enough: P,
     pub taken: Taken<P>,
     /// Growth of a default stop with the pressure of a start.
@@ -61,7 +61,7 @@ impl Ends<f64> {
 /// Design load of a derived stop.
 #[derive(Clone, Copy, Debug)]
 pub struct Taken<P> {
-    /// Moving mass and load, kg, its speed, m/s, and its driving force, N.
+    /// Moving mass with load, kg, its speed, m/s, and the driving force, N.
     pub mass: P,
     pub speed: P,
     pub force: P,
@@ -106,7 +106,8 @@ pub(crate) struct Driven<'a, P> {
 /// If a start pressure exceeds the supply pressure by p Pa, the stop is stiffer by 2 p A (L + d)/d^2, with A the larger
 /// area. This is the work of the excess pressure over stroke and depth. The damping ratio does not change.
 ///
-/// A described stop may be too soft to keep such a piston within 0.8 of the dead length. Then the covers act behind it.
+/// A described stop may be too soft to keep such a piston within 0.8 of the dead length. In this case the covers behind
+/// the stop act.
 /// A cover is a contact of the same form, with d a tenth of the dead length, and v twice as large but at least 10 m/s.
 pub(crate) fn ends<P: Lane>(driven: &Driven<'_, P>) -> Ends<P> {
     let c = P::c;

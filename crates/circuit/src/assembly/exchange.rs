@@ -45,7 +45,7 @@ impl Session {
         events
     }
 
-    /// Changes every mode that is no longer valid. Returns whether there was any.
+    /// Changes every mode that is no longer valid, and returns whether a mode has changed.
     pub fn change_modes(&mut self) -> Result<bool, Error> {
         for changes in 0..MOST_CHANGES {
             let Some(event) = self.events().iter().position(|value| *value <= 0.0) else {

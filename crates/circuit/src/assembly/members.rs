@@ -36,7 +36,7 @@ pub struct Members {
     each: Vec<Instance<f64>>,
     names: Vec<String>,
     numbers: Vec<Number>,
-    /// Friction of each component as described.
+    /// Described friction of each component.
     friction: Vec<Option<Seeds<Friction>>>,
     general: bool,
 }

@@ -11,7 +11,7 @@ pub struct Names {
     pub only: bool,
 }
 
-/// Ports that the edges of a proportional 5/3 valve join, in the order of its command's inputs.
+/// Ports that the edges of a proportional 5/3 valve connect, in the order of the inputs of the valve.
 pub(super) const EDGES: [(&str, &str); 4] = [
     ("opening_1_4", "opening of the edge from supply to chamber a"),
     ("opening_4_5", "opening of the edge from chamber a to exhaust"),
@@ -36,7 +36,7 @@ impl Names {
         }
     }
 
-    /// Returns the rank of a variable: first those of the table, then those of the component, then all others.
+    /// Returns the sort key of a variable: first variables of the table, then those of the component, then all others.
     pub(super) fn rank(&self, full: &str) -> usize {
         self.place(full).unwrap_or(self.table.len() + usize::from(self.within(full).is_none()))
     }

@@ -208,7 +208,7 @@ impl Network {
                 return refuse(format!("{}: chamber law \"as-printed\" has no ledger", own.name));
             }
             if gas.virial.is_some() {
-                return refuse(format!("{}: chamber law \"as-printed\" takes an ideal gas", own.name));
+                return refuse(format!("{}: chamber law \"as-printed\" needs an ideal gas", own.name));
             }
         }
         let mut wired = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger, None)?;
@@ -269,7 +269,8 @@ impl Network {
         })
     }
 
-    /// Returns the circuit of a description that differs from this one in numbers. With the same parts, the analysis
+    /// Returns the circuit of a description that differs from this one only in numbers. With the same parts, the
+    /// analysis
     /// and the names are reused.
     pub fn renewed(&self, spec: &specification::Circuit) -> Result<Assembly, Error> {
         let each = spec.components.iter().map(instance).collect::<Result<Vec<_>, _>>()?;

@@ -1,5 +1,5 @@
-//! A running circuit: its inputs are set now or later, and it is advanced, read, saved, restored and linearised. Every
-//! other run of a circuit uses it.
+//! A running circuit: its inputs are set now or later, and it is advanced, read, saved, restored and linearised. All
+//! other runs of a circuit use a session.
 
 use super::timing::{Due, Timing, What};
 use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
@@ -55,7 +55,7 @@ pub struct Session<R: Lane = f64> {
     pub(super) rtol: f64,
     /// Hash of the description and the tolerance.
     mark: u64,
-    /// Gas drawn from outside, if it is followed.
+    /// Gas drawn from outside, if it is recorded.
     drawn: Option<Box<Drawn<R>>>,
 }
 
@@ -66,7 +66,7 @@ fn mark_of(bytes: impl IntoIterator<Item = u8>) -> u64 {
         .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// Returns whether a time is reached at another time, within the resolution of the clock.
+/// Returns whether two times are equal within the resolution of the clock.
 fn has_come(time: f64, at: f64) -> bool {
     time <= at || same_time(time, at)
 }
@@ -112,7 +112,7 @@ impl<R: Lane> Session<R> {
         self.stepper.state()
     }
 
-    /// Gives the present state as a sample.
+    /// Passes the present state on as a sample.
     pub fn settled(&self) -> Vec<R> {
         settled(self.circuit(), self.state())
     }
@@ -124,7 +124,7 @@ impl<R: Lane> Session<R> {
 
     fn alive(&self) -> Result<(), Error> {
         match &self.failed {
-            Some(reason) => refuse(format!("the session cannot go on: {reason}")),
+            Some(reason) => refuse(format!("the session cannot continue: {reason}")),
             None => Ok(()),
         }
     }
@@ -190,7 +190,7 @@ impl<R: Lane> Session<R> {
     }
 
     /// Returns the index of the next entry until a time, s, if any. A valve that samples its command takes inputs set
-    /// at the same time. At the end of the run it waits, because inputs may still be set.
+    /// at the same time. At the end of the run such a valve waits, because inputs may still be set.
     fn next(&self, until: f64) -> Option<usize> {
         let place = self.schedule.len().checked_sub(1)?;
         let first = &self.schedule[place];
@@ -305,7 +305,7 @@ impl Session {
         &self.assembly.variables.starts
     }
 
-    /// Returns whether an input acts at once and has no history.
+    /// Returns whether an input acts immediately and has no history.
     pub fn is_continuous(&self, input: usize) -> bool {
         !matches!(self.inputs()[input].target, Target::Timed(_))
     }

@@ -85,7 +85,7 @@ impl Assembly {
             None => refuse(format!("the start {name} is missing")),
             Some(value) if !value.is_finite() || is_huge(*value) || (above_zero && *value <= 0.0) => {
                 let rule = if is_huge(*value) {
-                    "at most 1e30 in size"
+                    "a magnitude of at most 1e30"
                 } else if above_zero {
                     "above zero"
                 } else {
@@ -104,7 +104,7 @@ impl Assembly {
                     position @ (0.0 | 1.0) => numbers.push(position),
                     position => {
                         return refuse(format!(
-                            "the start {} = {position} must be 0 or 1: the valve keeps an end position",
+                            "the start {} = {position} must be 0 or 1, because the valve rests in an end position",
                             names[0]
                         ));
                     }
@@ -115,7 +115,7 @@ impl Assembly {
         Ok(numbers)
     }
 
-    /// Returns the equations and their state at a start. Its numbers have the order of [`Assembly::given_names`].
+    /// Returns the equations and their state at a start. The numbers have the order of [`Assembly::given_names`].
     /// Contacts have this age, s. Spools and locks are at the positions for the commands `first`: an input and its
     /// value.
     pub fn stand(&self, first: &[(usize, f64)], start: &[f64], age: f64) -> (Circuit<f64>, Vec<f64>) {

@@ -11,7 +11,8 @@ use physics::flow::LEAK_RATIO;
 use std::collections::BTreeMap;
 use std::iter;
 
-/// A volume without a piston. It has a line with a restriction and an optional tube, and a leak into the ambient air. A
+/// A volume without a piston. The volume has a line with a restriction and an optional tube, and a leak into the
+/// ambient air. A
 /// command is the opening fraction of the line.
 #[derive(Clone, Debug)]
 pub struct Tank {

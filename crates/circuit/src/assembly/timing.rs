@@ -27,7 +27,8 @@ pub enum Timing {
         /// It starts at the position of its first command, otherwise at rest.
         stands: bool,
     },
-    /// An armature travels to one under a command of 1 and to zero under -1. Without a command it keeps its position,
+    /// An armature travels to position one under a command of 1, and to position zero under -1. Without a command it
+    /// keeps its position,
     /// after a started travel has ended.
     Keep { part: PartId, dead: [f64; 2], travel: [f64; 2] },
     /// Mean value of the pulses.
@@ -92,7 +93,7 @@ impl Timing {
         circuit.set_input(self.input(signal::ACTS), lane, acts);
     }
 
-    /// Returns whether the command takes whole numbers only.
+    /// Returns whether the command accepts only whole numbers.
     pub fn is_whole(&self) -> bool {
         matches!(self, Timing::Travel { pulses: None, .. } | Timing::Keep { .. })
     }
@@ -126,7 +127,8 @@ fn average(d: f64, [on, off]: [f64; 2], dead: [f64; 2], Pulses { period }: Pulse
     }
 }
 
-/// Returns the middle of the play. It stays while the command is within half of the play's width.
+/// Returns the middle of the play. The output of the play is constant while the command is within half of the width of
+/// the play.
 pub(super) fn behind_play(remembered: f64, command: f64, play: f64) -> f64 {
     remembered.clamp(command - play, command + play)
 }
@@ -211,7 +213,8 @@ impl<R: Lane> Session<R> {
         (self.circuit().part_state(what.part(), self.state()).get(0) + speed * left).round()
     }
 
-    /// Switches an armature. It starts after the dead time, unless it is switched back before. A repeated switch in the
+    /// Switches an armature. The travel starts after the dead time, unless the valve is switched back before. A
+    /// repeated switch in the
     /// present direction has no effect.
     fn switch(&mut self, timing: usize, to: f64) {
         let (Timing::Travel { dead, .. } | Timing::Keep { dead, .. }) = self.timings()[timing] else {

@@ -29,7 +29,7 @@ pub struct Settable {
     pub unit: &'static str,
     /// Allowed values, in the unit.
     pub bounds: Bounds,
-    /// Its meaning, in words.
+    /// Its meaning as text.
     pub meaning: &'static str,
     /// Its target.
     pub target: Target,
@@ -82,7 +82,7 @@ pub enum Quantity {
     Force(PartId),
     /// Motion of a platform, by index.
     Pose(PartId, usize),
-    /// Command of a valve. NaN while its edges are set directly.
+    /// Command of a valve. Command of a valve; NaN while its edges are set directly.
     Command([InputId; 4]),
     /// One inner state of an axis' friction.
     Inner(AxisId, usize),
@@ -114,7 +114,7 @@ pub struct Variables {
     pub quantities: Vec<Quantity>,
     /// Groups, each with the names of its numbers.
     pub starts: Vec<(Starting, Vec<String>)>,
-    /// Where these names come from, if they are not those of the components.
+    /// Table of names, unless the names are those of the components.
     pub(crate) names: Option<Arc<Names>>,
 }
 

@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// Name of the ambient air in a joint.
 pub(super) const AMBIENT: &str = "ambient";
 
-/// Ports that form one point, and whether this point is open to the ambient air.
+/// Ports that share one joint, and whether this joint is open to the ambient air.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Joint {
     pub ports: Vec<PortId>,
@@ -57,11 +57,11 @@ pub(super) fn one_of<T: Into<String>>(names: impl Iterator<Item = T>) -> String 
     names.map(Into::into).collect::<Vec<String>>().join(", ")
 }
 
-/// Returns the equations of components and joints, from numbers with or without derivatives.
+/// Components and joints while they become equations, with numbers with or without derivatives.
 struct Wiring<'a, P> {
     each: &'a [Instance<P>],
     build: Build<P>,
-    /// Returns the node at each port of each component.
+    /// The node at each port of each component.
     nodes: Vec<Vec<Node>>,
     around: Option<GasId>,
     joint_volumes: Vec<(String, P)>,
@@ -128,7 +128,7 @@ where
                     let is_named = is_alone && !self.build.is_like;
                     if let Some(other) = own_name.replace(if is_named { owner.name.clone() } else { name }) {
                         return refuse(format!(
-                            "{other} and {} are one joint and have a volume each: put a fitting between them",
+                            "{other} and {} share a joint and both have a volume: put a fitting between them",
                             own_name.unwrap_or_default()
                         ));
                     }
@@ -202,7 +202,7 @@ where
                 Brings::Guide { mass } => {
                     if let Some((other, _)) = guide.replace(((component, port), mass)) {
                         return refuse(format!(
-                            "{} and {} are one joint: a mass moves one leg of a platform",
+                            "{} and {} share a joint: a mass moves only one leg of a platform",
                             self.name(other),
                             self.name((component, port))
                         ));
@@ -292,7 +292,7 @@ fn check_leg<P: Lane>(
     Ok(())
 }
 
-/// Refuses a circuit with too many states. The message names the components with most of them.
+/// Refuses a circuit with too many states. The message names the components with most of the states.
 fn check_size(counts: &[(&str, usize)]) -> Result<(), Error> {
     let states: usize = counts.iter().map(|(_, count)| count).sum();
     if states <= Structure::MOST_STATES {

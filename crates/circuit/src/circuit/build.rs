@@ -86,7 +86,7 @@ impl<R: Lane> Circuit<R> {
         GasId(node)
     }
 
-    /// Adds a volume that obeys `law`: a tank, or the dead volume of a chamber that faces enlarge.
+    /// Adds a volume with the balance `law`: a tank, or the dead volume of a chamber, which piston faces enlarge.
     pub fn volume(
         &mut self,
         law: ChamberLaw,
@@ -285,7 +285,7 @@ impl<R: Lane> Circuit<R> {
 }
 
 impl<R: Lane> Circuit<R> {
-    /// Finishes the circuit with the analysis of a circuit of the same parts. `None` if the parts differ.
+    /// Finishes the circuit by reusing the analysis of a circuit with the same parts; `None` if the parts differ.
     pub(crate) fn build_like(mut self, other: &Circuit<f64>) -> Option<Self> {
         if self.shape != other.shape {
             return None;

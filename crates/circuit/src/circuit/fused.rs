@@ -207,7 +207,8 @@ impl<P: Real> Fused<P> {
 }
 
 impl<P: Real> Cylinder<P> {
-    /// Returns the axis at (x, v). Call it before the chambers: the exponential of a friction law takes as long as the
+    /// Returns the axis at (x, v). Call this function before the chambers: the exponential of a friction law takes as
+    /// long as the
     /// chambers, and the two then run in parallel.
     #[inline(always)]
     fn stands<S: Over<P>>(&self, motion: [S; 2]) -> AxisNode<S> {

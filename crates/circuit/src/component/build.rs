@@ -58,7 +58,7 @@ pub struct Leg<P> {
 
 /// A circuit that is being assembled from components.
 pub struct Build<P> {
-    /// The parts so far.
+    /// The parts added so far.
     pub circuit: Circuit<P>,
     /// The gas of the circuit.
     pub gas: Gas<P>,
@@ -74,11 +74,11 @@ pub struct Build<P> {
     pub masses: Vec<(P, P)>,
     /// Stiffness, N/m, and rest position, m, of springs on axes.
     pub springs: Vec<(AxisId, P, P)>,
-    /// Pistons of all cylinders so far.
+    /// Pistons of all cylinders added so far.
     pub pistons: Vec<Piston<P>>,
     /// Contacts of masses: name, position, m, and axis.
     pub met: Vec<(String, P, AxisId)>,
-    /// Axes that move together, except for a play, m.
+    /// Axes that move together, apart from a play, m.
     pub coupled: Vec<([AxisId; 2], P)>,
     /// Legs of mechanisms.
     pub legs: Vec<Leg<P>>,

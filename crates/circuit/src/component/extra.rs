@@ -71,8 +71,8 @@ impl Given<f64> {
             (Extra::Points(own), None, None) if own.optional => Ok(Given::Nothing),
             (Extra::Formula(_), None, _) => refuse(".formula is missing".into()),
             (Extra::Points(own), _, None) => refuse(format!(".{} is missing", own.key)),
-            (_, Some(_), None) => refuse(format!(": a {} takes no formula", base.key)),
-            (_, _, Some(_)) => refuse(format!(": a {} takes no points", base.key)),
+            (_, Some(_), None) => refuse(format!(": a {} has no formula", base.key)),
+            (_, _, Some(_)) => refuse(format!(": a {} has no points", base.key)),
         }
     }
 

@@ -87,7 +87,7 @@ impl Chain {
         let [Node::Gas(from), Node::Gas(to)] = ends else { return Ok(()) };
         let members = || self.0.iter().map(|(own, _)| &each[*own]);
         if let Some(own) = members().find(|own| own.varies("subsonic_index")) {
-            let what = "derivatives by it and other values are not possible: restrictions in series need 0.5";
+            let what = "restrictions in series need 0.5: other values and derivatives by it are not possible";
             return Err(Error::Specification(format!("{}.subsonic_index: {what}", own.name)));
         }
         let laws: Vec<[P; 2]> = members().filter_map(series).collect();

@@ -12,13 +12,13 @@ pub struct Row {
     pub assumed: &'static str,
     /// Rule by which its default follows from other numbers. Empty without such a rule.
     pub follows: &'static str,
-    /// It is required unless this is given: the key of another number, or a choice, "throttles = both".
+    /// Condition under which the parameter is not required: the key of another number, or a choice, "throttles = both".
     pub unless: &'static str,
     /// Optional table that contains it. Empty if it is not in a table.
     pub within: &'static str,
     /// Condition for its effect: a number above zero, or a choice, "relieving = yes". Empty without a condition.
     pub only: &'static str,
-    /// Its key in older files.
+    /// Key of the parameter in older files.
     pub was: &'static str,
 }
 
@@ -30,7 +30,8 @@ impl Deref for Row {
     }
 }
 
-/// Parameters of a component, in the words of a table. Rows that several kinds share are named: `NAME;` for one row,
+/// Declares the parameters of a component as rows of a table. Rows that several kinds share are named: `NAME;` for one
+/// row,
 /// `..NAMES;` for several.
 #[macro_export]
 macro_rules! table {
@@ -83,7 +84,7 @@ pub const fn count<T>(parts: &[&[T]]) -> usize {
     sum
 }
 
-/// Joins them one after the other.
+/// Joins arrays of rows, one after the other.
 #[doc(hidden)]
 pub const fn join<T: Copy, const N: usize>(parts: &[&[T]]) -> [T; N] {
     let mut all = [parts[0][0]; N];

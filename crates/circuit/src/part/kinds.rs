@@ -157,18 +157,18 @@ macro_rules! parts {
         }
 
         impl PartKind {
-            /// Whether an ordinary drive has it.
+            /// Whether an ordinary drive has such a part.
             const fn is_usual(self) -> bool {
                 matches!(self, PartKind::Cylinder | PartKind::Reservoir | PartKind::Restriction)
             }
 
-            /// Whether circuits of this scalar type may contain it. Nothing is compiled for impossible kinds.
+            /// Whether circuits of this scalar type may contain such a part. Nothing is compiled for impossible kinds.
             const fn is_for<P: Real>(self) -> bool {
                 P::GENERAL || self.is_usual()
             }
 
             fn is_missing() -> ! {
-                unreachable!("such numbers are for a circuit without nodes")
+                unreachable!("derivatives by such numbers need a circuit without nodes")
             }
         }
 

@@ -10,7 +10,7 @@ use crate::run::{Error, Look, Recorder, sample_times};
 use math::Dual;
 use ode::{NoOutput, Options, System};
 
-/// One direction is used, that of the flow. The equations are compiled for this number of directions in any case.
+/// Only one direction is used, for the flow. The equations are compiled for this number of directions in any case.
 type AlongFlow = Dual<f64, DIRECTIONS>;
 
 /// Names of the columns of [`Driven::along`].
@@ -38,7 +38,7 @@ pub struct Record<'a> {
     /// Pressure, Pa absolute, in chambers a and b.
     pub pressure: [&'a [f64]; 2],
     /// Open fraction of the full conductance of each edge of the valve: supply to a, a to exhaust, supply to b, b to
-    /// exhaust. It holds from each sample to the next.
+    /// exhaust. The value is constant from each sample to the next.
     pub openings: &'a [[f64; 4]],
     /// Temperatures in the chambers at the first sample, K.
     pub temperature: [f64; 2],
@@ -146,7 +146,7 @@ pub struct Restart {
 }
 
 /// Number and duration, s, of runs that settle unmeasured start values, mainly bristles. They start at the first state
-/// with the valve shut. Friction then carries the force that the pressures leave unbalanced.
+/// with the valve shut. Afterwards friction balances the force of the pressures.
 const SETTLING: (usize, f64) = (200, 5e-3);
 
 impl Driven<'_> {

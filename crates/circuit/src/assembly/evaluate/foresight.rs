@@ -20,7 +20,7 @@ pub struct Foresight {
     start: Start,
 }
 
-/// Start: modes, state, one more input with its value, and the limit on attempts.
+/// Start of a prediction: modes, state, a further input with its value, and the limit on attempts.
 #[derive(Clone, Default)]
 struct Start {
     modes: Vec<f64>,

@@ -6,7 +6,7 @@ use crate::circuit::glance::{Glance, place};
 use crate::part::InputId;
 use crate::part::mechanics::cylinder::INNER;
 
-/// Values that rows are made of: the fast outputs, then these.
+/// Further values in rows, after the fast outputs.
 const TIME: usize = size_of::<Glance>() / size_of::<f64>();
 const COMMAND: usize = TIME + 1;
 const INNER_STATE: usize = COMMAND + 1;

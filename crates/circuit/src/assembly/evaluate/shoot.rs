@@ -76,7 +76,7 @@ pub struct Shooting {
     pub initial: Vec<f64>,
     /// Numbers of the description to differentiate by, as paths of its JSON.
     pub parameters: Vec<String>,
-    /// Differentiate by the starts as well.
+    /// Whether to differentiate by the start values, too.
     pub with_initial: ByStart,
     /// Columns of a run.
     pub outputs: Vec<String>,
@@ -211,7 +211,7 @@ pub(in crate::assembly) struct All<'a> {
     pub directions: usize,
 }
 
-/// One run: the outputs at its samples, and its end state.
+/// Result of one run: the outputs at its samples, and the end state.
 struct Done<P> {
     rows: Vec<P>,
     end: Vec<P>,
@@ -287,7 +287,7 @@ impl<'a> All<'a> {
         Ok(shot)
     }
 
-    /// The samples of a segment: its start and those before the next one's.
+    /// The samples of a segment: from its start to the last sample before the next segment.
     fn samples(&self, segment: usize) -> std::ops::Range<usize> {
         let starts = &self.asked.starts;
         starts[segment]..starts.get(segment + 1).copied().unwrap_or(self.asked.sample_times.len())

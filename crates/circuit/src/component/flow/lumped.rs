@@ -19,9 +19,9 @@ const PORTS: &[Port] = &[Port { volume: 0.0, ..gas("1") }, Port { volume: 0.0, .
 const STEADY: [Row; 5] = *table! {
     length: "m", physics::above(0.0), "Length L";
     diameter: "m", physics::above(0.0), "Inner diameter d";
-    conductance: "m3/(s Pa)", physics::above(0.0), follows "length and diameter, by an empirical formula (assumed)",
+    conductance: "m3/(s Pa)", physics::above(0.0), follows "from length and diameter by an empirical formula (assumed)",
         "Measured sonic conductance C of the whole tube; without waves";
-    critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "conductance and diameter, by an empirical formula (assumed)",
+    critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "from conductance and diameter by an empirical formula (assumed)",
         "Measured critical pressure ratio b of the whole tube; without waves";
     LINEAR_ABOVE;
 };
@@ -35,7 +35,7 @@ const WALL: [Row; 2] = *table! {
 const KIND: Kind =
     Kind { sources: &["iso6358-2013"], ports: PORTS, open: true, symbol: SYMBOL, ..Kind::PLAIN };
 
-/// Iterations for the halves of a tube. Each leaves less than half of the error.
+/// Iterations for the halves of a tube. Each iteration leaves less than half of the error.
 const ITERATIONS: usize = 60;
 
 /// Returns sonic conductance and critical pressure ratio of each of two equal paths that have C and b in series. The

@@ -25,7 +25,7 @@ pub(in crate::component) fn meets<P: Lane>(
     Meets { position, ahead: own.chosen(SIDE.name) == Some("b"), axis: axis.index() }
 }
 
-/// Newton steps. Each at least halves the distance, and convergence is quadratic in the end.
+/// Newton steps. Each iteration at least halves the distance, and the final convergence is quadratic.
 const STEPS: usize = 40;
 
 /// Returns the product y of damping and impact speed for which a contact F = k d^n (1 + lambda d') has the coefficient
@@ -57,12 +57,12 @@ impl Component for Bumper {
             rated_depth: "m", physics::above(0.0), "Depth d_r";
             exponent: "1", physics::at_least(1.0), default 1.5, assumed "usual for a round body", "Exponent n";
             restitution: "1", physics::between(0.0, 1.0), default 0.5, assumed "usual for a usual elastomer",
-                "Speed after a free impact over speed before it";
+                "Speed after a free impact divided by the speed before it";
             impact_speed: "m/s", physics::above(0.0), default 0.5, assumed "a usual speed of impact",
-                "Speed of impact for this ratio; a faster impact returns less";
+                "Impact speed for which this ratio is given; a faster impact has a lower ratio";
         },
         choices: &[SIDE],
-        outputs: &[("force_n", "N", "force, positive where it pushes towards -x")],
+        outputs: &[("force_n", "N", "force, positive if it pushes towards -x")],
         symbol: SYMBOL,
         ..Kind::PLAIN
     };

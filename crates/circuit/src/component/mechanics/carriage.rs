@@ -20,7 +20,7 @@ impl Component for Carriage {
                m x_f'' = F - c x_f' with m = k t^2 and c = 2 k t, until the force F on it is zero.",
         ports: &[Port { holds: Holds::Motion, ..axis("1", false) }],
         parameters: table! {
-            servo_bandwidth: "Hz", above(0.0), within "servo", "Natural frequency f of the position loop; without a servo the carriage is its command";
+            servo_bandwidth: "Hz", above(0.0), within "servo", "Natural frequency f of the position loop; without a value the carriage follows its command exactly";
             servo_damping_ratio: "1", above(0.0), within "servo", "Damping ratio zeta of the position loop";
             ripple_velocity: "1", Bounds { open: false, ..between(0.0, 1.0) }, within "ripple", "Relative velocity ripple, of screw or motor: below 1, so that the motion does not reverse";
             ripple_pitch: "m", above(0.0), within "ripple", "Distance after which the ripple repeats";
@@ -33,7 +33,7 @@ impl Component for Carriage {
             (
                 "giving_way",
                 "1",
-                "1: it moves until the force on it is zero, 0: it follows its command; only with a release",
+                "1: the carriage moves until the force on it is zero; 0: it follows its command; only with a release",
             ),
         ],
         outputs: &[

@@ -30,7 +30,7 @@ const PARAMETERS: &[Row] = table! {
         "Temperature of the wall; start temperature if the wall stores heat";
     ..WALL;
     leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
-    end_stop_stiffness: "N/m", physics::above(0.0), follows "the circuit, so that a usual run never reaches a cover",
+    end_stop_stiffness: "N/m", physics::above(0.0), follows "from the circuit, so that a usual run never reaches a cover",
         "Stiffness of the end stops";
     end_stop_damping: "N s/m", physics::at_least(0.0), follows "the stiffness of the end stop",
         "Damping of the end stops";
@@ -49,7 +49,7 @@ macro_rules! cushion_rows {
             $needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within $table,
                     "Sonic conductance of the needle at its setting, for air";
             $port_volume: "m3", physics::above(0.0), within $table,
-                    "Volume of port and line behind the bore with the plunger all the way in; the dead volume is then that of the chamber alone";
+                    "Volume of port and line behind the bore with the plunger fully inserted; dead_volume is then the volume of the chamber alone";
             $check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "usual for a lip seal of this size", within $table,
                     "Sonic conductance of the check valve that lets gas from the port into the chamber";
             $cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "usual for a lip seal", within $table,
@@ -97,8 +97,8 @@ const OUTPUTS: &[Variable] = &[
     ("position_m", "m", "position"),
     ("velocity_m_s", "m/s", "velocity"),
     ("acceleration_m_s2", "m/s2", "acceleration"),
-    ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
-    ("end_stop_force_n", "N", "force of the end stops, positive where it pushes towards -x"),
+    ("friction_force_n", "N", "friction force, positive if it opposes v > 0"),
+    ("end_stop_force_n", "N", "force of the end stops, positive if it pushes towards -x"),
     ("a.pressure_pa", "Pa", "absolute pressure in chamber a"),
     ("a.temperature_k", "K", "temperature in chamber a"),
     ("a.mass_flow_kg_s", "kg/s", "mass flow into chamber a"),
@@ -122,7 +122,7 @@ const KIND: Kind = Kind {
     choices: &[Choice {
         name: "chamber_law",
         options: &["energy-balance", "as-printed"],
-        meaning: "Balance of the chambers; as-printed breaks it and is for reproducing the source paper only",
+        meaning: "Energy balance of the chambers; as-printed violates it and serves only to reproduce the source paper",
     }],
     friction: true,
     needs_friction: true,

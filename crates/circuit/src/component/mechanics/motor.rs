@@ -15,7 +15,7 @@ impl Component for Motor {
                I' = F, over it; the work done on the mass is W' = F v.",
         ports: &[axis("1", false)],
         parameters: table! {
-            velocity: "m/s", physics::any(), default 0.0, "Velocity u in +x, until the input sets another";
+            velocity: "m/s", physics::any(), default 0.0, "Velocity u in +x until the input sets another value";
             stiffness: "N/m", physics::above(0.0), default 1e6, assumed "usual for a servo axis with a ball screw", "Stiffness k";
             damping: "N s/m", physics::at_least(0.0), default 2e3, assumed "usual for a servo axis with 1 kg", "Damping c";
         },

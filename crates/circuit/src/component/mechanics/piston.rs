@@ -6,7 +6,7 @@ use crate::component::{
 use math::Lane;
 use std::f64::consts::FRAC_PI_2;
 
-/// A piston without end stops. Other components limit its motion.
+/// A piston without end stops. Its motion is limited by other components.
 pub struct Bare;
 
 impl Component for Bare {

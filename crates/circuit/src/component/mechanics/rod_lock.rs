@@ -22,7 +22,7 @@ impl Component for RodLock {
             time_off: "s", physics::above(0.0), default 0.04, assumed "usual for a small rod lock",
                 "Time from the command off to the middle of their opening travel";
             travel_share: "1", physics::between(0.0, 1.0), default 0.2, assumed "usual for a small rod lock",
-                "Fraction of these times for the whole travel; the force follows it";
+                "Fraction of these times in which the jaws travel; the force is proportional to the travel";
             stiffness: "N/m", physics::above(0.0), default 1e7, assumed "usual for jaws on a rod", "Stiffness k of the grip";
             damping: "N s/m", physics::above(0.0), follows "stiffness and moving mass, for half of the critical damping (assumed)",
                 "Damping of the grip";
@@ -32,7 +32,7 @@ impl Component for RodLock {
         outputs: &[
             ("command", "1", "command"),
             ("position", "1", "closing of the jaws, 0 to 1"),
-            ("force_n", "N", "force of the grip, positive where it pushes towards -x"),
+            ("force_n", "N", "force of the grip, positive if it pushes towards -x"),
         ],
         symbol: Symbol {
             strokes: &[

@@ -18,11 +18,11 @@ pub(in crate::component) const THREE_BOXES: Stroke = Stroke::at(
     0.0,
 );
 
-/// Returns a valve that can take any position between these.
+/// Lines that mark a valve that can take any position between these boxes.
 pub(in crate::component) const ENDLESS: Stroke =
     Stroke::at(&[Stroke::Line(&[[-6.0, 4.4], [6.0, 4.4]]), Stroke::Line(&[[-6.0, -0.4], [6.0, -0.4]])], 0.0);
 
-/// A port below the boxes, and one above.
+/// Lines of a port below the boxes, and of a port above.
 pub(in crate::component) const BELOW: &[Stroke] = &[Stroke::Line(&[[0.0, 0.0], [0.0, -1.0]])];
 pub(in crate::component) const ABOVE: &[Stroke] = &[Stroke::Line(&[[0.0, 4.0], [0.0, 5.0]])];
 /// A closed port below, and one above.

@@ -33,7 +33,7 @@ const PORTS: &[Port] = &[gas("1"), Port { holds: Holds::Set, ..gas("2") }, exhau
 const CHOICES: &[Choice] = &[Choice {
     name: "relieving",
     options: &["yes", "no"],
-    meaning: "Whether it vents excess pressure at its outlet",
+    meaning: "Whether the regulator vents excess pressure at its outlet",
 }];
 const OUTPUTS: &[Variable] = &[
     ("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2"),

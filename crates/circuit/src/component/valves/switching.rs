@@ -36,7 +36,7 @@ pub(in crate::component) const EXHAUST: [Row; 2] = *table! {
 const PWM_MODEL: Choice = Choice {
     name: "pwm_model",
     options: &["exact", "averaged"],
-    meaning: "Each pulse, or their mean: for design, if the period is much shorter than the filling time of a chamber",
+    meaning: "Simulate each pulse, or the mean opening; the mean suffices for design if the period is much shorter than the filling time of a chamber",
 };
 
 const NORMALLY: Choice =
@@ -199,7 +199,7 @@ impl Component for Switching32 {
         title: "3/2 switching valve",
         symbol: THREE_TWO,
         text: text!(
-            "Port 2 is open to the exhaust 3, and to the supply 1 under a command; normally open: the other way round."
+            "Port 2 is open to the exhaust 3, and to the supply 1 under a command; normally open: reversed."
         ),
         ports: &[gas("1"), gas("2"), exhaust("3")],
         parameters: table! {

@@ -21,7 +21,7 @@ pub struct Between {
     pub(crate) boundary: [bool; 2],
 }
 
-/// Moves mass, kg/s, with the enthalpy of its source from one end to the other. A boundary keeps no balance.
+/// Moves mass, kg/s, with the enthalpy of its source from one end to the other. A reservoir has no balance.
 #[inline(always)]
 pub(crate) fn post<S: Real>(net: &mut Net<S>, path: Between, flow: (S, S::Mask)) {
     let Between { from, to, .. } = path;
@@ -55,7 +55,7 @@ fn exchange<S: Real>(net: &mut Net<S>, path: Between, m_dot: S, h_dot: S) {
     }
 }
 
-/// Returns the balances of a flow path.
+/// Balances of a flow path.
 pub(in crate::part) const CHANNELS: [(&str, Kind); 5] = [
     ("mass over the boundary", Kind::Mass),
     ("enthalpy over the boundary", Kind::Energy),
@@ -97,7 +97,7 @@ pub(in crate::part) fn throttling<P: Real, S: Over<P>>(
     out[4] = S::select(backward, into_backward, into_forward);
 }
 
-/// The same for a real gas. A throttle keeps its enthalpy, and mixing keeps its energy.
+/// The same for a real gas. Throttling conserves enthalpy, and mixing conserves energy.
 fn throttling_of<P: Real, S: Over<P>>(
     virial: &Virial<P>,
     net: &Net<S>,

@@ -29,7 +29,7 @@ gathered! {
 }
 
 impl<P: Real> Part<P> for Compressor<P> {
-    /// Flow along its single path, from outside.
+    /// Flow along the single path of the compressor, from outside.
     #[inline(always)]
     fn flow<S: Over<P>>(&self, _path: usize, _net: &Net<S>) -> (S, S::Mask) {
         (S::from(self.mass_flow * self.mode), S::zero().lt(S::zero()))

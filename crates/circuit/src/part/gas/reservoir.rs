@@ -5,7 +5,7 @@ use physics::chamber::GasState;
 
 physics::parameters! {
     /// Gas at constant pressure and temperature: supply, ambient, or a chamber held by a regulator. Its node is set
-    /// when the net is made and when an input changes. No flow changes it.
+    /// when the net is made and when an input changes. Flows do not change its state.
     pub struct Reservoir {
         /// Absolute pressure
         pressure: "Pa", physics::above(0.0);

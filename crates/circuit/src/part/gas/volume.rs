@@ -11,7 +11,7 @@ use physics::heat;
 /// filled.
 pub(crate) const LEAST_ROOM: f64 = 1e-3;
 /// Fraction of the gas in the dead volume at standard conditions, by mass and by energy, below which a chamber is
-/// empty. It is much less than any tolerance resolves.
+/// empty. This fraction is far below any tolerance.
 pub(crate) const LEAST_GAS: f64 = 1e-9;
 
 /// State variables of a volume's balance.
@@ -37,7 +37,7 @@ physics::parameters! {
     } with {
         /// Index among the gas nodes of the net
         node: usize,
-        /// Node whose gas it has at the start.
+        /// Node that gives the gas state at the start.
         starts_as: usize,
         /// Balance of the volume
         law: ChamberLaw,

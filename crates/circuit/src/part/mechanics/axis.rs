@@ -16,7 +16,7 @@ use physics::mechanics::Inertia;
 pub struct Axis<P> {
     /// Moving mass m, kg.
     pub mass: P,
-    /// Mass that friction adds to the acceleration term, kg. It moves with the piston.
+    /// Mass that friction adds to the acceleration term, kg. This mass moves with the piston.
     pub inertia: P,
     /// 1/(m + inertia), prepared.
     pub inverse_mass: P,
@@ -28,7 +28,7 @@ pub struct Axis<P> {
     pub friction: Option<Contact<P>>,
     /// A mass coupled by a ratio that depends on the position.
     pub(crate) moves: Vec<Inertia<P>>,
-    /// -1, 0 or +1: see [`physics::friction`].
+    /// Mode of friction, -1, 0 or +1: see [`physics::friction`].
     pub mode: P,
     /// Largest error scale of each inner state, in its unit: see [`largest_scales`].
     pub(crate) largest_scales: Vec<f64>,
@@ -62,7 +62,8 @@ const DEFLECTION: &str = "bristle_deflection_m";
 /// Largest error scale of a deflection, as a multiple of the deflection at which the spring carries the whole friction
 /// force.
 const DEFLECTION_SCALE: f64 = 100.0;
-/// The same limit for the force of a deflection in sliding. There, bristle damping may be much steeper than the spring.
+/// The same limit for the force of a deflection in sliding. At larger deflections, bristle damping may be much steeper
+/// than the spring.
 const SLIDING_SCALE: f64 = 1e4;
 /// Speeds at which the friction is sampled, m/s.
 const SLIDING: [f64; 4] = [1e-3, 1e-2, 1e-1, 1.0];

@@ -21,8 +21,8 @@ gathered! {
     }
 }
 
-/// Least effective depth as a fraction of the rated depth. No tolerance resolves its force, and a power of it still has
-/// a slope.
+/// Least effective depth as a fraction of the rated depth. Its force is below any tolerance, and a power of this depth
+/// still has a slope.
 const LEAST_DEPTH: f64 = 1e-12;
 
 impl<P: Real> Bumper<P> {

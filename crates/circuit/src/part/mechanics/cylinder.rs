@@ -98,8 +98,8 @@ impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
 }
 
 impl<R: Lane, const USUAL: bool> Cylinder<R, USUAL> {
-    /// Returns `so_far` if both chambers have room and gas at every state within `spread` of `y`. A lane that may have
-    /// none gets -1.
+    /// Returns `so_far` if both chambers have room and gas at every state within `spread` of `y`. A lane without room
+    /// or gas in a chamber gets -1.
     #[inline(always)]
     pub(crate) fn holds(
         &self,

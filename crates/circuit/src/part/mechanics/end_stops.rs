@@ -35,7 +35,7 @@ pub(crate) struct Follows<P> {
 }
 
 impl<P: Real> Follows<P> {
-    /// Returns the stop for the highest pressure of a start, Pa absolute. Its damping ratio stays.
+    /// Returns the stop for the highest pressure of a start, Pa absolute. The damping ratio does not change.
     pub fn law(&self, start: P) -> EndStop<P> {
         let EndStop { stiffness, damping, damping_depth } = self.law.clone();
         let more = self.rise * (start - self.supply).max(P::zero());
@@ -45,7 +45,7 @@ impl<P: Real> Follows<P> {
 }
 
 /// The covers of a cylinder: a second contact, in addition to the stop, at a greater depth. It is omitted from the
-/// equations until a step would end there. It costs nothing and moves no bit in normal operation.
+/// equations until a step would end there. In normal operation it has no cost and does not change results.
 #[derive(Clone, Debug)]
 pub struct Covers<P> {
     pub law: EndStop<P>,
@@ -219,8 +219,8 @@ impl<P: Real> Part<P> for EndStops<P> {
         damper::CHANNELS.to_vec()
     }
 
-    /// Returns the work done on the stop. A piston that leaves faster than the stop can follow is free of the stop, and
-    /// its steps may be long. The energy that the spring holds and gives to the damper is therefore not an integral.
+    /// Returns the work done on the stop. A piston that leaves faster than the stop can follow has no contact, and
+    /// steps may be long. The energy that the spring holds and gives to the damper is therefore not an integral.
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
         let node = &net.axis[self.axis];
         let contact = self.contact(node.x, node.v);

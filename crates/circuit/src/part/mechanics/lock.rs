@@ -4,7 +4,7 @@ use crate::part::flow::path::{clip, gathered};
 use crate::part::{Common, Own, OwnMut, Part, State, mechanics::damper};
 use math::{Over, Real};
 
-/// Time constant of forgetting the slip of the jaws, s. It delays the first elastic return after a slide.
+/// Time constant of forgetting the slip of the jaws, s. This time delays the first elastic return after sliding.
 const FORGETS: f64 = 1e-4;
 
 gathered! {
@@ -12,7 +12,7 @@ gathered! {
     ///
     ///   `F = clip(k (z + T v), -y F_h, y F_h)      z' = v - (z - w)/tau,   w = clip(z, -y F_h/k, y F_h/k)       [N], in -x`
     ///
-    /// w stores the energy k w^2/2. The rest of the work of F becomes heat: F is never less than k w against the
+    /// w stores the energy k w^2/2. The other part of the work of F becomes heat: F is never less than k w against the
     /// motion.
     ///
     /// * `y`: closing of the jaws, 0 to 1.

@@ -13,9 +13,10 @@ gathered! {
     ///
     ///   `F = F_h sin(pi D/L_p) + c D',   D = x_from - x_to                 [N], in +x on to, -F on from`
     ///
-    /// This holds until |D| reaches L_p/2, where the force is largest. Then the force is zero until |D| is below L_p/4 again.
+    /// This holds until |D| reaches L_p/2, where the force is largest. Beyond this, the force is zero until |D| is
+    /// below L_p/4 again.
     /// Decoupled magnets keep their energy at L_p/4, so that the new coupling neither takes nor gives energy. The
-    /// remaining energy at L_p/2 becomes heat. The energy of an approach decides whether it ends coupled.
+    /// remaining energy at L_p/2 becomes heat. Whether the axes couple after an approach depends on the energy.
     ///
     /// * `F_h`: holding force, N.
     /// * `L_p`: pole pitch, m.

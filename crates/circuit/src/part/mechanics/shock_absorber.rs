@@ -17,7 +17,8 @@ gathered! {
     /// * `c_0`, `c_1`: damping at the start and at the end of its stroke S, N s2/m2.
     /// * `k_b`: stiffness of its body, N/m.
     ///
-    /// The mass is not attached to it. A mass that moves back leaves it, and it is extended again at the next contact.
+    /// The mass is not attached to it. A mass that moves back leaves the absorber, which is extended again at the next
+    /// contact.
     pub struct ShockAbsorber {
         numbers { stroke, preload, contact_depth, stiffness, damping, end_damping, body_stiffness }
         laws { meets: Meets }
