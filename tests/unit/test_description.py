@@ -286,7 +286,7 @@ def test_a_valve_by_a_flow_without_its_ratio_has_the_usual_one_as_an_assumption(
 
 def test_a_component_by_a_flow_without_its_ratio_writes_the_assumption_down():
     valve = component({"kind": "valve/switching-5/2", "cv": 1.0, "time_on": "10 ms", "time_off": "10 ms"})
-    assert any("critical_pressure_ratio = 0.3, usual of valves" in line for line in valve.assumed())
+    assert any("critical_pressure_ratio = 0.3, usual for valves" in line for line in valve.assumed())
     assert component(valve.to_dict()).to_dict() == valve.to_dict()
     with pytest.raises(DescriptionError, match="critical_pressure_ratio is missing"):
         component({"kind": "fitting", "conductance": "1 dm3/(s bar)"})

@@ -550,7 +550,7 @@ def test_a_recording_too_long_for_strokes_says_so(served: Served, monkeypatch: p
     read(served, "run.parquet")
     found = get(served, "/api/strokes", path="run.parquet")
     assert (found["strokes"], found["faults"]) == ([], {})
-    assert "1,200 samples, here at most 1,199" in found["note"]
+    assert "1,200 samples, at most 1,199 here" in found["note"]
     monkeypatch.chdir(served.folder)
     commands = re.findall(r"pneudrive .*?(?= counts| finds)", found["note"])
     assert [run_command(shlex.split(one)[1:]) for one in commands] == [0, 0]

@@ -122,7 +122,7 @@ def test_a_command_is_no_file_but_a_csv_of_the_folder(
     (served.folder / "link.csv").symlink_to(outside / "secret.csv")
     given = ASKED | {"command": command.format(outside=outside)}
     head, _ = unpack(answer(Workspace.at(served.folder), json.dumps(given)))
-    assert any(said in head["problems"][0]["what"] for said in ("is not one", "is not a file of this workspace"))
+    assert any(said in head["problems"][0]["what"] for said in ("is not a command", "is not a file of this workspace"))
     assert "root:x" not in json.dumps(head)
 
 

@@ -95,7 +95,10 @@ def test_a_counter_that_wraps(table, tmp_path, whole):
     (tmp_path / "a.csv").write_text(text_of([head], rows))
     layout = propose_layout(tmp_path / "a.csv").text
     if whole:
-        assert "position: it holds counts: state the unit, and its scale" in propose_layout(tmp_path / "a.csv").problem
+        assert (
+            "position: this column contains counts: state the unit, and the scale"
+            in propose_layout(tmp_path / "a.csv").problem
+        )
         layout = layout.replace("# position = {", "position = {").replace("scale = 1.0", "scale = 0.001")
         assert all("counter_wrap" in flags for flags in check(tmp_path / "a.csv", layout))
     else:  # no whole numbers: nothing is changed, but the jumps are named
@@ -130,7 +133,10 @@ def test_rows_of_units_and_of_descriptions(table, tmp_path, unit, factor, shift)
 
 def test_a_unit_that_nobody_knows_is_asked_for(table, tmp_path):
     (tmp_path / "a.csv").write_text(text_of([NAMES, ["s", "mm", "N", "psid", "barg"]], fields(table)))
-    assert "pressure_a: its unit 'psid' is not known: state the unit" in propose_layout(tmp_path / "a.csv").problem
+    assert (
+        "pressure_a: the unit 'psid' of this column is not known: state the unit"
+        in propose_layout(tmp_path / "a.csv").problem
+    )
 
 
 def lvm(table, times, segment=0):
@@ -160,7 +166,9 @@ def test_measurement_files_without_a_column_of_times_and_in_segments(table, tmp_
 def test_a_file_without_times_asks_for_a_rate(table, tmp_path):
     (tmp_path / "a.csv").write_text(text_of([BRACKETS[1:]], [row[1:] for row in fields(table)]))
     proposal = propose_layout(tmp_path / "a.csv")
-    assert 'no column rises like a time: state the rate of the samples, time = { rate = "50 Hz" }' in proposal.problem
+    assert (
+        'no column increases like a time: state the rate of the samples, time = { rate = "50 Hz" }' in proposal.problem
+    )
     check(tmp_path / "a.csv", proposal.text.replace("[columns]", '[columns]\ntime = { rate = "50 Hz" }'))
     rows = [[str(at), *row[1:]] for at, row in enumerate(fields(table))]
     (tmp_path / "b.csv").write_text(text_of([["Sample", *BRACKETS[1:]]], rows))
@@ -294,7 +302,7 @@ def test_candidates_of_equal_evidence_are_left_open_and_listed(table, tmp_path):
     two = np.column_stack([table, table[:, 2] * 0.5 + np.random.default_rng(1).normal(size=len(table))])
     rows = fields(two, (3, 5, 4, 4, 4, 4))
     (tmp_path / "a.csv").write_text(text_of([[*BRACKETS, "Load [N]"]], rows))
-    assert "force: more than one column may be it (Force [N], Load [N])" in propose_layout(tmp_path / "a.csv").problem
+    assert "force: more than one column is possible (Force [N], Load [N])" in propose_layout(tmp_path / "a.csv").problem
     head = [[*BRACKETS[:3], "P upper [barg]", "P lower [barg]", "P supply [barg]"]]
     three = np.column_stack([table, 1 + table[:, 4]])
     (tmp_path / "b.csv").write_text(text_of(head, fields(three, (3, 5, 4, 4, 4, 4))))

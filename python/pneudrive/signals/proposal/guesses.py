@@ -288,7 +288,7 @@ def _pressures(roles: Roles) -> None:
             side = "b" if "a" in sides else "a"
             _accept(roles, f"pressure_{side}", free[0], f"chamber {side}: the other pressure is named")
         elif free:
-            _leave_open(roles, "the other pressure", "more than one column may be it", free)
+            _leave_open(roles, "the other pressure", "more than one column is possible", free)
         return
     free = [one for one in [*free, *(one for some in sides.values() for one in some)] if one.score > best - CLEAR]
     _without_names(roles, free)
@@ -422,7 +422,7 @@ def _choose(roles: Roles, role: str, named: list[Candidate]) -> Candidate | None
     signals.taken |= {one.index for one in close}
     if not others:
         return best
-    _leave_open(roles, role, "more than one column may be it", [best, *others])
+    _leave_open(roles, role, "more than one column is possible", [best, *others])
     return None
 
 

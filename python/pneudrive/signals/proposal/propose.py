@@ -129,7 +129,7 @@ def _kind(path: Path, reading: FileForm, roles: Roles) -> str:
     shown = ", ".join(f"{g.role}: column {g.column!r}" for g in roles.guesses)
     named = f"; columns: {', '.join(reading.names)}" if reading.names else ""
     raise RecordingError(
-        "names and numbers of this table are not those of a recording",
+        "this table is not a recording, according to names and numbers",
         where=str(path),
         value=f"{shown}{named}"[:300],
         rule="time, position and force of a rig; time, command, position and pressures of a drive; time and pressure "
