@@ -37,6 +37,8 @@ CLOSED, SHARE, ENOUGH = 1e-13, 1e-8, 1e-9
 MOST_ATTEMPTS, RENEW_FROM = 20, 4
 #: Steps after which the mobility of the mechanism is computed again (assumed: it changes slowly).
 RENEW_AFTER = 20
+#: Distance outside the stroke that counts as rounding, m.
+ROUNDING_M = 1e-9
 #: Residual of the loops above which a run warns, m (assumed).
 WIDE_GAP = 1e-5
 #: Component that moves the axis of a drive, coupling before it, and columns of a run.
@@ -235,11 +237,11 @@ class Actuators:
         mobility = self._response.mobility()
         self._mobility = mobility.ravel().tolist()
         for i, (axis, position) in enumerate(zip(self._axes, x.tolist(), strict=True)):
-            if not 0.0 <= position <= axis.stroke_m:
+            if not -ROUNDING_M <= position <= axis.stroke_m + ROUNDING_M:
                 what = f"{axis.name} starts at {1e3 * position:.6g} mm"
                 remedy = f"Move the model there, or set zero={{{axis.name!r}: ...}}."
                 raise CommandError(what, rule=f"within the stroke, 0 to {1e3 * axis.stroke_m:g} mm", remedy=remedy)
-            axis.start(position, 1.0 / float(mobility[i, i]), self.rtol, self.seed + i)
+            axis.start(min(max(position, 0.0), axis.stroke_m), 1.0 / float(mobility[i, i]), self.rtol, self.seed + i)
         self.time = 0.0
         self._x = self._length = x
         self._cores = [axis.core for axis in self._axes]
