@@ -119,6 +119,8 @@ pub struct Controller<L = AnyLaw, S = f64> {
     pub(crate) friction: Option<S>,
     /// Force that breaks a resting drive away, N.
     pub(crate) push: S,
+    /// Load by which other axes of the run deviate from their plans, N in +x. It needs a reference with efforts.
+    pub coupling: f64,
 }
 
 /// Handover from another law, and from other gains.
@@ -209,6 +211,7 @@ impl Controller {
             observer: None,
             friction: None,
             push: 0.0,
+            coupling: 0.0,
             factors: [1.0; FACTORS.len()],
         })
     }
@@ -239,6 +242,8 @@ impl Controller {
     /// sample that is not a number gives a command that is not a number.
     pub fn decide(&mut self, sample: &Sample, reference: &Reference) -> Answer {
         if let Some(Effort { mass, load, .. }) = reference.effort(sample.time) {
+            // A law that predicts would let the deviations of now last through its horizon, and swing with the others.
+            let load = if self.law.predicts() { load } else { load + self.coupling };
             match &mut self.adaptation {
                 Some(adaptation) => adaptation.expect(&mut self.model, mass, load),
                 None => (self.model.mass, self.model.load) = (mass, load),
@@ -395,6 +400,17 @@ impl Controller {
         if let Some(hold) = &mut self.hold {
             *hold = Hold::new(hold.band, hold.after);
         }
+    }
+
+    /// Returns the deviation of the force of gas less friction at the last sample from the plan of a reference with
+    /// efforts, N in +x.
+    pub fn deviation(&self, reference: &Reference) -> Option<f64> {
+        let (observer, model) = (self.observer.as_ref()?, &self.model);
+        let Effort { mass, load, .. } = reference.effort(observer.time())?;
+        let State { position, velocity, friction, pressures, .. } = observer.state;
+        let [_, viscous] = model.friction_levels([position, velocity], pressures);
+        let planned = mass * reference.at(observer.time()).acceleration - load;
+        Some(model.gas_force(pressures) - friction - viscous * velocity - planned)
     }
 
     /// Returns the state at the last sample.

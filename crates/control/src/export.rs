@@ -231,6 +231,7 @@ impl Recorder<'_> {
             observer: Some(observer.at_rest()),
             friction: Some(Traced::zero()),
             push: Traced::zero(),
+            coupling: 0.0,
             factors: self.controller.factors,
         }
     }

@@ -104,6 +104,8 @@ pub struct Efforts {
     pub period: f64,
     /// One entry for each time.
     pub rows: Vec<Effort>,
+    /// For each time, the part of the force of each axis of the run that acts on this axis as a load. Empty: none.
+    pub others: Vec<Vec<f64>>,
 }
 
 /// Moving mass and load of a drive at one time.
@@ -263,6 +265,19 @@ impl Reference {
                 let ended = pieces.partition_point(|own| own.begin + own.duration <= t);
                 pieces[ended..].iter().take_while(|own| own.begin < t + span).all(Piece::stands)
             }
+        }
+    }
+
+    /// Returns the part of the force of each axis of a run that acts on this axis as a load, at a time, s.
+    pub fn others(&self, t: f64) -> &[f64] {
+        match self {
+            Reference::Pieces { efforts: Some(own), .. } => {
+                let last = own.others.len().saturating_sub(1);
+                own.others
+                    .get(((t / own.period).round().max(0.0) as usize).min(last))
+                    .map_or(&[], Vec::as_slice)
+            }
+            _ => &[],
         }
     }
 

@@ -208,6 +208,12 @@ pub fn run_together(
     let mut turns = Vec::with_capacity(axes.len());
     for tick in 0..=ticks {
         turns.clear();
+        let deviations: Vec<_> =
+            axes.iter().map(|own| own.controller.deviation(own.reference).unwrap_or(0.0)).collect();
+        for own in &mut *axes {
+            let parts = own.reference.others(tick as f64 * own.controller.period);
+            own.controller.coupling = parts.iter().zip(&deviations).map(|(part, by)| part * by).sum();
+        }
         for Led { servo, controller, reference } in &mut *axes {
             turns.push(servo.observe(session, tick, controller, reference, look)?);
         }

@@ -104,6 +104,9 @@ pub struct MotionEfforts {
     pub period_s: f64,
     /// Mass, kg, load, N, and its rate, N/s, at each time.
     pub rows: Vec<[f64; 3]>,
+    /// Part of the force of each axis of the run that acts as a load, at each time.
+    #[serde(default)]
+    pub others: Vec<Vec<f64>>,
 }
 
 impl From<&Motion> for Reference {
@@ -127,6 +130,7 @@ impl From<&Motion> for Reference {
                     .collect(),
                 efforts: efforts.as_ref().map(|own| Efforts {
                     period: own.period_s,
+                    others: own.others.clone(),
                     rows: (own.rows.iter())
                         .map(|&[mass, load, load_rate]| Effort { mass, load, load_rate })
                         .collect(),

@@ -75,7 +75,9 @@ class LegDynamics(NamedTuple):
     forces_n : ndarray
         Force of each leg in +x without friction.
     masses_kg : ndarray
-        Mass that a leg moves while the others do not.
+        Mass that a force on the leg moves while the forces of the other legs stay.
+    couplings : ndarray, shape (m, n, n)
+        W_ij/W_ii: the part of the force of leg j that acts on leg i.
     """
 
     positions_m: Array
@@ -83,6 +85,7 @@ class LegDynamics(NamedTuple):
     accelerations_m_s2: Array
     forces_n: Array
     masses_kg: Array
+    couplings: Array
 
 
 class Platform(Shown):
@@ -244,7 +247,7 @@ class Platform(Shown):
     def dynamics(self, pose: Pose, rates: ArrayLike, accelerations: ArrayLike) -> LegDynamics:
         """Return motion, force and moving mass of each leg along a motion of the platform: the inverse dynamics.
 
-        F = J^-T (M q'' + h) and m_i = (J^-T M J^-1)_ii. Rods and barrels are in M, friction is not in F.
+        F = J^-T (M q'' + h), W = J M^-1 J^T, m_i = 1/W_ii. Rods and barrels are in M, friction is not in F.
 
         Parameters
         ----------
@@ -256,14 +259,17 @@ class Platform(Shown):
         rates, accelerations = (np.atleast_2d(np.asarray(one, dtype=float)) for one in (rates, accelerations))
         q, u, second = self.core_motion(rows, rates, accelerations)
         own = self.core.evaluate(q, u)
-        inverse = np.linalg.pinv(own["jacobian"])
+        jacobian = own["jacobian"]
+        mobility = jacobian @ np.linalg.solve(own["mass"], np.swapaxes(jacobian, -1, -2))
+        diagonal = np.einsum("nii->ni", mobility)
         needed = np.einsum("nab,nb->na", own["mass"], second) + own["forces"]
         return LegDynamics(
             own["positions"],
             own["velocities"],
-            own["accelerations"] + np.einsum("nia,na->ni", own["jacobian"], second),
-            np.einsum("nai,na->ni", inverse, needed),
-            np.einsum("nai,nab,nbi->ni", inverse, own["mass"], inverse),
+            own["accelerations"] + np.einsum("nia,na->ni", jacobian, second),
+            np.einsum("nai,na->ni", np.linalg.pinv(jacobian), needed),
+            1.0 / diagonal,
+            mobility / diagonal[..., None],
         )
 
     def core_motion(self, rows: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:

@@ -150,3 +150,15 @@ def test_a_run_follows_a_circle_and_scores_payloads(tripod):
     assert np.isclose(np.sqrt(np.mean(off.to_numpy()[1:] ** 2)), errors[0], rtol=0.5)
     assert set(score["payload_spread"]) == {"0 kg", "2 kg"}
     assert score["air_per_cycle_anr_m3"] == pytest.approx(score["air_anr_m3_s"], rel=1e-9)
+
+
+def test_strongly_coupled_legs_are_told_and_follow_by_inversion():
+    """A linear delta, in which 60 % of the force of a carriage acts on each other one."""
+    text = TRIPOD.read_text("utf-8").replace('"platform/3-rps"', '"platform/linear-delta"')
+    text = text.replace('length = "350 mm"', 'length = "400 mm"').replace('radius = "200 mm"', 'radius = "60 mm"')
+    text = re.sub(r"(inertia|centre) = .*\n", "", text)
+    circle = {"x": "circle 20 mm 1 Hz around 0 mm", "y": "circle 20 mm 1 Hz around 0 mm"}
+    with pytest.warns(UserWarning, match=r"6\d % of the force of a leg of tripod acts on another leg"):
+        run = pn.control.run_pose(pn.Circuit.load(text), "inversion", reference=circle, duration="4 s")
+    score = run.attrs["score"]
+    assert max(score["coordinates"][key]["rmse"] for key in "xy") < 0.02 * 0.02

@@ -15,7 +15,7 @@ from pneudrive.control.motion import polynomials
 from pneudrive.control.paths import POWERS
 from pneudrive.control.tuning import tune
 from pneudrive.describe.circuit import Circuit
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, warn
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 KNOT_S, BEYOND_S = 5e-3, 0.1
 #: Half step of the differences that give jerk and rate of the load, s. Their relative error is 1e-6 at 2 Hz.
 STEP_S = 1e-4
+#: Part of the force of one leg that acts on another, above which single controllers of the legs may swing (measured).
+MOST_COUPLED = 0.4
 #: Smallest singular value of a pose that a path may reach (assumed).
 LEAST_SINGULAR_VALUE = 0.1
 
@@ -51,6 +53,8 @@ class Demands(NamedTuple):
         Force of each leg without friction, and its moving mass.
     loads_n, load_rates_n_s : ndarray
         m_i a_i - F_i: force in +x that neither air nor friction gives, and its rate.
+    couplings : ndarray, shape (m, n, n)
+        Part of the force of leg j that acts on leg i as a load; zero for i = j.
     singular_values : ndarray, shape (m,)
         The smallest one of each pose.
     """
@@ -64,6 +68,7 @@ class Demands(NamedTuple):
     masses_kg: Array
     loads_n: Array
     load_rates_n_s: Array
+    couplings: Array
     singular_values: Array
 
 
@@ -92,6 +97,7 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
         own.masses_kg,
         loads[0],
         (loads[2] - loads[1]) / (2.0 * STEP_S),
+        own.couplings * (1.0 - np.eye(len(platform.legs))),
         platform.singular_values(path.at(times)[0])[:, -1],
     )
 
@@ -118,6 +124,10 @@ def check_path(
         what = f"the path of {platform.name} comes to a nearly singular pose at t = {times[row]:.4g} s"
         value, rule = f"smallest singular value {needs.singular_values[row]:.3g}", f"at least {least:g}"
         raise CommandError(what, value=value, rule=rule, remedy="Tilt less, or move the path towards half strokes.")
+    coupled = float(np.abs(needs.couplings).max())
+    if coupled > MOST_COUPLED:
+        said = f"up to {100.0 * coupled:.0f} % of the force of a leg of {platform.name} acts on another leg"
+        warn(f"{said}: the controllers of single legs may oscillate; inversion stands more of it than nmpc")
     most = {"force": 0.0, "speed": 0.0}
     for i, tuning in enumerate(tunings):
         name, x, v = platform.legs[i].name, needs.positions_m[:, i], needs.velocities_m_s[:, i]
@@ -174,7 +184,7 @@ def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, dict[
     rows[:, 2:6], rows[:, 6:10] = low.T, high.T
     made = polynomials(text, float(needs.positions_m[0, leg]), rows.tolist())
     efforts = np.stack([needs.masses_kg[:, leg], needs.loads_n[:, leg], needs.load_rates_n_s[:, leg]], axis=1)
-    return made, {"period_s": h, "rows": efforts.tolist()}
+    return made, {"period_s": h, "rows": efforts.tolist(), "others": needs.couplings[:, leg].tolist()}
 
 
 def leg_circuit(circuit: Circuit, platform: Platform, leg: int, mass_kg: float, load_n: float) -> Circuit:
