@@ -47,7 +47,7 @@ class Columns(Pneudrive):
         return np.stack([columns[c] for c in COLUMNS], axis=1)
 
     def bare(self, case: Case, tol: float) -> Any:
-        """Solve a case; the columns of a trajectory file."""
+        """Solve a case, and return the columns of a trajectory file."""
         return self.drive.simulate(*motion(case), tol)
 
 

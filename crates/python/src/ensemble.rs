@@ -143,7 +143,7 @@ impl PyEnsemble {
     /// The k-th of the returned "outputs" is an array (n,), or (n, samples) for samples, in the column's
     /// unit. An integral has the unit times s. The times above and below a value are in s: 0 if true at the
     /// start, NaN if never true. The array "status" (n,) uint8 is 0 for done, 1 for a failed run, 2 for inconsistent
-    /// numbers. The outputs of 1 and 2 are NaN, and "reasons" has the cause by member. The numbers of a
+    /// numbers. Members with status 1 or 2 have outputs NaN, and "reasons" has the cause by member. The numbers of a
     /// member depend only on the row of that member, not on neighbours, threads or order. A value outside its bounds
     /// raises a ValueError that names member and number, before any member runs.
     #[pyo3(signature = (asked, look=None))]

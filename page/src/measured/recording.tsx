@@ -149,7 +149,7 @@ async function put(found: Opened, path: string, isGone: () => boolean): Promise<
   });
 }
 
-/** Show a new recording whole. A recording that has grown keeps its view. */
+/** Show a new recording over its whole duration. A recording that has grown keeps its view. */
 function show(found: Opened, before?: Opened): void {
   const [from, to] = span.value;
   const names = (of?: Opened) => JSON.stringify([of?.time, of?.channels]);

@@ -87,7 +87,7 @@ def profile_intervals(
 
 
 def _crossings(log_value: Array, slack: Array) -> tuple[float, float]:
-    """Return the outermost values at which the slack vanishes, interpolated between grid points."""
+    """Return the outermost values at which the cost reaches its threshold, interpolated between grid points."""
     inside = np.flatnonzero(slack >= 0.0)
     if inside.size == 0:
         return np.inf, -np.inf

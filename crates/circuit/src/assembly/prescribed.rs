@@ -1,4 +1,5 @@
-//! A session with an axis at a prescribed velocity (`platform/driven`): the force that it gives a program over a step.
+//! A session with an axis at a prescribed velocity (`platform/driven`): it returns the mean force over a step to a
+//! program that computes the motion.
 
 use super::evaluate::shoot::Sensitive;
 use super::session::Session;

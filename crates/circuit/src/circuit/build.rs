@@ -189,7 +189,7 @@ impl<R: Lane> Circuit<R> {
         of.expect("an axis").1.moves.push(law);
     }
 
-    /// Adds one side of a piston. If `grows`, the chamber grows with x. Otherwise it ends at `stroke` m.
+    /// Adds one side of a piston. If `grows`, the chamber grows with x. Otherwise its volume ends at `stroke` m.
     pub fn face(&mut self, gas: GasId, axis: AxisId, grows: bool, stroke: R, side: PistonSide<R>) {
         let offset = if grows { R::zero() } else { stroke };
         let PistonSide { area, perimeter, end_wall } = side;

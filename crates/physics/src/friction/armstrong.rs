@@ -18,7 +18,8 @@ crate::parameters! {
     /// the arrival, Ea = G - Fc, as Ea + (Fs - Fc - Ea) t/(t + gamma). During slip, E is constant (t = 0 and l from the
     /// breakaway), so that t > 0 indicates stick. A drive begins well rested, l = 0.
     ///
-    /// Three choices are made where the source leaves one open or is not a differential equation. (1) The u of the
+    /// Three choices are necessary, because the source leaves details open or is not a differential equation. (1) The u
+    /// of the
     /// source is v delayed by tau. Here it is a first-order lag with the same time constant. At the frequency w, its
     /// phase is -atan(w tau) instead of -w tau, and its amplitude 1/sqrt(1 + (w tau)^2) instead of 1. The differences
     /// are 0.009 rad and 4.2 % at w tau = 0.3. (2) In slip z follows, dz/dt = v - |v| kt z/G, so that a stop starts

@@ -58,7 +58,7 @@ pub struct Contact<P> {
     pub law: AnyLaw<P>,
     /// Dependence on the pressures in the chambers.
     pub seal_lips: Option<SealLips<P>>,
-    /// Boxed, because most contacts have none.
+    /// All other modifiers; boxed, because most contacts have none of them.
     pub composition: Option<Box<Composition<P>>>,
     /// One of the usual laws without modifiers: evaluated in line, see [`Contact::usual_force`].
     usual: bool,

@@ -1,4 +1,4 @@
-"""Characteristics of a campaign folder, by one function with one result."""
+"""All characteristics of a campaign folder, computed by one function."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Characterisation of recordings, by one function with one result."""
+"""Characterisation of recordings: all results by one function."""
 
 from __future__ import annotations
 
