@@ -32,7 +32,7 @@ impl Demand {
     }
 }
 
-/// Steps after which the user is asked whether to stop.
+/// Number of steps after which the caller is asked whether to stop.
 const LOOKS: u64 = 4096;
 /// Number of times at which the direction of a reference is sampled.
 const MOMENTS: u32 = 2000;
