@@ -209,7 +209,7 @@ def test_what_a_rig_is_not_asked_for_is_refused_in_words():
         for work, words in (
             (lambda: list(rig.acquire([Move(0.2, 0.1)], Sampling(samples_per_stroke=2**31 - 1))), "samples"),
             (lambda: rig.hold(1e300), "a hold of"),
-            (lambda: rig.move(0.2, 1e-9), "a day for the travel"),
+            (lambda: rig.move(0.2, 1e-9), "at most a day"),
             (lambda: rig.move(float("nan"), 0.1), "BadOutOfRange"),
             (lambda: rig.set_pressure(float("inf"), 1e5), "BadOutOfRange"),
             (lambda: rig.restore({"clock_s": float("nan")}), "restore"),

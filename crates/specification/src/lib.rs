@@ -8,8 +8,8 @@ pub use friction::*;
 use serde::{Deserialize, Deserializer, de::Error};
 use std::collections::BTreeMap;
 
-/// A description that can be read from JSON. `serde_json::from_str` would be compiled again in each calling crate, for
-/// all tables and optimised for speed. This crate is optimised for size.
+/// A description that can be read from JSON. Each crate uses this trait instead of `serde_json::from_str`, which would
+/// be compiled again in each calling crate. This crate is optimised for size.
 pub trait FromJson: Sized {
     /// Error in JSON.
     ///

@@ -127,7 +127,7 @@ class _Axis:
         self.stroke_m = float(self.cylinder["numbers"]["stroke"])
 
     def start(self, position_m: float, mass_kg: float, rtol: float, seed: int) -> None:
-        """Start at a position; the mass, which MuJoCo moves, designs the default end stops."""
+        """Start at a position. The default end stops are designed for the mass that MuJoCo moves."""
         if not self.is_coupled:
             self.cylinder["numbers"]["moving_mass"] = mass_kg
         core = compiled(json.dumps(self.form, sort_keys=True), self.described.system.names)

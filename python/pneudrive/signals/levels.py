@@ -84,7 +84,7 @@ def _are_steps(groups: list[list[Stroke]]) -> bool:
 
 
 def _are_levels(groups: list[list[Stroke]]) -> bool:
-    """Return whether groups are set speeds.
+    """Return whether groups are speeds that were set.
 
     Drift or scatter also makes groups, but of one direction only or without gaps between them.
     """

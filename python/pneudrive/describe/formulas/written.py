@@ -117,7 +117,7 @@ class Written(Described):
                 raise wrong(key, what, remedy=nearest(key, known))
         misplaced = next((key for key in outputs if key in _table(tables, "let")), None)
         if misplaced:
-            remedy = "Write [output] above it: a key belongs to the table above it."
+            remedy = "Write [output] above this key, because a key belongs to the table above it."
             raise wrong(f"let.{misplaced}", f"{misplaced} is a key under [let]", remedy=remedy)
         for key in output:
             if key not in outputs:

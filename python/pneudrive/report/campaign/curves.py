@@ -117,7 +117,7 @@ def _rise(topic: Topic, found: CampaignCharacteristics, a: AirShare) -> str:
 
 
 def _parts(a: AirShare) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return middle, lower and upper end of the force, and of its parts if they are separable."""
+    """Return the force with the ends of its interval, and the same for its parts if they can be separated."""
     total = {"total": (a.total_n, a.total_low_n, a.total_high_n)}
     if not a.separated:
         return total

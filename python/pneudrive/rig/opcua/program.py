@@ -95,7 +95,8 @@ def _step(row: tuple[int, float, float, float, float], longest_m: float) -> Step
     least = longest_m / LONGEST_STEP_S
     if speed < least:
         raise RigError(
-            f"a move at {1e3 * speed:g} mm/s is too slow", rule=f"at least {1e3 * least:.3g} mm/s: a day for the travel"
+            f"a move at {1e3 * speed:g} mm/s is too slow",
+            rule=f"at least {1e3 * least:.3g} mm/s, so that the travel takes at most a day",
         )
     return Move(position, speed)
 
