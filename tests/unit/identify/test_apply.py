@@ -127,7 +127,7 @@ def test_pressure_slopes_go_over(drive, make_map, friction_of):
 
 def test_drive_with_pressure_slopes_refuses_a_fit_without(drive, good):
     seals = {"coulomb": {"a": "1 N/bar", "b": "1 N/bar"}, "breakaway": {"a": "1 N/bar", "b": "1 N/bar"}}
-    with pytest.raises(FitError, match=r"(?s)must not count twice.*pressure_dependence=True"):
+    with pytest.raises(FitError, match=r"(?s)must not be counted twice.*pressure_dependence=True"):
         good.apply(drive.replace({"friction.pressure": seals}))
 
 
