@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.campaign.planning.adaptive import Finished, QuickPoint, finished_of, measure, needless, next_cycle
 from pneudrive.campaign.running.attempt import Attempts, GivenUpError, Measured, as_own_error
 from pneudrive.campaign.running.checks import arrival_flags, serious
+from pneudrive.campaign.running.measuring_conditions import FAULT, NO_ANSWER, MeasuringBounds, look
 from pneudrive.campaign.running.prompt import wait_for_answer
 from pneudrive.campaign.running.rig_thread import RigThread
-from pneudrive.campaign.running.watch import FAULT, NO_ANSWER, MeasuringBounds, look
 from pneudrive.campaign.storage.control import ABORT, PAUSE, RESUME, STOP
 from pneudrive.campaign.storage.documents import Documents
 from pneudrive.campaign.storage.files import REMEDIES

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from pneudrive.identify.determined import Undetermined
     from pneudrive.identify.static.model import FrictionModel, Observations, StaticLaw
+    from pneudrive.identify.static.model_selection import Support
     from pneudrive.identify.static.robust import RobustEstimate
-    from pneudrive.identify.static.support import Support
 
     Array = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from pneudrive.identify.determined import SIMULATED
 from pneudrive.identify.diagnose import choose_model, diagnose
 from pneudrive.identify.static.assemble import assembled
 from pneudrive.identify.static.model import PRESSURE_FORMS, STRIBECK_SHAPES, FrictionModel, Observations
+from pneudrive.identify.static.model_selection import Support, shrunk_to_the_data, with_knee
 from pneudrive.identify.static.observations import observations
-from pneudrive.identify.static.support import Support, shrunk_to_the_data, with_knee
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

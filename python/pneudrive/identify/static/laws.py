@@ -15,8 +15,8 @@ from pneudrive.identify.static.assemble import assembled
 from pneudrive.identify.static.fit import ambient_of, fit_values
 from pneudrive.identify.static.hierarchy import SPEED_SPAN
 from pneudrive.identify.static.model import PRESSURE_FORMS, FrictionModel
+from pneudrive.identify.static.model_selection import as_it_is, with_knee
 from pneudrive.identify.static.observations import observations
-from pneudrive.identify.static.support import as_it_is, with_knee
 from pneudrive.identify.static.survey import pressure_levels, row_labels
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Shown

@@ -10,10 +10,10 @@ import numpy as np
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import CONFIDENCE, student
 from pneudrive.identify.static.fit import fingerprint, recordings_of
+from pneudrive.identify.static.model_selection import estimated, interval_over_knees
 from pneudrive.identify.static.observations import observations
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.static.sliding_fit import SlidingFit
-from pneudrive.identify.static.support import estimated, interval_over_knees
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
