@@ -86,7 +86,11 @@ function Refit({ path, found }: { path: string; found: FrictionMap }) {
   );
 }
 
-const besideOf = (path: string): string => `${path.slice(0, path.lastIndexOf("/") + 1)}fit.toml`;
+/** The fit of the usual name next to a map, if there is one: a map of several seals has one fit for each. */
+function besideOf(path: string): string {
+  const usual = `${path.slice(0, path.lastIndexOf("/") + 1)}fit.toml`;
+  return map.value?.fits.includes(usual) ? usual : "";
+}
 
 /** Fit whose curves are drawn: the chosen fit, or else the fit next to the map. Empty without either. */
 const drawnFit = (path: string): string => drawn.value || (map.value?.fit ? "" : besideOf(path));
@@ -109,7 +113,9 @@ async function open(path: string): Promise<void> {
     if (mine !== generation) return;
     map.value = found;
     if (found?.fit) return;
-    const own = await read<Fit>("/api/fit", { path: isFit ? path : besideOf(path) });
+    const beside = isFit ? path : besideOf(path);
+    if (!beside) return;
+    const own = await read<Fit>("/api/fit", { path: beside });
     if (mine === generation) fit.value = own;
   } catch (error) {
     if (mine === generation && error instanceof Refused) wrong.value = error.problems;
