@@ -55,7 +55,7 @@ def test_a_map_is_fitted_and_laws_are_compared(folder, tmp_path, capsys):
     assert run(["fit", str(folder / "map.parquet"), "--laws", laws, "--out", str(target)]) == 0
     said, aside = capsys.readouterr()
     assert "1.01325 bar is assumed" in aside
-    assert "held out by pressure: 4 conditions" in said
+    assert "held out in turn: each of 4 conditions of pressure" in said
     assert "recommended: stribeck" in said
     assert FrictionFit.from_toml(target).law == "stribeck"
 

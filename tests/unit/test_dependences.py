@@ -150,7 +150,7 @@ WRONG = [
     ('"10 %/bar"', '"10 N/bar"', 'unit "N/bar" is a force per pressure', "a share per pressure"),
     ("share = 0.3", "share = 1", "friction.relaxation.share: 1 is out of bounds", "less than 1"),
     ('"5 %/m"', '"5 mm"', 'unit "mm" is a length', "a share per length"),
-    ("amplitude = 0.04", "amplitude = 0.99", "add up to 1.01, so that friction would change its sign", "less than 1"),
+    ("amplitude = 0.04", "amplitude = 0.99", "add up to 1.01, so friction would change its sign", "less than 1"),
     ('{ period = "50 mm",', '{ period = "0 mm",', "friction.position.harmonics.period: ", "greater than 0"),
     ('"45 cm"', '"45 mm"', "friction.position.table: the position 45 mm follows 200 mm", "positions rise"),
     ("factor = 0.95", "factor = 0", "friction.position.table.factor: 0 is out of bounds", "greater than 0"),

@@ -77,7 +77,7 @@ def design(
         said = "\n".join([str(plan), *_shared(found, plan)])
     typer.echo(said)
     whole = lay_out(parse_protocol(text), identity, envelope)
-    typer.echo(f'the protocol takes {identity.name} on "{duration(whole.time_s)}"')
+    typer.echo(f'the protocol takes {duration(whole.time_s)} on "{identity.name}"')
     if out is None:
         typer.echo("\n" + text.rstrip())
     else:

@@ -137,7 +137,7 @@ class LawComparison(Shown):
         width = max(len(row.title) for row in self.rows)
         inside = f"in {100 * self.probability:.0f} %"
         head = f"{'law':<{width}}  free     AICc      BIC  error N  error %  {inside}"
-        lines = [f"one of {self.held_out} conditions ({self.folds}) is held out at a time", head]
+        lines = [f"held out in turn: each of {self.folds} conditions of {self.held_out}", head]
         lines += [
             f"{row.title:<{width}} {row.free:5d} {row.aicc:8.1f} {row.bic:8.1f} {row.error_n:8.3g} "
             f"{100 * row.error:8.1f} {100 * row.coverage:6.0f} %"
