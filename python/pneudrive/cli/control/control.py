@@ -31,7 +31,7 @@ SetupOption = Annotated[
     str,
     typer.Option(
         "--setup",
-        help="Sensors and converters: ideal, real, cheap (their values are assumed), or a TOML file.",
+        help="Instrumentation: ideal, real, cheap (assumed values), or a TOML file.",
     ),
 ]
 Law = Annotated[
@@ -40,8 +40,7 @@ Law = Annotated[
 Along = Annotated[
     str,
     typer.Option(
-        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file. '
-        "Of a platform: a TOML file with a line for each coordinate.",
+        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.',
         metavar="REF",
     ),
 ]
@@ -52,8 +51,7 @@ AllowCode = Annotated[
 MismatchOption = Annotated[
     str | None,
     typer.Option(
-        help="Deviation of the true drive from its description: all, mass+30, sag, other-friction, load-step, ... "
-        "(their values are assumed), or a TOML file."
+        help="Deviation of the true drive: all, mass+30, sag, load-step, ... (assumed values), or a TOML file."
     ),
 ]
 #: Reference along which a tuned law is tried, and share of its way by which that may miss it (assumed).
@@ -146,14 +144,14 @@ def run(
     reference: Along,
     controller: Annotated[
         str | None,
-        typer.Option(help="Controller file (TOML), or a name; default: nmpc.", metavar="FILE|LAW"),
+        typer.Option(help="TOML file or name; default: nmpc.", metavar="FILE|LAW"),
     ] = None,
     law: Annotated[
         str | None,
-        typer.Option(help="Name of a controller, or your own code: mine.py:Law, mine.so:law.", metavar="LAW"),
+        typer.Option(help="Controller or own code: mine.py:Law, mine.so:law.", metavar="LAW"),
     ] = None,
     setup: SetupOption = "real",
-    duration: Annotated[str | None, typer.Option(help='Duration, e.g. "12 s"; default: from the reference.')] = None,
+    duration: Annotated[str | None, typer.Option(help='Duration, "12 s"; default: of the reference.')] = None,
     seed: Annotated[int, typer.Option(help="Seed of all noise.", min=0)] = 1,
     mismatch: MismatchOption = None,
     initial: Annotated[
@@ -168,12 +166,12 @@ def run(
         typer.Option(help="Platform: mass and load of the legs along the path, or those at its start."),
     ] = "full",
     rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-5,
-    out: Annotated[Path | None, typer.Option(help="Run: .parquet, .csv or .nc; of a platform a folder.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File .parquet, .csv, .nc; platform: folder.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
     allow_code: AllowCode = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Run a drive, or a platform, under control along a reference, and score it. Supervisor thresholds are assumed."""
+    """Run a drive or a platform under control along a reference, and score it."""
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.loop import prepare, run_prepared
     from pneudrive.describe.files.load import load_described
