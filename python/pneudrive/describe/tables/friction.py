@@ -343,7 +343,7 @@ class Friction(Described):
             raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
         total = sum(element.share for element in self.elements)
         if abs(total - 1.0) > SHARES_WITHIN:
-            raise wrong(key, f"the values share of {key} add up to {total:g}", rule="their sum is 1")
+            raise wrong(key, f"the values `share` of {key} add up to {total:g}", rule="their sum is 1")
         return self
 
     @model_validator(mode="after")
