@@ -33,6 +33,7 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
         computing_time_s: 0.0,
         forces: vec![],
         seed: 1,
+        member: 0,
         step_repeats: 1,
         jitter_s: [0.0; 4],
         switches_m: None,

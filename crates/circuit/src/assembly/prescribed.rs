@@ -117,10 +117,11 @@ pub fn close(
             return Ok((forces, trials));
         }
         for i in 0..n {
-            for k in i + 1..n {
-                let factor = rows[k][i] / rows[i][i];
-                for j in i..=n {
-                    rows[k][j] -= factor * rows[i][j];
+            let (above, below) = rows.split_at_mut(i + 1);
+            for row in below {
+                let factor = row[i] / above[i][i];
+                for (own, pivot) in row[i..].iter_mut().zip(&above[i][i..]) {
+                    *own -= factor * pivot;
                 }
             }
         }

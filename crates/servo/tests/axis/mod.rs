@@ -91,6 +91,7 @@ pub fn setup(seed: u64) -> Setup {
         computing_time_s: 0.0,
         forces: vec![],
         seed,
+        member: 0,
         step_repeats: 1,
         jitter_s: [0.0; 4],
         switches_m: None,
