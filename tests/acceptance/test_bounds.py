@@ -40,7 +40,7 @@ PROTOCOLS = {
     "hold rate": (LOOK, "[before_", '[sampling]\nhold_rate = "1e12 Hz"\n[before_', "would have 999,999,999,999"),
     "average": (STOPS, 'average = "none"', "average = 1_000_000_000_000", "filter.average: .* is out of bounds"),
     "pressure": (LOOK, '"0.5 bar gauge"]', '"1e300 bar gauge"]', "pressure.both: .* is out of bounds"),
-    "below vacuum": (LOOK, '"0.5 bar gauge"]', '"-5 bar gauge"]', "must not be asked"),
+    "below vacuum": (LOOK, '"0.5 bar gauge"]', '"-5 bar gauge"]', "-3.987 bar abs in chamber a"),
     "position": (STOPS, '"50 %"', '"500 %"', "stop.position: .* outside the range"),
 }  # fmt: skip
 

@@ -30,7 +30,7 @@ def test_a_circuit_file_is_simulated(tmp_path, capsys):
 def test_commands_need_the_name_of_a_valve(capsys):
     duration = ["--duration", "0.1 s"]
     assert run(["simulate", EXAMPLE, "--command", "0 s: 1", *duration]) == 2
-    assert "names no component; commands are taken by valve_l, valve_r" in capsys.readouterr().err
+    assert "names no component of: valve_l, valve_r" in capsys.readouterr().err
     assert run(["simulate", EXAMPLE, "--command", "valv_l: 0 s: 1", *duration]) == 2
     assert "Did you mean 'valve_l'?" in capsys.readouterr().err
     assert run(["simulate", EXAMPLE, "--command", "valve_l: 0 s: 2", *duration]) == 2

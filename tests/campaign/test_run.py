@@ -390,7 +390,7 @@ def test_a_force_near_the_limit_gives_the_cycle_up(tmp_path):
         return replace(part, force_n=part.force_n + (170.0 if key == "b1/sweep/v50/a0/b0/r1" else 0.0))
 
     rig = FakeRig(spoil=heavy)
-    with pytest.raises(CampaignError, match="was given up 5 times") as caught:
+    with pytest.raises(CampaignError, match="was stopped 5 times") as caught:
         run_campaign(protocol(), rig, tmp_path / "c", options=QUICK)
     assert "near the limit of 180 N" in str(caught.value)
     assert rig.calls.count("closed") == 4 + 5

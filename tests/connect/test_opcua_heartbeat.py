@@ -55,7 +55,7 @@ def test_the_axis_stops(how, verb):
             state = rig.state()
             assert not state.moving
             assert state.pressure_a_pa == pytest.approx(rig.identity().ambient_pressure_pa, abs=SENSOR_PA)
-            words = "silent for 0.75 s" if how == "SIGSTOP" else "connection of .* ended"
+            words = "no heartbeat of the client for 0.75 s" if how == "SIGSTOP" else "connection of .* ended"
             assert re.search(f"{words}.*the server stopped the axis and released the pressure", viewer.state().fault)
             viewer.close()
         finally:

@@ -129,7 +129,12 @@ FAULTS = {
             ('coulomb = "20 N"', 'coulomb = "20 m"'),
             ("moving_mass", "moving_mas"),
         ),
-        ('mains.pressure: pressure "6 bar" does not say abs or gauge', 'pressure = "6 bar"', "absolute", '"6 bar abs"'),
+        (
+            'mains.pressure: pressure "6 bar" does not state abs or gauge',
+            'pressure = "6 bar"',
+            "absolute",
+            '"6 bar abs"',
+        ),
         ("inlet.critical_pressure_ratio: 1.4 is out of bounds", "ratio = 1.4", "less than 1", ""),
         ("valve: the flow is given 2 times: conductance, nominal_flow", "nominal_flow", "", "Keep one"),
         ("flow_control.throttles = 'uot' is not known", "uot", "", "Did you mean 'out'?"),
@@ -145,7 +150,7 @@ FAULTS = {
     "start": (
         changed(('left.b = "6 bar gauge"', 'left.b = "6 bar"\nright.c = "1 bar abs"'), ('"0 mm"', '"101 mm"')),
         ("left.position = 101 mm lies outside the stroke", "101 mm", "left.stroke = 100 mm", ""),
-        ('left.b: pressure "6 bar" does not say', 'left.b = "6 bar"', "absolute", '"6 bar abs"'),
+        ('left.b: pressure "6 bar" does not state', 'left.b = "6 bar"', "absolute", '"6 bar abs"'),
         ("right.c is not a start value", "right.c", "", "right.a.pressure"),
     ),
     "a key and a table": (
@@ -174,7 +179,7 @@ FAULTS = {
                 '[components.supply]\nkind = "silencer"\n[initial]',
             )
         ),
-        ('supply.pressure: pressure "3 bar" does not say', '"3 bar"', "absolute", '"3 bar abs"'),
+        ('supply.pressure: pressure "3 bar" does not state', '"3 bar"', "absolute", '"3 bar abs"'),
         ("port supply.1 is not connected", "[supply]", "each port is joined", "Join it"),
         ("[load] belongs to a [cylinder], but [cylinder] is missing", "[load]", "", "[components.NAME]"),
         ("[tubing] belongs to a [cylinder] behind a [valve]", "[tubing]", "", "Add [valve] and [cylinder]"),

@@ -63,7 +63,7 @@ def test_gas_that_expands_fogs_and_freezes():
     share = 757.9 / drive({}).supply_pressure_pa
     surplus = share * run.pressure_a.to_numpy() / saturation_pressure(run.temperature_a.to_numpy())
     at = int(surplus.argmax())
-    assert line.startswith("fog or ice may form in chamber a and in the air that leaves it: ")
+    assert line.startswith("fog or ice may form in chamber a and in its exhaust: ")
     assert f"at {float(run.time[at]):.3g} s and {float(run.pressure_a[at]) / 1e5:.3g} bar abs" in line
     assert f"the gas is at {float(run.temperature_a[at]) - 273.15:.1f} degC, below its frost point" in line
     # Dried by adsorption it stays clear as long as the gas is warmer than about -70 degC.
@@ -99,7 +99,7 @@ def tank(gas: dict[str, object], **more: object) -> pn.Circuit:
 def test_a_circuit_tells_of_its_volumes_by_name():
     gas = {"dew_point": "-20 degC", "dew_point_pressure": "6 bar gauge"}
     cooling = warned(tank(gas), None, "4 s")
-    assert [one.partition(":")[0] for one in cooling] == ["fog or ice may form in tank and in the air that leaves it"]
+    assert [one.partition(":")[0] for one in cooling] == ["fog or ice may form in tank and in its exhaust"]
     wet = tank({"dew_point": "25 degC", "dew_point_pressure": "7 bar abs"}, wall_temperature="30 degC")
     assert not [one for one in warned(wet, None, "0.1 s") if "wall" in one]
     # A wall that stores heat and starts at 20 degC is below the dew point at first.

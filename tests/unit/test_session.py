@@ -299,7 +299,7 @@ def test_after_a_failure_only_a_restored_state_goes_on():
     with pytest.raises(SimulationError, match="gone through the end stop"):
         session.advance(1.0)
     for call in (lambda: session.advance(2.0), lambda: session.set("command", 0.0), session.save, session.linearise):
-        with pytest.raises(SimulationError, match="the session cannot go on"):
+        with pytest.raises(SimulationError, match="the session cannot continue"):
             call()
     assert session.read("position_m") > 0.5  # where it ended can be read
     session.restore(saved)

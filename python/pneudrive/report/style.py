@@ -107,7 +107,7 @@ def load_matplotlib() -> ModuleType:
     """
     if "matplotlib" not in sys.modules and Path("matplotlibrc").exists():
         here = Path.cwd()
-        os.chdir(Path(__file__).parent)
+        os.chdir(Path(__file__).parents[1] / "data")  # no module lies there
         try:
             return import_module("matplotlib")
         finally:

@@ -68,7 +68,7 @@ WRONG = [
     ('"450 mm/s"', '"0.5 mm/s"', 6, "the range is empty", "`from` must lie below `to`"),
     ('"1 mm/s"', '"0 mm/s"', 5, '"0 mm/s" is out of bounds', "greater than 0 m/s"),
     ("count = 20", 'count = 20\norder = "up"', 8, "speed.order = 'up' is not known", "up-and-down"),
-    ('"1 bar gauge"', '"1 bar"', 10, 'pressure "1 bar" does not say abs or gauge', '"1 bar gauge"'),
+    ('"1 bar gauge"', '"1 bar"', 10, 'pressure "1 bar" does not state abs or gauge', '"1 bar gauge"'),
     ('both = "1 bar gauge"', 'a = "1 bar gauge"', 9, "pressure.b is missing", "0 bar gauge"),
     ('["1 s", "15 s"]', '["1 s", "1 s"]', 13, "1 s occurs twice", "repeats"),
     ('["1 s", "15 s"]', '{ from = "1 s", to = "15 s", cont = 3 }', 13, "'cont' is not known here", "'count'"),

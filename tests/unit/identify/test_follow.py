@@ -149,7 +149,7 @@ def test_open_chambers_determine_nothing(circuit):
         (swap, "pressure_a and pressure_b are swapped"),
         (
             lambda r: replace(r, parallel=(r.parallel[0]._replace(force_n=-r.parallel[0].force_n),)),
-            "ram acts the other",
+            "ram acts in the other direction",
         ),
     ],
 )
