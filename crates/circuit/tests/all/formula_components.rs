@@ -243,5 +243,5 @@ fn what_a_force_cannot_be_is_refused() {
     let spring =
         json!({ "name": "own", "kind": "spring", "formula": iso6358(), "numbers": { "stiffness": 1.0 } });
     let message = sliding(spring).expect_err("no formula").to_string();
-    assert!(message.contains("own: a spring takes no formula"), "{message}");
+    assert!(message.contains("own: a spring has no formula"), "{message}");
 }

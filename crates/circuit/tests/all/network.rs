@@ -299,7 +299,11 @@ fn what_cannot_be_joined_is_said() {
             json!([["a.1", "b.1", "fitting.1"], ["fitting.2", "ambient"]]),
             "a.1 and b.1 hold the same joint",
         ),
-        (json!([tank("one"), tank("two")]), json!([["one.1", "two.1"]]), "one and two are one joint"),
+        (
+            json!([tank("one"), tank("two")]),
+            json!([["one.1", "two.1"]]),
+            "one and two share a joint and both have a volume",
+        ),
         (json!([supply("a", 7e5), tank("one")]), json!([["one.1", "a.1"]]), "a.1 holds the pressure in one"),
         (
             json!([fitting]),
