@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive.describe.parameters import parameter_quantities
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.starts import start_mark
-from pneudrive.errors import CommandError, nearest
+from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.free.parameters import Parameter
 from pneudrive.free.varied import INITIAL, Varied, field_marks, mark_unit
 
@@ -110,11 +110,17 @@ class CircuitFamily:
         return self.circuit.replace(changes) if changes else self.circuit
 
     def _ends(self, values: Array, place: int) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the numbers of the core's form a step below and a step above a value."""
+        """Return the numbers of the core's form a step below and a step above a value, or at it where it is a bound."""
         step = np.zeros_like(values)
         step[place] = STEP * self.parameters[place].size
-        low, high = (self._at(self._with(values + sign * step)) for sign in (-1.0, 1.0))
-        return low, high
+
+        def end(sign: float) -> dict[str, float]:
+            try:
+                return self._at(self._with(values + sign * step))
+            except DescriptionError:
+                return self._at(self._with(values))
+
+        return end(-1.0), end(1.0)
 
     def core(self, values: Array) -> CoreCircuit:
         """Return the core's circuit with these values.

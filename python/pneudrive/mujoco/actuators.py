@@ -15,7 +15,9 @@ from pneudrive.describe.system import PISTON, compiled
 from pneudrive.errors import CommandError, SimulationError, nearest, warn
 from pneudrive.mujoco.response import Response, mujoco
 from pneudrive.repr_tables import Card, Shown
+from pneudrive.simulation.command import inputs
 from pneudrive.simulation.session import Session
+from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.start import check_tolerance
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.describe import Circuit, Drive
+    from pneudrive.simulation.command import Commands
 
     Array = NDArray[np.float64]
     Described = Drive | Circuit
@@ -141,8 +144,8 @@ class _Axis:
 
     def column(self, name: str) -> str:
         """Return the name of the circuit for a name of a drive."""
-        chamber = {f"{key}_{c}_{unit}": f"{c}.{key}_{unit}" for c in "ab" for key, unit in (("pressure", "pa"),)}
-        return name if not self.prefix else f"{self.prefix}{chamber.get(name, name)}"
+        chambers = {f"pressure_{end}_pa": f"{end}.pressure_pa" for end in "ab"}
+        return name if not self.prefix else f"{self.prefix}{chambers.get(name, name)}"
 
 
 def _number(given: str | float, unit: str) -> float:
@@ -349,7 +352,7 @@ class Actuators:
 
     def simulate(
         self,
-        commands: Mapping[str, Sequence[tuple[float, float]]],
+        commands: Mapping[str, Commands],
         duration: str | float,
         signals: Sequence[str] = SIGNALS,
     ) -> dict[str, Array]:
@@ -358,7 +361,7 @@ class Actuators:
         Parameters
         ----------
         commands : mapping
-            Actuator or joint -> pairs of time, s, and command, as for `pneudrive.simulate`.
+            Actuator or joint -> command of its drive, as for `pneudrive.simulate`. Times count from now on.
         duration : str or float
             ``"0.5 s"``, or a number in s.
         signals : sequence of str
@@ -371,9 +374,9 @@ class Actuators:
         """
         for name, plan in commands.items():
             axis = self._axis(name)
-            for t, value in plan:
-                axis.session.schedule("command" if not axis.prefix else "valve.command", [(self.time + t, value)])
-        seconds = _number(duration, "s")
+            for of, (times, values) in inputs(plan, axis.described.commandable):
+                axis.session.schedule(of, [(self.time + t, value) for t, value in zip(times, values, strict=True)])
+        seconds = positive(duration, "s", "duration")
         rows = [self._row(signals)]
         for _ in range(round(seconds / self.model.opt.timestep)):
             self.step()

@@ -43,7 +43,7 @@ LEAST_SINGULAR_VALUE = 0.1
 
 
 class Demands(NamedTuple):
-    """What a path asks of the legs at its knots, shape (m, n); SI units.
+    """Motion, force and load of each leg at the knots of a path, shape (m, n); SI units.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Demands(NamedTuple):
 
 
 def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
-    """Return what a path asks of the legs, by inverse dynamics.
+    """Return motion, force and load of each leg along a path, by inverse dynamics.
 
     Raises
     ------
