@@ -208,8 +208,8 @@ impl Adaptation {
         state.friction += taken;
     }
 
-    /// Learns from a force balance, N: described Coulomb friction, viscous friction and inertia, the force of gas and
-    /// load, the friction level, and a factor of the balance's deviation.
+    /// Learns from a force balance. Its terms are described Coulomb friction, viscous friction and inertia, N, the force
+    /// of gas and load, N, the friction level, and a factor of the balance's deviation.
     fn balance(&mut self, [coulomb, viscous, inertia]: [f64; 3], force: f64, level: f64, factor: f64) {
         let area = 0.5 * self.described.sides.iter().map(|side| side.area).sum::<f64>();
         let least = LEARN_FORCE_DEVIATION.max(LEARN_PRESSURE_DEVIATION * area);

@@ -22,8 +22,8 @@ pub struct Hold<S = f64> {
     holds: S,
     force: S,
     begun: S,
-    /// While the reference is at rest: the error of the last rest, m, the least error, m, and the number of slips past
-    /// the target since that came no nearer.
+    /// While the reference is at rest: the error of the last rest, m, and the least error, m. Then the number of slips
+    /// past the target since the least error.
     rest: S,
     nearest: S,
     vain: S,

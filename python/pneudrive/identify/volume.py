@@ -1,11 +1,10 @@
 """Identification of a fixed volume from pressures: conductance, critical ratio, heat transfer, leak, tube friction.
 
-The core simulates the tank under the recorded opening of its line, and the search of `identify` fits the free values
-and the pressure at the start of each recording. Every value is estimated by its logarithm, the critical pressure ratio
-by its logit. An interval comes from the profile of the cost. An interval contains the values for which the cost, after
-a fit of all other values, grows by at most Student's t squared times the variance of the residuals. If the cost never
-reaches this limit on one
-side, the interval is open and the value is not determined.
+The core simulates the tank under the recorded opening of its line. The search of `identify` fits the free values and
+the pressure at the start of each recording. Every value is estimated by its logarithm, the critical pressure ratio
+by its logit. An interval comes from the profile of the cost, which is its least value over all
+other values. The interval ends where the profile has grown by Student's t squared times the variance of the residuals.
+If the cost never reaches this limit on one side, the interval is open and the value is not determined.
 """
 
 from __future__ import annotations

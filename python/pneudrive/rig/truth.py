@@ -6,15 +6,12 @@
 - ``steps``: one entry for each step with a motion or a hold
 
 A move has its ``speed_m_s`` and ``direction``. ``friction`` is the law with its present values. ``friction_n`` is the
-mean steady friction along the move at that speed and the set pressures. If there is a part at constant speed, it has
-means of the true friction force (``friction_mean_n``), of both pressures, and of the force of the air on the piston in
-+x (``air_force_n``). A hold has its duration, whether it was released, and the force of the sensor at its beginning and
-end.
-If friction depends on the age of the contact, every step has the age at its beginning and at its end. A move also has
-the increase of
-friction by this age at its start (``dwell_increment_n``), before presliding reduces it. ``friction_peak_n`` is the
-largest
-friction over the first `RESTART_M` of a move.
+mean steady friction along the move at that speed and the set pressures. A part at constant speed has means of
+the true friction force (``friction_mean_n``) and of both pressures. It also has the mean force of the air on the piston
+in +x (``air_force_n``). A hold has its duration, whether it was released, and the force of the sensor at its beginning
+and end. If friction depends on the age of the contact, every step has the age at its beginning and at its end. A move
+also has the increase of friction by this age at its start (``dwell_increment_n``), before presliding reduces it.
+``friction_peak_n`` is the largest friction over the first `RESTART_M` of a move.
 """
 
 from __future__ import annotations

@@ -63,8 +63,8 @@ SAME, CHANGED, DIFFERS, MISSING, NAMED, UNREAD = "same", "changed", "differs", "
 class Input(NamedTuple):
     """An input named by a result: kind, name and hash. Without a hash, only the name identifies the input.
 
-    `part` distinguishes inputs further: the options of a fit of a map, the value that came from a fit, ``"identified"``
-    for a drive with identified values, and ``"volume"`` or ``"file"`` (hash of the file) for a recording.
+    `part` distinguishes inputs of one kind further. For a fit it has the options, or the value that came from it. For a
+    drive with identified values it is ``"identified"``. For a recording it is ``"volume"`` or ``"file"``.
     """
 
     kind: str

@@ -13,8 +13,8 @@ pub(super) const COMMAND: usize = 0;
 /// Inputs that are the openings of its edges.
 pub(super) const EDGES: std::ops::RangeInclusive<usize> = 1..=4;
 
-/// A circuit with a piston between two chambers on the edges of a valve. The first inputs of such a circuit are the
-/// command and the openings of the edges, and its start values begin with those of the piston and the chambers.
+/// A circuit with a piston between two chambers on the edges of a valve. Its first inputs are the command and the
+/// openings of the edges. Its start values begin with those of the piston and the chambers.
 #[derive(Clone, Copy, Debug)]
 pub struct Driven<'a> {
     pub(super) assembly: &'a Assembly,

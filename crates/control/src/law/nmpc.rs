@@ -99,8 +99,8 @@ fn transitions(tick: &Tick) -> Transitions {
     [1e-3, 2e-3].map(|h| [0.5 * h, h].map(|h| tick.spool.transition(h)))
 }
 
-/// Parts of the horizon that do not depend on the plan: the transitions of the spool, and the wanted state and the
-/// growth of the load in each step.
+/// Parts of the horizon that do not depend on the plan. These are the transitions of the spool, and the wanted state
+/// and the growth of the load in each step.
 struct Horizon {
     transitions: Transitions,
     wanted: [Wanted; HORIZON],

@@ -188,7 +188,7 @@ def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, dict[
 
 
 def leg_circuit(circuit: Circuit, platform: Platform, leg: int, mass_kg: float, load_n: float) -> Circuit:
-    """Return the circuit of one leg as an axis of its own: its cylinder, its valves, its supply, and a load at the rod.
+    """Return the circuit of one leg as a single axis: its cylinder, its valves, its supply, and a load at the rod.
 
     Parameters
     ----------

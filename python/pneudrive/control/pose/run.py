@@ -207,8 +207,8 @@ def run_pose(
 ) -> xr.Dataset:
     """Run a platform under control along a path of its pose. Simulated: controllers and platform share equations.
 
-    Each leg has its own controller. A controller is given position, velocity, acceleration and jerk of its leg, and
-    moving mass, load and rate of the load from the inverse dynamics of the described platform.
+    Each leg has its own controller. The path gives it position, velocity, acceleration and jerk of its leg. The inverse
+    dynamics of the described platform give it moving mass, load and rate of the load.
 
     Parameters
     ----------

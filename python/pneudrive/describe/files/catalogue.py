@@ -1,7 +1,8 @@
 """Catalogue of parts and drives: every value has a source or is marked as assumed.
 
-A file contains a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and either
-``source`` (a key of references.bib, or of ``[sources]`` in the same file) or ``assumed`` (the reason). The values of a
+A file contains a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and
+``source``, a key of references.bib or of ``[sources]`` in the same file. Without a source it has ``assumed``, the
+reason. The values of a
 part are keys of its kind of component; those of a drive are keys of the drive file. A drive names its parts and adds
 missing values. The kinds of components are loaded only when a part is used: drives do not need them.
 """

@@ -35,12 +35,11 @@ RIPPLE_LIMIT = 0.2  # of the mean speed: above it the mean friction is not a poi
 class StickSlip(Shown):
     """Stick-slip within one stroke or section.
 
-    ``found`` states whether the motion is stick-slip: it has at least three periods, slips cover at least half of the
-    travel, and the piston is stuck for at least 5 % of the time. ``period_s`` and ``step_m`` are medians over periods.
-    ``peak_speed_m_s`` is the median of the
-    slips' peaks. ``stuck_share`` is the fraction of time below 20 % of the mean speed. ``mean_speed_m_s`` is the mean
-    over the section. ``ripple`` is the standard deviation of speed over its mean. ``resolution_s`` is the shortest
-    period that sampling and noise resolve.
+    ``found`` states whether the motion is stick-slip. It then has at least three periods. Slips cover at least half of
+    the travel, and the piston is stuck for at least 5 % of the time. ``period_s`` and ``step_m`` are medians over
+    periods. ``peak_speed_m_s`` is the median of the slips' peaks. ``stuck_share`` is the fraction of time below 20 % of
+    the mean speed. ``mean_speed_m_s`` is the mean over the section. ``ripple`` is the standard deviation of speed over
+    its mean. ``resolution_s`` is the shortest period that sampling and noise resolve.
     """
 
     found: bool

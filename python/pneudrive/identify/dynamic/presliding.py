@@ -1,8 +1,9 @@
 """Bristle stiffness and damping from presliding: force over displacement right after slow reversals.
 
 After a reversal the contact is elastic before it slips: friction grows from -F to +F over a few bristle deflections.
-The slope there is the bristle stiffness times a factor of the law: 2 for LuGre, whose bristles have slipped before, and
-1 for bristles that are elastic below breakaway. The factor is computed from a simulated loop with known stiffness.
+The slope there is the bristle stiffness times a factor of the law. The factor is 2 for LuGre, whose bristles have
+slipped before, and 1 for bristles that are elastic below breakaway. The factor is computed from a simulated loop with
+known stiffness.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ class DriveFit(Fit):
 
     @property
     def state(self) -> str:
-        """How the search ended, as text."""
+        """Reason for which the search ended."""
         if not self.converged:
             return "not converged: the best so far, without intervals"
         return "converged" if self.fits else "converged, but the model does not fit"

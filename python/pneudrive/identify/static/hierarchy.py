@@ -1,14 +1,14 @@
 """Prediction of friction at a pressure or in a run that was not measured, with a valid interval.
 
 A fit of one seal gives the uncertainty of its parameters. It does not give the deviation of the next mounting, nor the
-error of a straight line over pressure between the levels, because a few recordings of one seal do not determine these.
-Several seals together determine them. The model of friction F of seal s in run r and recording i at gauge pressures p
+error of a straight line over pressure between the levels. A few recordings of one seal do not determine them, but
+several seals together do. The model of friction F of seal s in run r and recording i at gauge pressures p
 is
 
     F_sri = L_s(v, p) [1 + d_s(p) + m_sr + e_sri],   e ~ N(0, sigma_s^2),   sigma_s^2 ~ nu tau^2 / chi2(nu)
 
-Here L_s is the law, linear in pressure, with separate parameters for each seal. d_s, the deviation from a straight
-line, is an integrated Wiener process over pressure (equal to a smoothing spline [wahba1983]) with a roughness gamma
+Here L_s is the law, linear in pressure, with separate parameters for each seal. The deviation d_s from a straight
+line is an integrated Wiener process over pressure, which equals a smoothing spline [wahba1983]. Its roughness gamma is
 shared by all seals. m ~ N(0, omega^2) shifts all recordings of one run (one mounting). The relative scatter sigma_s of
 the seals is distributed around a common value tau [smyth2004]. The parameters of the laws are removed by restricted
 likelihood

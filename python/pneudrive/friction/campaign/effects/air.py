@@ -2,8 +2,7 @@
 
 While the piston drags, it pumps air through ports, lines and regulators: pressure falls in the chamber that grows and
 rises in the other one. The force opposes the motion like friction and rises with speed. If pressures are measured in
-the chambers, the force of the air is known and subtracted; if they are measured at the regulator, the force of the air
-is unknown.
+the chambers, the force of the air is known and subtracted. If they are measured at the regulator, it is unknown.
 """
 
 from __future__ import annotations
