@@ -52,7 +52,7 @@ def over_speed(data: PaperFigure) -> Figure:
     speed = 1e3 * c["speed_m_s"]
     for axis in axes:
         axis.plot(speed, c["friction_n"], "o", color=style.BLACK, mfc="white", ms=3.5, label="force, as in the paper")
-        axis.plot(speed, c["air_n"], ":", color=style.ORANGE, label="of it air")
+        axis.plot(speed, c["air_n"], ":", color=style.ORANGE, label="part of the air")
         axis.plot(speed, c["friction_settled_n"], "x", color=style.BLUE, ms=3.5, mew=0.8, label="seal, settled samples")
         axis.plot(speed, c["friction_true_n"], "-", color=style.GREY, lw=0.8, label="seal, true in each cycle")
         axis.set_ylim(bottom=0)
@@ -79,8 +79,8 @@ def over_pressure(data: PaperFigure) -> Figure:
     left, middle, right = figure.subplots(1, 3, sharey=True)
     c = data.columns
     bar = c["gauge_pa"] / 1e5
-    parts = ((left, "friction_n", "force sensor, as in the paper"), (middle, "seal_n", "of it the seal"))
-    for axis, name, title in (*parts, (right, "air_n", "of it air")):
+    parts = ((left, "friction_n", "force sensor, as in the paper"), (middle, "seal_n", "part of the seal"))
+    for axis, name, title in (*parts, (right, "air_n", "part of the air")):
         for i, values in enumerate(c[name]):
             look, label = style.ramp(i, bar.size), f"{bar[i]:.1f} bar"
             axis.plot(1e3 * c["speed_m_s"], values, **look._asdict(), ms=2.5, lw=0.9, label=label)
