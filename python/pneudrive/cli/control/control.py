@@ -68,12 +68,17 @@ def tune(
     drive: Described,
     law: Law = "nmpc",
     setup: SetupOption = "real",
-    out: Annotated[Path | None, typer.Option(help="Controller file (TOML) with all gains.")] = None,
+    out: Path | None = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Tune a controller from the description of a drive.
 
     Print the rule and limits of each gain, and a simulated result.
+
+    Parameters
+    ----------
+    out
+        Controller file (TOML) with all gains.
     """
     from pneudrive.control.tuning import tune as tuned
     from pneudrive.describe.files.load import load_described
@@ -142,36 +147,46 @@ def _show_run(found: Run) -> Score:
 def run(
     drive: Described,
     reference: Along,
-    controller: Annotated[
-        str | None,
-        typer.Option(help="TOML file or name; default: nmpc.", metavar="FILE|LAW"),
-    ] = None,
-    law: Annotated[
-        str | None,
-        typer.Option(help="Controller or own code: mine.py:Law, mine.so:law.", metavar="LAW"),
-    ] = None,
+    controller: str | None = None,
+    law: str | None = None,
     setup: SetupOption = "real",
-    duration: Annotated[str | None, typer.Option(help='Duration, "12 s"; default: of the reference.')] = None,
-    seed: Annotated[int, typer.Option(help="Seed of all noise.", min=0)] = 1,
+    duration: str | None = None,
+    seed: Annotated[int, typer.Option(min=0)] = 1,
     mismatch: MismatchOption = None,
-    initial: Annotated[
-        str | None, typer.Option(help='Start state, e.g. "pressure_a = 3 bar abs"; default: on the reference.')
-    ] = None,
-    payload: Annotated[
-        str | None,
-        typer.Option(help='Platform: mass that no controller knows, "2 kg"; the spread of several: "0 kg, 2 kg".'),
-    ] = None,
-    dynamics: Annotated[
-        Literal["full", "constant"],
-        typer.Option(help="Platform: mass and load of the legs along the path, or those at its start."),
-    ] = "full",
-    rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-5,
-    out: Annotated[Path | None, typer.Option(help="File .parquet, .csv, .nc; platform: folder.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
+    initial: str | None = None,
+    payload: str | None = None,
+    dynamics: Literal["full", "constant"] = "full",
+    rtol: float = 1e-5,
+    out: Path | None = None,
+    plot: Path | None = None,
     allow_code: AllowCode = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Run a drive or a platform under control along a reference, and score it."""
+    """Run a drive or a platform under control along a reference, and score it.
+
+    Parameters
+    ----------
+    controller : FILE|LAW
+        TOML file or name; default: nmpc.
+    law : LAW
+        Controller or own code: mine.py:Law, mine.so:law.
+    duration
+        Duration, "12 s"; default: of the reference.
+    seed
+        Seed of all noise.
+    initial
+        Start state, e.g. "pressure_a = 3 bar abs"; default: on the reference.
+    payload
+        Platform: mass that no controller knows, "2 kg"; the spread of several: "0 kg, 2 kg".
+    dynamics
+        Platform: mass and load of the legs along the path, or those at its start.
+    rtol
+        Relative tolerance of the solver.
+    out
+        File .parquet, .csv, .nc; platform: folder.
+    plot
+        Picture: .png, .svg or .pdf.
+    """
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.loop import prepare, run_prepared
     from pneudrive.describe.files.load import load_described
@@ -229,38 +244,40 @@ def run(
 
 def benchmark(
     drive: Described,
-    out: Annotated[Path, typer.Option(help="Folder for scores, runs and report; a started one is resumed.")],
-    laws: Annotated[
-        str,
-        typer.Option(
-            help="all, or names, controller files and your own code (mine.py:Law), with commas.",
-            metavar="all|A,B",
-        ),
-    ] = "all",
-    references: Annotated[
-        str,
-        typer.Option(
-            help="standard (R1, R2, R3, R5, R6), or references with commas.",
-            metavar="standard|REF,...",
-        ),
-    ] = "standard",
-    seeds: Annotated[int, typer.Option(help="Number of seeds.")] = 5,
+    out: Annotated[Path, typer.Option()],
+    laws: str = "all",
+    references: str = "standard",
+    seeds: int = 5,
     setup: SetupOption = "real",
     allow_code: AllowCode = None,
     mismatch: MismatchOption = None,
-    spread: Annotated[
-        str | None,
-        typer.Option(help="Different drives instead of seeds: standard, or a TOML file with ranges."),
-    ] = None,
-    members: Annotated[int | None, typer.Option(help="Number of members of the spread; default 200.")] = None,
-    threads: Annotated[int | None, typer.Option(help="Simultaneous runs; default: one per processor.")] = None,
-    keep_runs: Annotated[
-        bool | None,
-        typer.Option("--keep-runs/--scores-only", help="Keep samples of each run; default: without a spread."),
-    ] = None,
+    spread: str | None = None,
+    members: int | None = None,
+    threads: int | None = None,
+    keep_runs: Annotated[bool | None, typer.Option("--keep-runs/--scores-only")] = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Compare controllers along references, with several seeds or a spread of drives."""
+    """Compare controllers along references, with several seeds or a spread of drives.
+
+    Parameters
+    ----------
+    out
+        Folder for scores, runs and report; a started one is resumed.
+    laws : all|A,B
+        all, or names, controller files and your own code (mine.py:Law), with commas.
+    references : standard|REF,...
+        standard (R1, R2, R3, R5, R6), or references with commas.
+    seeds
+        Number of seeds.
+    spread
+        Different drives instead of seeds: standard, or a TOML file with ranges.
+    members
+        Number of members of the spread; default 200.
+    threads
+        Simultaneous runs; default: one per processor.
+    keep_runs
+        Keep samples of each run; default: without a spread.
+    """
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.card import SCORES
     from pneudrive.control.comparison import compare_watched
@@ -307,12 +324,22 @@ def _members(found: ControlComparison) -> int:
 
 
 def reference(
-    along: Annotated[str, typer.Argument(help="Reference, as for run.", metavar="REF")],
-    drive: Annotated[str, typer.Option(help="Drive or circuit file (TOML), or catalogue:NAME.")],
-    plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
+    along: str,
+    drive: Annotated[str, typer.Option()],
+    plot: Path | None = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Check a reference against a drive: stroke, load of valve, force and speed, and the necessary slowdown."""
+    """Check a reference against a drive: stroke, load of valve, force and speed, and the necessary slowdown.
+
+    Parameters
+    ----------
+    along : REF
+        Reference, as for run.
+    drive
+        Drive or circuit file (TOML), or catalogue:NAME.
+    plot
+        Picture: .png, .svg or .pdf.
+    """
     from pneudrive.control.demand import feasibility
     from pneudrive.control.references import check_reach
     from pneudrive.control.standard_references import named_or_read
@@ -336,27 +363,32 @@ def reference(
 
 def export(
     context: typer.Context,
-    controller: Annotated[str, typer.Argument(help="Controller file (TOML), or a name.", metavar="FILE|LAW")],
-    to: Annotated[
-        Literal["c", "st", "fmu"],
-        typer.Option(help="c; st, structured text of IEC 61131-3; or fmu, for other tools.", metavar="c|st|fmu"),
-    ],
-    out: Annotated[Path, typer.Option(help="Folder of the files, or an .fmu file.")],
-    reference: Annotated[
-        str | None,
-        typer.Option(
-            help='Reference of an FMU of nmpc: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.', metavar="REF"
-        ),
-    ] = None,
-    fmi: Annotated[str, typer.Option(help="Version of an FMU: 2.0 or 3.0.")] = "2.0",
-    drive: Annotated[
-        str | None,
-        typer.Option(help="Drive or circuit file (TOML), or catalogue:NAME; not needed if the file names it."),
-    ] = None,
+    controller: str,
+    to: Annotated[Literal["c", "st", "fmu"], typer.Option()],
+    out: Annotated[Path, typer.Option()],
+    reference: str | None = None,
+    fmi: str = "2.0",
+    drive: str | None = None,
     setup: SetupOption = "real",
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Write a controller as source code, or as an FMU with its source code (nmpc: as a library)."""
+    """Write a controller as source code, or as an FMU with its source code (nmpc: as a library).
+
+    Parameters
+    ----------
+    controller : FILE|LAW
+        Controller file (TOML), or a name.
+    to : c|st|fmu
+        c; st, structured text of IEC 61131-3; or fmu, for other tools.
+    out
+        Folder of the files, or an .fmu file.
+    reference : REF
+        Reference of an FMU of nmpc: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.
+    fmi
+        Version of an FMU: 2.0 or 3.0.
+    drive
+        Drive or circuit file (TOML), or catalogue:NAME; not needed if the file names it.
+    """
     from pneudrive.control.source_code import export as exported
     from pneudrive.control.tuning import believed_by
     from pneudrive.control.tuning import tune as tuned
@@ -374,9 +406,15 @@ def export(
 
 
 def header(
-    out: Annotated[Path | None, typer.Option(help="File; default: print the header.")] = None,
+    out: Path | None = None,
 ) -> None:
-    """Write the C header of compiled controllers."""
+    """Write the C header of compiled controllers.
+
+    Parameters
+    ----------
+    out
+        File; default: print the header.
+    """
     from pneudrive.control.own_law import c_header
     from pneudrive.simulation.trajectory import whole
 

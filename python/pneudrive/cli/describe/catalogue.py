@@ -17,27 +17,31 @@ if TYPE_CHECKING:
 
 
 def catalogue(
-    name: Annotated[str | None, typer.Argument(help="Part or drive to show.", metavar="NAME")] = None,
+    name: Annotated[str | None, typer.Argument()] = None,
     catalogue: CatalogueFolders = None,
-    out: Annotated[Path | None, typer.Option(help="Write the drive NAME as a drive file: .toml.")] = None,
-    kind: Annotated[
-        str | None, typer.Option(help='Parts of a kind: "valve", "cylinder/rodless", "*5/3".', metavar="KIND")
-    ] = None,
-    bore: Annotated[
-        str | None, typer.Option(help='Parts of a bore: "25 mm", "20 mm .. 40 mm".', metavar="LENGTHS")
-    ] = None,
-    stroke: Annotated[
-        str | None, typer.Option(help="Parts with this stroke, also those made to order.", metavar="LENGTHS")
-    ] = None,
-    flow: Annotated[
-        str | None,
-        typer.Option(
-            help='Flow of the parts: "1 dm3/(s bar) .. 3 dm3/(s bar)", "500 l/min ANR .. 800 l/min ANR".',
-            metavar="FLOWS",
-        ),
-    ] = None,
+    out: Path | None = None,
+    kind: str | None = None,
+    bore: str | None = None,
+    stroke: str | None = None,
+    flow: str | None = None,
 ) -> None:
-    """List parts and drives, or the values and sources of one of them."""
+    """List parts and drives, or the values and sources of one of them.
+
+    Parameters
+    ----------
+    name : NAME
+        Part or drive to show.
+    out
+        Write the drive NAME as a drive file: .toml.
+    kind : KIND
+        Parts of a kind: "valve", "cylinder/rodless", "*5/3".
+    bore : LENGTHS
+        Parts of a bore: "25 mm", "20 mm .. 40 mm".
+    stroke : LENGTHS
+        Parts with this stroke, also those made to order.
+    flow : FLOWS
+        Flow of the parts: "1 dm3/(s bar) .. 3 dm3/(s bar)", "500 l/min ANR .. 800 l/min ANR".
+    """
     from pneudrive.describe.files.catalogue import entries, entry
 
     search = {"kind": kind, "bore": bore, "stroke": stroke, "flow": flow}

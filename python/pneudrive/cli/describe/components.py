@@ -13,9 +13,15 @@ if TYPE_CHECKING:
 
 
 def components(
-    kind: Annotated[str | None, typer.Argument(help="Kind to show.", metavar="KIND")] = None,
+    kind: Annotated[str | None, typer.Argument()] = None,
 ) -> None:
-    """List the components of circuits, or the parameters of one kind."""
+    """List the components of circuits, or the parameters of one kind.
+
+    Parameters
+    ----------
+    kind : KIND
+        Kind to show.
+    """
     from pneudrive.describe.components import component_kinds
     from pneudrive.errors import CommandError, nearest
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -12,10 +11,16 @@ from pneudrive.cli.options import CatalogueFolders, Described
 
 def draw(
     drive: Described,
-    out: Annotated[Path, typer.Option(help="Picture: .svg, .png or .pdf.")] = Path("circuit.svg"),
+    out: Path = Path("circuit.svg"),
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Draw a drive or a circuit with symbols after ISO 1219."""
+    """Draw a drive or a circuit with symbols after ISO 1219.
+
+    Parameters
+    ----------
+    out
+        Picture: .svg, .png or .pdf.
+    """
     from pneudrive.describe.files import toml
     from pneudrive.describe.files.load import load_described
     from pneudrive.errors import DescriptionError

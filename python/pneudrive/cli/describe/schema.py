@@ -18,11 +18,15 @@ class SchemaKind(str, Enum):
 
 
 def schema(
-    kind: Annotated[
-        SchemaKind, typer.Argument(help="Kind of file: drive, circuit, or protocol of a campaign.")
-    ] = SchemaKind.drive,
+    kind: Annotated[SchemaKind, typer.Argument()] = SchemaKind.drive,
 ) -> None:
-    """Print the JSON schema of drive files, circuit files, or protocols."""
+    """Print the JSON schema of drive files, circuit files, or protocols.
+
+    Parameters
+    ----------
+    kind
+        Kind of file: drive, circuit, or protocol of a campaign.
+    """
     if kind is SchemaKind.drive:
         from pneudrive.describe.files.schema import drive_schema as described
     elif kind is SchemaKind.circuit:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -14,13 +13,18 @@ AXIS = SHIPPED / "controlled_axis.toml"
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("out"),
-    measurements: Annotated[
-        Path | None,
-        typer.Option(help="Folder with the recordings; default: those of the project, or two shipped ones."),
-    ] = None,
+    out: Path = Path("out"),
+    measurements: Path | None = None,
 ) -> None:
-    """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report."""
+    """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report.
+
+    Parameters
+    ----------
+    out
+        Folder for the results.
+    measurements
+        Folder with the recordings; default: those of the project, or two shipped ones.
+    """
     from pneudrive.cli.output import writable_folder
     from pneudrive.describe.circuit import Circuit
     from pneudrive.errors import CommandError

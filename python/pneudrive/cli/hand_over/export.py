@@ -25,34 +25,39 @@ _USED = {
 
 def export(
     context: typer.Context,
-    source: Annotated[str, typer.Argument(help="Fit (fit.toml), or drive file.", metavar="FIT|DRIVE")],
-    to: Annotated[
-        str,
-        typer.Option(
-            help="Friction: simscape, modelica, csv or st. A whole drive or circuit: fmu or c.", metavar="TOOL"
-        ),
-    ],
-    out: Annotated[
-        Path | None, typer.Option(help="File, for c a folder; default for friction: standard output.")
-    ] = None,
-    pressure_a: Annotated[
-        str | None,
-        typer.Option(help='Pressure in chamber a, e.g. "3 bar gauge"; default: middle of the measured ones.'),
-    ] = None,
-    pressure_b: Annotated[str | None, typer.Option(help="Pressure in chamber b.")] = None,
-    speeds: Annotated[
-        str | None,
-        typer.Option(help='Range of speeds for the law, "1 mm/s .. 500 mm/s"; default: the measured speeds.'),
-    ] = None,
-    fmi: Annotated[str, typer.Option(help="Version of the interface of an FMU: 2.0 or 3.0.")] = "2.0",
-    actuator: Annotated[
-        bool, typer.Option("--actuator", help="FMU whose piston is moved by the other tool; its output is the force.")
-    ] = False,
-    initial: Annotated[
-        str | None, typer.Option(help='Start state of a drive, e.g. "position = 50 mm, pressure_a = 3 bar abs".')
-    ] = None,
+    source: str,
+    to: Annotated[str, typer.Option()],
+    out: Path | None = None,
+    pressure_a: str | None = None,
+    pressure_b: str | None = None,
+    speeds: str | None = None,
+    fmi: str = "2.0",
+    actuator: Annotated[bool, typer.Option("--actuator")] = False,
+    initial: str | None = None,
 ) -> None:
-    """Write a drive as an FMU or for C, or friction for another tool."""
+    """Write a drive as an FMU or for C, or friction for another tool.
+
+    Parameters
+    ----------
+    source : FIT|DRIVE
+        Fit (fit.toml), or drive file.
+    to : TOOL
+        Friction: simscape, modelica, csv or st. A whole drive or circuit: fmu or c.
+    out
+        File, for c a folder; default for friction: standard output.
+    pressure_a
+        Pressure in chamber a, e.g. "3 bar gauge"; default: middle of the measured ones.
+    pressure_b
+        Pressure in chamber b.
+    speeds
+        Range of speeds for the law, "1 mm/s .. 500 mm/s"; default: the measured speeds.
+    fmi
+        Version of the interface of an FMU: 2.0 or 3.0.
+    actuator
+        FMU whose piston is moved by the other tool; its output is the force.
+    initial
+        Start state of a drive, e.g. "position = 50 mm, pressure_a = 3 bar abs".
+    """
     if to in _WHOLE:
         check_used(context, to, _USED)
         _export_whole(source, to, out, fmi, actuator, initial)

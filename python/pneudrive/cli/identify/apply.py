@@ -12,23 +12,23 @@ from pneudrive.cli.output import write_text
 
 
 def apply(
-    fit: Annotated[
-        Path,
-        typer.Argument(help="Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.", metavar="FIT.toml"),
-    ],
-    drive: Annotated[
-        str | None,
-        typer.Argument(
-            help="Drive file, catalogue:NAME, or tank file; default: the one with which `pneudrive identify` started.",
-            metavar="[DRIVE]",
-        ),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Drive file to write; default: standard output.")] = None,
+    fit: Path,
+    drive: Annotated[str | None, typer.Argument()] = None,
+    out: Path | None = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Put the determined values of a fit into a drive or a tank.
 
     Each value keeps its interval and its recordings.
+
+    Parameters
+    ----------
+    fit : FIT.toml
+        Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.
+    drive : [DRIVE]
+        Drive file, catalogue:NAME, or tank file; default: the one with which `pneudrive identify` started.
+    out
+        Drive file to write; default: standard output.
     """
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tank import Tank

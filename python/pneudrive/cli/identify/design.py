@@ -20,23 +20,46 @@ FITS, FIT_SHARE = 5, 0.97
 
 
 def design(
-    fit: Annotated[Path, typer.Argument(help="Fit of `pneudrive fit` or `characterise`.", metavar="FIT")],
-    rig: Annotated[str, typer.Option(help="Ready rig, rig file, or own code as own_rig.py:make_rig.")] = "default",
-    points: Annotated[
-        int, typer.Option(help="Number of points, including repeats; 0: twice the number of parameters.", min=0)
-    ] = 0,
-    time: Annotated[str, typer.Option(help="Time on the rig instead of a number of points, such as '1 h'.")] = "",
-    criterion: Annotated[str, typer.Option(help="D: all parameters; I: prediction over the range.")] = "D",
-    speeds: Annotated[str, typer.Option(help="Range of speeds; default: 1 mm/s to the highest speed of the rig.")] = "",
-    noise: Annotated[str, typer.Option(help="Standard deviation of one point; default: from the fit.")] = "",
-    strokes: Annotated[int, typer.Option(help="Strokes in each direction for one point.", min=1)] = 1,
-    stops: Annotated[str, typer.Option(help="Stops instead of speeds: the dwell law, such as log or hyperbolic.")] = "",
-    scale: Annotated[str, typer.Option(help="With --stops: estimated time constant of the law.")] = "1 s",
-    out: Annotated[Path | None, typer.Option(help="Protocol file to write.")] = None,
+    fit: Path,
+    rig: str = "default",
+    points: Annotated[int, typer.Option(min=0)] = 0,
+    time: str = "",
+    criterion: str = "D",
+    speeds: str = "",
+    noise: str = "",
+    strokes: Annotated[int, typer.Option(min=1)] = 1,
+    stops: str = "",
+    scale: str = "1 s",
+    out: Path | None = None,
 ) -> None:
     """Propose the next measurements for a fit.
 
     The file is a protocol for pneudrive campaign plan. The expected intervals are printed.
+
+    Parameters
+    ----------
+    fit : FIT
+        Fit of `pneudrive fit` or `characterise`.
+    rig
+        Ready rig, rig file, or own code as own_rig.py:make_rig.
+    points
+        Number of points, including repeats; 0: twice the number of parameters.
+    time
+        Time on the rig instead of a number of points, such as '1 h'.
+    criterion
+        D: all parameters; I: prediction over the range.
+    speeds
+        Range of speeds; default: 1 mm/s to the highest speed of the rig.
+    noise
+        Standard deviation of one point; default: from the fit.
+    strokes
+        Strokes in each direction for one point.
+    stops
+        Stops instead of speeds: the dwell law, such as log or hyperbolic.
+    scale
+        With --stops: estimated time constant of the law.
+    out
+        Protocol file to write.
     """
     from pneudrive.campaign.planning.next_points import protocol_of
     from pneudrive.campaign.planning.plan import lay_out

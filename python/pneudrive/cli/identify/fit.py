@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -26,40 +26,45 @@ MAP_SUFFIXES = (".parquet", ".csv")
 
 
 def fit(
-    source: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Friction maps (map.parquet, map.csv) or campaigns, one or several; or recordings.",
-            metavar="MAP|RECORDING...",
-        ),
-    ],
-    laws: Annotated[
-        str,
-        typer.Option(
-            help="Laws to compare, separated by commas; a single law is fitted. Default: all.", metavar="LAW,..."
-        ),
-    ] = "",
-    pressure: Annotated[
-        str,
-        typer.Option(help="Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all."),
-    ] = "",
-    hold_out: Annotated[
-        str, typer.Option(help="Groups for cross-validation: pressure, speed, recording, or a column of the map.")
-    ] = "",
-    direction: Annotated[str, typer.Option(help="both, +x or -x.")] = "both",
-    by: Annotated[str, typer.Option(help="Column of the map, such as seal: one fit for each of its values.")] = "",
-    loss: Annotated[str, typer.Option(help="huber, soft-l1, tukey, or linear (not robust).")] = "huber",
-    ambient: Annotated[str, typer.Option(help="Ambient pressure, if the map lacks it.")] = "",
-    layout: Annotated[
-        Path | None, typer.Option(help="Layout of recordings; default: layout.toml in their folder.")
-    ] = None,
+    source: list[Path],
+    laws: str = "",
+    pressure: str = "",
+    hold_out: str = "",
+    direction: str = "both",
+    by: str = "",
+    loss: str = "huber",
+    ambient: str = "",
+    layout: Path | None = None,
     profile: Profile = False,
     report: Page = None,
-    out: Annotated[Path, typer.Option(help="Fit file to write; with --by one file for each value.")] = Path("fit.toml"),
+    out: Path = Path("fit.toml"),
 ) -> None:
     """Fit friction laws to a friction map and recommend one.
 
     Laws are compared by AICc, BIC and cross-validation over conditions. The cross-validation decides.
+
+    Parameters
+    ----------
+    source : MAP|RECORDING...
+        Friction maps (map.parquet, map.csv) or campaigns, one or several; or recordings.
+    laws : LAW,...
+        Laws to compare, separated by commas; a single law is fitted. Default: all.
+    pressure
+        Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all.
+    hold_out
+        Groups for cross-validation: pressure, speed, recording, or a column of the map.
+    direction
+        both, +x or -x.
+    by
+        Column of the map, such as seal: one fit for each of its values.
+    loss
+        huber, soft-l1, tukey, or linear (not robust).
+    ambient
+        Ambient pressure, if the map lacks it.
+    layout
+        Layout of recordings; default: layout.toml in their folder.
+    out
+        Fit file to write; with --by one file for each value.
     """
     from pneudrive.errors import CommandError, nearest
     from pneudrive.friction.campaign.fits import NO_POINTS, with_dependences

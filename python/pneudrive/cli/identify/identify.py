@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -16,46 +16,17 @@ if TYPE_CHECKING:
 
 
 def identify(
-    drive: Annotated[
-        str,
-        typer.Argument(help="Drive file (TOML), catalogue:NAME, or tank file, with the start values.", metavar="DRIVE"),
-    ],
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Recordings: time, command, position, pressures; for a tank, time and pressure.",
-            metavar="RECORDING...",
-        ),
-    ],
-    free: Annotated[
-        str,
-        typer.Option(
-            help="Free numbers, separated by commas. Default for a tank: all.",
-            metavar="NAMES",
-        ),
-    ] = "",
-    sensor: Annotated[
-        list[str] | None,
-        typer.Option(
-            help='Sensor: "position: noise = 2 um, offset = free", with noise, offset, offset_uncertainty, gain, lag, '
-            'resolution. "command: delay = free".',
-            metavar="CHANNEL:KEY=VALUE",
-        ),
-    ] = None,
-    segment: Annotated[str, typer.Option(help='Length of a segment, or "whole".')] = "0.4 s",
-    robust: Annotated[bool, typer.Option(help="Reduce the weight of outliers.")] = False,
-    follow: Annotated[
-        str | None,
-        typer.Option(
-            help="A circuit follows the recorded position. Free: volumes, heat, wall, leak, leak_a, leak_b, barrel, "
-            "or names such as upper.volume.",
-            metavar="motion",
-        ),
-    ] = None,
+    drive: str,
+    recordings: list[Path],
+    free: str = "",
+    sensor: list[str] | None = None,
+    segment: str = "0.4 s",
+    robust: bool = False,
+    follow: str | None = None,
     profile: Profile = False,
     report: Page = None,
-    layout: Annotated[Path | None, typer.Option(help="Layout of foreign files.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Fit file to write (TOML).")] = None,
+    layout: Path | None = None,
+    out: Path | None = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Identify the numbers of a drive from recordings of its motion.
@@ -63,6 +34,29 @@ def identify(
     Ctrl-C keeps the best values so far. A file with a table [volume] describes a tank, whose line, heat
     transfer and leak follow from its pressure. A file with a table [regulator] describes a pressure
     regulator, whose gain and lag follow from command and pressure.
+
+    Parameters
+    ----------
+    drive : DRIVE
+        Drive file (TOML), catalogue:NAME, or tank file, with the start values.
+    recordings : RECORDING...
+        Recordings: time, command, position, pressures; for a tank, time and pressure.
+    free : NAMES
+        Free numbers, separated by commas. Default for a tank: all.
+    sensor : CHANNEL:KEY=VALUE
+        Sensor: "position: noise = 2 um, offset = free", with noise, offset, offset_uncertainty, gain, lag,
+        resolution. "command: delay = free".
+    segment
+        Length of a segment, or "whole".
+    robust
+        Reduce the weight of outliers.
+    follow : motion
+        A circuit follows the recorded position. Free: volumes, heat, wall, leak, leak_a, leak_b, barrel, or names
+        such as upper.volume.
+    layout
+        Layout of foreign files.
+    out
+        Fit file to write (TOML).
     """
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tank import Tank

@@ -12,19 +12,21 @@ from pneudrive.cli.output import tell
 
 
 def report(
-    fit: Annotated[
-        Path,
-        typer.Argument(help="Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.", metavar="FIT.toml"),
-    ],
-    friction_map: Annotated[
-        Path | None, typer.Option("--map", help="The fitted friction map, for the residuals.", metavar="MAP")
-    ] = None,
+    fit: Path,
+    friction_map: Annotated[Path | None, typer.Option("--map")] = None,
     out: Results = Path("report"),
 ) -> None:
     """Write a report of a fit, with intervals and undetermined values.
 
     Residuals need the data: use --map for the fit of a friction map, and `pneudrive identify --report` for the fit of a
     drive.
+
+    Parameters
+    ----------
+    fit : FIT.toml
+        Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.
+    friction_map : MAP
+        The fitted friction map, for the residuals.
     """
     from pneudrive.errors import CommandError
     from pneudrive.friction.friction_map import read_map

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from pneudrive.cli.options import CatalogueFolders, Layout, Results, quantity, sensor_option
 from pneudrive.cli.output import MOST_ROWS, show_lines, show_table, tell, writable_folder
@@ -18,36 +16,28 @@ if TYPE_CHECKING:
 
 
 def validate(
-    drive: Annotated[
-        str,
-        typer.Argument(
-            help="Drive file (TOML), catalogue:NAME, or fit of `pneudrive identify --out` with the zeros of its "
-            "sensors.",
-            metavar="DRIVE|FIT",
-        ),
-    ],
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Recordings of the drive (time, command, position, both pressures), or one friction map or campaign.",
-            metavar="RECORDING...|MAP|CAMPAIGN",
-        ),
-    ],
+    drive: str,
+    recordings: list[Path],
     layout: Layout = None,
-    sensor: Annotated[
-        list[str] | None,
-        typer.Option(
-            help='Known error of a sensor: "pressure_a: offset = 0.02 bar"; gain; "command: delay = 3 ms".',
-            metavar="CHANNEL: KEY = VALUE, ...",
-        ),
-    ] = None,
-    window: Annotated[str, typer.Option(help="Length of the runs that start from measured states.")] = "0.5 s",
+    sensor: list[str] | None = None,
+    window: str = "0.5 s",
     out: Results = Path("validation"),
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Compare a drive with recordings, and diagnose differences.
 
     A friction map (map.parquet, map.csv) or a campaign folder is compared with the drive's friction law.
+
+    Parameters
+    ----------
+    drive : DRIVE|FIT
+        Drive file (TOML), catalogue:NAME, or fit of `pneudrive identify --out` with the zeros of its sensors.
+    recordings : RECORDING...|MAP|CAMPAIGN
+        Recordings of the drive (time, command, position, both pressures), or one friction map or campaign.
+    sensor : CHANNEL: KEY = VALUE, ...
+        Known error of a sensor: "pressure_a: offset = 0.02 bar"; gain; "command: delay = 3 ms".
+    window
+        Length of the runs that start from measured states.
     """
     from pneudrive.describe.drive import Drive
     from pneudrive.errors import CommandError

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -32,11 +31,15 @@ def _campaign() -> None:
 def plan(
     protocol: Protocol,
     rig: BenchRig = "default",
-    fraction: Annotated[
-        Path | None, typer.Option(help="Write a protocol that runs the proposed fraction.", metavar="FILE")
-    ] = None,
+    fraction: Path | None = None,
 ) -> None:
-    """Show the plan of a protocol on a rig (cycles, time, data), and check it against the limits of the rig."""
+    """Show the plan of a protocol on a rig (cycles, time, data), and check it against the limits of the rig.
+
+    Parameters
+    ----------
+    fraction : FILE
+        Write a protocol that runs the proposed fraction.
+    """
     from pneudrive.campaign.planning.fraction import propose, write_fraction
     from pneudrive.campaign.planning.plan import lay_out
     from pneudrive.campaign.planning.plan_words import show

@@ -40,12 +40,10 @@ Patience = Annotated[
 
 def run(
     protocol: Protocol,
-    into: Annotated[Path, typer.Option("--out", help="Campaign folder.", metavar="DIR")],
+    into: Annotated[Path, typer.Option("--out")],
     rig: BenchRig = "default",
     operator: Operator = "",
-    label: Annotated[
-        list[str] | None, typer.Option(help="Free text kept with the campaign; repeatable.", metavar="KEY=VALUE")
-    ] = None,
+    label: list[str] | None = None,
     yes: Yes = False,
     pace: Pace = None,
     patience: Patience = "10 min",
@@ -53,6 +51,13 @@ def run(
     """Run a campaign on a rig into a folder.
 
     Ctrl-C pauses after the cycle. A second Ctrl-C stops the axis now.
+
+    Parameters
+    ----------
+    into : DIR
+        Campaign folder.
+    label : KEY=VALUE
+        Free text kept with the campaign; repeatable.
     """
     from pneudrive.campaign.run import run_campaign
 
@@ -66,22 +71,22 @@ def run(
 
 def resume(
     folder: Folder,
-    rig: Annotated[
-        str,
-        typer.Option(
-            help="Rig; may be left out for a simulated rig or a replay, which the folder names.", metavar="RIG"
-        ),
-    ] = "",
-    allow_code: Annotated[
-        str,
-        typer.Option(help="Allow the code that the folder names, if its file has this SHA-256.", metavar="SHA256"),
-    ] = "",
+    rig: str = "",
+    allow_code: str = "",
     operator: Operator = "",
     yes: Yes = False,
     pace: Pace = None,
     patience: Patience = "10 min",
 ) -> None:
-    """Resume a campaign that another process has paused, or whose process has ended."""
+    """Resume a campaign that another process has paused, or whose process has ended.
+
+    Parameters
+    ----------
+    rig : RIG
+        Rig; may be left out for a simulated rig or a replay, which the folder names.
+    allow_code : SHA256
+        Allow the code that the folder names, if its file has this SHA-256.
+    """
     from pneudrive.campaign.run import resume_campaign
     from pneudrive.campaign.storage.control import RESUME, ask, wait_for
     from pneudrive.campaign.storage.lock import holder
@@ -125,9 +130,15 @@ def status(folder: Folder) -> None:
 
 def pause(
     folder: Folder,
-    now: Annotated[bool, typer.Option("--now", help="Stop the axis now; the running cycle is repeated later.")] = False,
+    now: Annotated[bool, typer.Option("--now")] = False,
 ) -> None:
-    """Pause a campaign in another process, after its cycle or now."""
+    """Pause a campaign in another process, after its cycle or now.
+
+    Parameters
+    ----------
+    now
+        Stop the axis now; the running cycle is repeated later.
+    """
     from pneudrive.campaign.storage.control import PAUSE, STOP, ask, wait_for
 
     before = ask(folder, STOP if now else PAUSE, _me(""))

@@ -7,9 +7,7 @@ import sys
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from pneudrive.cli.options import Results, Samples, one_of
 from pneudrive.cli.output import file_name, show_lines, show_view, tell, writable_folder
@@ -26,19 +24,11 @@ Fits = dict[str, dict[str, "FrictionFit"]]
 
 
 def characterise(
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Recordings, also compressed (.gz, .xz, .bz2); their folder with layout.toml; or a campaign folder.",
-            metavar="RECORDING...|FOLDER|CAMPAIGN",
-        ),
-    ],
-    layout: Annotated[
-        Path | None, typer.Option(help="Layout of the files; default: layout.toml in their folder.")
-    ] = None,
+    recordings: list[Path],
+    layout: Path | None = None,
     out: Results = Path("characterisation"),
     protocol: Samples = "settled",
-    law: Annotated[str, typer.Option(help="Friction law of fit.toml: coulomb or stribeck.")] = "stribeck",
+    law: str = "stribeck",
 ) -> None:
     """Evaluate recordings or a campaign: friction with uncertainty.
 
@@ -46,6 +36,15 @@ def characterise(
 
     Also writes curves.parquet, effects.toml, and statements on the data.
     Each seal and mounting has its own curves and fit.
+
+    Parameters
+    ----------
+    recordings : RECORDING...|FOLDER|CAMPAIGN
+        Recordings, also compressed (.gz, .xz, .bz2); their folder with layout.toml; or a campaign folder.
+    layout
+        Layout of the files; default: layout.toml in their folder.
+    law
+        Friction law of fit.toml: coulomb or stribeck.
     """
     from pneudrive.friction.campaign.characteristics import recorded_characteristics
     from pneudrive.friction.campaign.files import write_curves_and_effects

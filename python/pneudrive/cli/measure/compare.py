@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from pneudrive.cli.options import Results, Samples, one_of
 from pneudrive.cli.output import show_lines, show_statements, show_table, tell, writable_folder
@@ -20,10 +18,8 @@ SAME_PA = 1.0  # rounding of a pressure
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(help="Folder of campaign A; or a drive, or a fit.", metavar="A")],
-    second: Annotated[
-        Path, typer.Argument(help="Folder of campaign B, drive or fit; differences are B minus A.", metavar="B")
-    ],
+    first: Path,
+    second: Path,
     out: Results = Path("comparison"),
     protocol: Samples = "settled",
 ) -> None:
@@ -31,6 +27,13 @@ def compare(
 
     For two campaigns (new and worn, two seals), it writes report.html and comparison.toml.
     Two drive files, or two fits of one kind, are compared value by value, without any file.
+
+    Parameters
+    ----------
+    first : A
+        Folder of campaign A; or a drive, or a fit.
+    second : B
+        Folder of campaign B, drive or fit; differences are B minus A.
     """
     from pneudrive.errors import CommandError
     from pneudrive.friction.campaign.characteristics import campaign_friction

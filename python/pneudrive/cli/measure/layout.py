@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 
 def layout(
-    file: Annotated[Path, typer.Argument(help="Recording in any supported format.", metavar="FILE")],
-    out: Annotated[Path | None, typer.Option(help="Layout file to write; default: standard output.")] = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            help="Picture of the recording with the layout; default: next to the layout, or FILE.layout.png here."
-        ),
-    ] = None,
+    file: Path,
+    out: Path | None = None,
+    picture: Path | None = None,
 ) -> None:
-    """Propose how to read a foreign recording, with a picture."""
+    """Propose how to read a foreign recording, with a picture.
+
+    Parameters
+    ----------
+    file : FILE
+        Recording in any supported format.
+    out
+        Layout file to write; default: standard output.
+    picture
+        Picture of the recording with the layout; default: next to the layout, or FILE.layout.png here.
+    """
     from pneudrive.cli.progress import on_terminal
     from pneudrive.errors import RecordingError
     from pneudrive.report.layout_figure import write_layout_figure

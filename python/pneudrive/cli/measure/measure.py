@@ -9,20 +9,28 @@ import typer
 
 
 def measure(
-    recording: Annotated[Path, typer.Argument(help="Recording in any supported format.", metavar="RECORDING")],
-    at: Annotated[str, typer.Option(help='First time, "1.2 s"; the nearest sample counts.')],
-    to: Annotated[str, typer.Option(help='Second time, "1.5 s".')],
-    beside: Annotated[
-        Path | None,
-        typer.Option("--compare-with", help="Another recording, measured at the same times.", metavar="RECORDING"),
-    ] = None,
-    strokes: Annotated[
-        str, typer.Option(help="Strokes of the two recordings that are aligned at their beginning.", metavar="N,N")
-    ] = "1,1",
+    recording: Path,
+    at: Annotated[str, typer.Option()],
+    to: Annotated[str, typer.Option()],
+    beside: Annotated[Path | None, typer.Option("--compare-with")] = None,
+    strokes: str = "1,1",
 ) -> None:
     """Measure between two times of a recording.
 
     The table has value, difference and slope of each channel. Faulty samples are counted.
+
+    Parameters
+    ----------
+    recording : RECORDING
+        Recording in any supported format.
+    at
+        First time, "1.2 s"; the nearest sample counts.
+    to
+        Second time, "1.5 s".
+    beside : RECORDING
+        Another recording, measured at the same times.
+    strokes : N,N
+        Strokes of the two recordings that are aligned at their beginning.
     """
     from pneudrive.errors import CommandError
     from pneudrive.signals.measuring import measure as measured

@@ -9,10 +9,18 @@ import typer
 
 
 def reproduce(
-    out: Annotated[Path, typer.Option(help="Folder for the report and its figures.")] = Path("reproduction"),
-    seed: Annotated[int, typer.Option(help="Seed of the noise of the simulated sensors.", min=0)] = 0,
+    out: Path = Path("reproduction"),
+    seed: Annotated[int, typer.Option(min=0)] = 0,
 ) -> None:
-    """Reproduce figures 1 to 9 of the source paper on simulated rigs."""
+    """Reproduce figures 1 to 9 of the source paper on simulated rigs.
+
+    Parameters
+    ----------
+    out
+        Folder for the report and its figures.
+    seed
+        Seed of the noise of the simulated sensors.
+    """
     from pneudrive.cli.output import writable_folder
     from pneudrive.report import write_report
     from pneudrive.studies.bracha import FOLDER

@@ -23,35 +23,51 @@ def _rig() -> None:
 
 
 def serve(
-    rig: Annotated[str, typer.Argument(help="Ready rig, rig file, or own code as own_rig.py:make_rig.")] = "default",
-    port: Annotated[int, typer.Option(help="Port; 0: a free one.", min=0, max=65535)] = 4840,
-    bind: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    pace: Annotated[
-        float, typer.Option("--speed", help="1: real time; 10: ten times faster; 0: as fast as possible.")
-    ] = 1.0,
-    seed: Annotated[int, typer.Option(help="Seed of all noise of a simulated rig.")] = 0,
-    map: Annotated[Path | None, typer.Option(help="Node map; default: the one of the package.")] = None,  # noqa: A002
-    heartbeat: Annotated[
-        str, typer.Option(help="The axis stops if the client is silent for longer; default: from the node map.")
-    ] = "",
-    certificate: Annotated[
-        Path | None, typer.Option(help="Certificate of this server; all messages are then signed and encrypted.")
-    ] = None,
-    key: Annotated[
-        Path | None, typer.Option(help="Private key of the certificate; default: the same name with .key.")
-    ] = None,
-    trust: Annotated[
-        list[Path] | None, typer.Option(help="Certificate of a client that may connect; repeatable.")
-    ] = None,
-    user_file: Annotated[
-        Path | None, typer.Option(help="File of users that may log in; made by `pneudrive rig user`.")
-    ] = None,
-    trust_user: Annotated[list[Path] | None, typer.Option(help="Certificate of a user; repeatable.")] = None,
-    unprotected: Annotated[
-        bool, typer.Option("--unprotected", help="Allow anyone on the network to command the axis.")
-    ] = False,
+    rig: Annotated[str, typer.Argument()] = "default",
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 4840,
+    bind: str = "127.0.0.1",
+    pace: Annotated[float, typer.Option("--speed")] = 1.0,
+    seed: int = 0,
+    map: Path | None = None,  # noqa: A002
+    heartbeat: str = "",
+    certificate: Path | None = None,
+    key: Path | None = None,
+    trust: list[Path] | None = None,
+    user_file: Path | None = None,
+    trust_user: list[Path] | None = None,
+    unprotected: Annotated[bool, typer.Option("--unprotected")] = False,
 ) -> None:
-    """Serve a rig over OPC UA, with the nodes of a map, until Ctrl-C."""
+    """Serve a rig over OPC UA, with the nodes of a map, until Ctrl-C.
+
+    Parameters
+    ----------
+    rig
+        Ready rig, rig file, or own code as own_rig.py:make_rig.
+    port
+        Port; 0: a free one.
+    bind
+        Address to listen on.
+    pace
+        1: real time; 10: ten times faster; 0: as fast as possible.
+    seed
+        Seed of all noise of a simulated rig.
+    map
+        Node map; default: the one of the package.
+    heartbeat
+        The axis stops if the client is silent for longer; default: from the node map.
+    certificate
+        Certificate of this server; all messages are then signed and encrypted.
+    key
+        Private key of the certificate; default: the same name with .key.
+    trust
+        Certificate of a client that may connect; repeatable.
+    user_file
+        File of users that may log in; made by `pneudrive rig user`.
+    trust_user
+        Certificate of a user; repeatable.
+    unprotected
+        Allow anyone on the network to command the axis.
+    """
     from pneudrive.errors import CommandError
     from pneudrive.rig.loading import load_rig
     from pneudrive.rig.opcua.access import Protection
@@ -86,14 +102,24 @@ def serve(
 
 
 def certificate(
-    name: Annotated[str, typer.Argument(help="Name of the files and of the application: NAME.pem, NAME.key.")],
-    out: Annotated[Path, typer.Option(help="Folder for both files.")] = Path(),
-    host: Annotated[
-        list[str] | None, typer.Option(help="Name of the computer; repeatable; default: this computer.")
-    ] = None,
-    days: Annotated[int, typer.Option(help="Days of validity.", min=1)] = 365,
+    name: str,
+    out: Path = Path(),
+    host: list[str] | None = None,
+    days: Annotated[int, typer.Option(min=1)] = 365,
 ) -> None:
-    """Make a self-signed certificate and its key for an OPC UA client or server."""
+    """Make a self-signed certificate and its key for an OPC UA client or server.
+
+    Parameters
+    ----------
+    name
+        Name of the files and of the application: NAME.pem, NAME.key.
+    out
+        Folder for both files.
+    host
+        Name of the computer; repeatable; default: this computer.
+    days
+        Days of validity.
+    """
     from pneudrive.rig.opcua.access import make_certificate
 
     for path in make_certificate(out, name, host, days):
@@ -101,10 +127,18 @@ def certificate(
 
 
 def user(
-    name: Annotated[str, typer.Argument(help="Name of the user.")],
-    user_file: Annotated[Path, typer.Option(help="File of users; it keeps salted hashes, no passwords.")],
+    name: str,
+    user_file: Annotated[Path, typer.Option()],
 ) -> None:
-    """Add a user, or change a password. The command asks for the password, or reads it from standard input."""
+    """Add a user, or change a password. The command asks for the password, or reads it from standard input.
+
+    Parameters
+    ----------
+    name
+        Name of the user.
+    user_file
+        File of users; it keeps salted hashes, no passwords.
+    """
     from pneudrive.rig.opcua.access import add_user
 
     if sys.stdin.isatty():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
@@ -27,16 +27,28 @@ SAID = (
 
 
 def lines(
-    drive: Annotated[str, typer.Argument(help="Drive file (TOML), or catalogue:NAME.", metavar="DRIVE")],
-    length: Annotated[str, typer.Option(help="Lengths of the tubes.", metavar="LENGTHS")] = "0.5 m, 1 m, 2 m, 5 m",
-    diameter: Annotated[
-        str, typer.Option(help="Inner diameters of the tubes.", metavar="DIAMETERS")
-    ] = "4 mm, 6 mm, 8 mm",
-    out: Annotated[Path | None, typer.Option(help="Table: .csv or .parquet.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
+    drive: str,
+    length: str = "0.5 m, 1 m, 2 m, 5 m",
+    diameter: str = "4 mm, 6 mm, 8 mm",
+    out: Path | None = None,
+    plot: Path | None = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Show speed and stroke time over length and bore of the tubes."""
+    """Show speed and stroke time over length and bore of the tubes.
+
+    Parameters
+    ----------
+    drive : DRIVE
+        Drive file (TOML), or catalogue:NAME.
+    length : LENGTHS
+        Lengths of the tubes.
+    diameter : DIAMETERS
+        Inner diameters of the tubes.
+    out
+        Table: .csv or .parquet.
+    plot
+        Picture: .png, .svg or .pdf.
+    """
     from pneudrive.cli.progress import on_terminal
     from pneudrive.describe.files.load import load_described
     from pneudrive.report.lines_figure import plot_lines

@@ -20,20 +20,29 @@ PICTURES, OF_RUNS = (".svg", ".png", ".pdf"), (".html", ".mp4", ".gif", ".parque
 
 
 def platform(
-    circuit: Annotated[str, typer.Argument(help="Circuit file (TOML) with a platform.", metavar="CIRCUIT")],
-    name: Annotated[str | None, typer.Option(help="Platform, if the circuit has several.")] = None,
-    run: Annotated[Path | None, typer.Option(help="Run of the circuit: .parquet, .csv or .nc.")] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Picture (.svg, .png, .pdf), page (.html) or film (.mp4, .gif) of the platform, or table "
-            "(.parquet, .csv) of its singular value and leg forces."
-        ),
-    ] = None,
-    dark: Annotated[bool, typer.Option("--dark", help="Draw on dark paper.")] = False,
+    circuit: str,
+    name: str | None = None,
+    run: Path | None = None,
+    out: Path | None = None,
+    dark: Annotated[bool, typer.Option("--dark")] = False,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Show ranges, singular values and loads of a platform on legs, or draw it, at rest or during a run."""
+    """Show ranges, singular values and loads of a platform on legs, or draw it, at rest or during a run.
+
+    Parameters
+    ----------
+    circuit : CIRCUIT
+        Circuit file (TOML) with a platform.
+    name
+        Platform, if the circuit has several.
+    run
+        Run of the circuit: .parquet, .csv or .nc.
+    out
+        Picture (.svg, .png, .pdf), page (.html) or film (.mp4, .gif) of the platform, or table (.parquet, .csv) of
+        its singular value and leg forces.
+    dark
+        Draw on dark paper.
+    """
     from pneudrive.describe.files.load import load_described
     from pneudrive.platforms import platform as platform_of
     from pneudrive.simulation.trajectory import check_target

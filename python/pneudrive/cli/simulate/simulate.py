@@ -19,41 +19,50 @@ MOST_IMPACTS = 5  # printed impacts; the file has all of them
 
 def simulate(
     drive: Described,
-    duration: Annotated[str, typer.Option(help='Duration, e.g. "2 s"; not with --motion.')] = "",
-    command: Annotated[
-        list[str] | None,
-        typer.Option(
-            help='Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command). For a '
-            'circuit with the name of the valve in front, repeatable: "valve_l: 0 s: 1, 0.5 s: -1".',
-            metavar="STEPS",
-        ),
-    ] = None,
-    initial: Annotated[
-        str | None,
-        typer.Option(
-            help='Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs"; for a circuit "left.position = 50 mm".'
-        ),
-    ] = None,
-    set: Annotated[  # noqa: A002 - the name of the option
-        list[str] | None,
-        typer.Option(help='Changed value, "friction.coulomb = 31 N"; repeatable.', metavar="KEY = VALUE"),
-    ] = None,
-    motion: Annotated[
-        Path | None,
-        typer.Option(help="Recording whose position the piston of a circuit follows.", metavar="RECORDING"),
-    ] = None,
-    layout: Annotated[Path | None, typer.Option(help="Layout of that recording.")] = None,
-    sample_rate: Annotated[str, typer.Option(help="Samples per second.")] = "1 kHz",
-    rtol: Annotated[float, typer.Option(help="Relative tolerance of the solver.")] = 1e-6,
-    budget: Annotated[
-        int | None, typer.Option(help="Attempted steps after which the run fails.", metavar="ATTEMPTS")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="Trajectory file: .parquet, .csv or .nc.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture of the trajectory: .png, .svg, .pdf or .html.")] = None,
-    energy: Annotated[bool, typer.Option("--energy", help="Print energy, lost exergy and supplied air.")] = False,
+    duration: str = "",
+    command: list[str] | None = None,
+    initial: str | None = None,
+    set: list[str] | None = None,  # noqa: A002 - the name of the option
+    motion: Path | None = None,
+    layout: Path | None = None,
+    sample_rate: str = "1 kHz",
+    rtol: float = 1e-6,
+    budget: int | None = None,
+    out: Path | None = None,
+    plot: Path | None = None,
+    energy: Annotated[bool, typer.Option("--energy")] = False,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Simulate a drive or a circuit, and write or plot the run."""
+    """Simulate a drive or a circuit, and write or plot the run.
+
+    Parameters
+    ----------
+    duration
+        Duration, e.g. "2 s"; not with --motion.
+    command : STEPS
+        Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command). For a circuit with
+        the name of the valve in front, repeatable: "valve_l: 0 s: 1, 0.5 s: -1".
+    initial
+        Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs"; for a circuit "left.position = 50 mm".
+    set : KEY = VALUE
+        Changed value, "friction.coulomb = 31 N"; repeatable.
+    motion : RECORDING
+        Recording whose position the piston of a circuit follows.
+    layout
+        Layout of that recording.
+    sample_rate
+        Samples per second.
+    rtol
+        Relative tolerance of the solver.
+    budget : ATTEMPTS
+        Attempted steps after which the run fails.
+    out
+        Trajectory file: .parquet, .csv or .nc.
+    plot
+        Picture of the trajectory: .png, .svg, .pdf or .html.
+    energy
+        Print energy, lost exergy and supplied air.
+    """
     from pneudrive.cli.described import changed, command_of
     from pneudrive.cli.progress import on_terminal
     from pneudrive.simulation.simulate import run

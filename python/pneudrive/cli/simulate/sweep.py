@@ -26,56 +26,56 @@ TABLES = (".parquet", ".csv", ".nc")
 
 def sweep(
     drive: Described,
-    duration: Annotated[str, typer.Option(help='Duration, such as "2 s".')],
-    vary: Annotated[
-        list[str],
-        typer.Option(
-            help='Varied number, repeatable: "load.mass = uniform(1 kg, 2 kg)", normal, triangular, lognormal, '
-            '"grid(20 mm .. 32 mm, 7)", "20 mm, 25 mm". Or a table (.csv, .parquet) in SI, or a fit.toml.',
-            metavar="NAME=VALUES|FILE",
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(help="Table (.parquet, .csv, .nc) or folder."),
-    ],
-    command: Annotated[
-        list[str] | None,
-        typer.Option(
-            help='Valve command, -1 to 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. In a circuit: "VALVE: 0 s: 1".',
-            metavar="STEPS",
-        ),
-    ] = None,
-    members: Annotated[
-        int | None, typer.Option(help="Number of members of distributions or of a fit.", metavar="N")
-    ] = None,
-    design: Annotated[str, typer.Option(help="sobol, latin-hypercube or random.")] = "sobol",
-    seed: Annotated[int, typer.Option(help="Random seed of the sampling.")] = 0,
-    correlation: Annotated[
-        list[str] | None,
-        typer.Option(help='Correlated numbers, such as "cylinder.bore, friction.coulomb = 0.6".', metavar="A,B=R"),
-    ] = None,
-    output: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Output of each run, repeatable: final(position), max(velocity), min, mean, integral, "
-            '"time_when(position > 0.45 m)", "settling(position, 0.5 mm)", stroke_time, "samples(position, 100 Hz)". '
-            "Default: final state, stroke time.",
-            metavar="OUTPUT",
-        ),
-    ] = None,
-    set: Annotated[  # noqa: A002 - the name of the option
-        list[str] | None,
-        typer.Option(help='Value, "friction.coulomb = 31 N"; repeatable.', metavar="KEY=VALUE"),
-    ] = None,
-    initial: Annotated[str | None, typer.Option(help='Start, such as "position = 50 mm".')] = None,
-    rtol: Annotated[float, typer.Option(help="Relative tolerance.")] = 1e-6,
-    chunk: Annotated[int | None, typer.Option(help="Size of a chunk.", metavar="N")] = None,
+    duration: Annotated[str, typer.Option()],
+    vary: Annotated[list[str], typer.Option()],
+    out: Annotated[Path, typer.Option()],
+    command: list[str] | None = None,
+    members: int | None = None,
+    design: str = "sobol",
+    seed: int = 0,
+    correlation: list[str] | None = None,
+    output: list[str] | None = None,
+    set: list[str] | None = None,  # noqa: A002 - the name of the option
+    initial: str | None = None,
+    rtol: float = 1e-6,
+    chunk: int | None = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Simulate many variants and write a table of results.
 
     Finished chunks are kept. The same command continues after an interruption.
+
+    Parameters
+    ----------
+    duration
+        Duration, such as "2 s".
+    vary : NAME=VALUES|FILE
+        Varied number, repeatable: "load.mass = uniform(1 kg, 2 kg)", normal, triangular, lognormal, "grid(20 mm ..
+        32 mm, 7)", "20 mm, 25 mm". Or a table (.csv, .parquet) in SI, or a fit.toml.
+    out
+        Table (.parquet, .csv, .nc) or folder.
+    command : STEPS
+        Valve command, -1 to 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. In a circuit: "VALVE: 0 s: 1".
+    members : N
+        Number of members of distributions or of a fit.
+    design
+        sobol, latin-hypercube or random.
+    seed
+        Random seed of the sampling.
+    correlation : A,B=R
+        Correlated numbers, such as "cylinder.bore, friction.coulomb = 0.6".
+    output : OUTPUT
+        Output of each run, repeatable: final(position), max(velocity), min, mean, integral, "time_when(position >
+        0.45 m)", "settling(position, 0.5 mm)", stroke_time, "samples(position, 100 Hz)". Default: final state,
+        stroke time.
+    set : KEY=VALUE
+        Value, "friction.coulomb = 31 N"; repeatable.
+    initial
+        Start, such as "position = 50 mm".
+    rtol
+        Relative tolerance.
+    chunk : N
+        Size of a chunk.
     """
     from pneudrive.cli.described import changed, command_of
     from pneudrive.cli.progress import on_terminal

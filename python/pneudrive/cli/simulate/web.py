@@ -21,13 +21,10 @@ def _removed(context: typer.Context, parameter: typer.CallbackParam, value: obje
 
 
 def web(
-    folder: Annotated[Path, typer.Argument(help="Folder of drives, circuits and recordings.")] = Path(),
-    port: Annotated[int, typer.Option(help="Port of this machine; 0 takes a free one.", min=0, max=65535)] = 0,
-    control: Annotated[
-        bool,
-        typer.Option("--control", help="Let the page pause, stop, resume and abort campaigns too."),
-    ] = False,
-    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    folder: Annotated[Path, typer.Argument()] = Path(),
+    port: Annotated[int, typer.Option(min=0, max=65535)] = 0,
+    control: Annotated[bool, typer.Option("--control")] = False,
+    browser: bool = True,
     bind: Annotated[str, typer.Option(hidden=True, callback=_removed)] = "",
     certificate: Annotated[str, typer.Option(hidden=True, callback=_removed)] = "",
     key: Annotated[str, typer.Option(hidden=True, callback=_removed)] = "",
@@ -37,6 +34,17 @@ def web(
     """Open a folder in the browser, with live simulations.
 
     The server answers this machine only. From another machine, use ssh -L.
+
+    Parameters
+    ----------
+    folder
+        Folder of drives, circuits and recordings.
+    port
+        Port of this machine; 0 takes a free one.
+    control
+        Let the page pause, stop, resume and abort campaigns too.
+    browser
+        Open the page in the browser.
     """
     import sys
     import threading

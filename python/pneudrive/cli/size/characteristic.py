@@ -23,16 +23,28 @@ TABLES = (".csv", ".nc")
 
 def characteristic(
     drive: Described,
-    name: Annotated[str, typer.Argument(help="Name; without a name, all are listed.", metavar="NAME")] = "",
-    setting: Annotated[
-        list[str] | None, typer.Option("--set", help='A setting, "command = 0.6"; repeatable.', metavar="NAME=VALUE")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="All results: .csv or .nc (netCDF).")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture: .png, .svg or .pdf.")] = None,
-    intervals: Annotated[bool, typer.Option(help="Propagate intervals of identified values.")] = True,
+    name: Annotated[str, typer.Argument()] = "",
+    setting: Annotated[list[str] | None, typer.Option("--set")] = None,
+    out: Path | None = None,
+    plot: Path | None = None,
+    intervals: bool = True,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Show a characteristic of a drive, with definition and standard."""
+    """Show a characteristic of a drive, with definition and standard.
+
+    Parameters
+    ----------
+    name : NAME
+        Name; without a name, all are listed.
+    setting : NAME=VALUE
+        A setting, "command = 0.6"; repeatable.
+    out
+        All results: .csv or .nc (netCDF).
+    plot
+        Picture: .png, .svg or .pdf.
+    intervals
+        Propagate intervals of identified values.
+    """
     from pneudrive.datasheet.registry import characteristics
 
     if not name:

@@ -12,22 +12,26 @@ from pneudrive.cli.output import show_lines, tell
 
 
 def datasheet(
-    drive: Annotated[
-        str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
-    ],
-    recordings: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            help="Recordings of the drive, or of its piston alone, or one friction map or campaign.",
-            metavar="[RECORDING|MAP|CAMPAIGN]...",
-        ),
-    ] = None,
+    drive: str,
+    recordings: Annotated[list[Path] | None, typer.Argument()] = None,
     layout: Layout = None,
-    out: Annotated[Path, typer.Option(help="Page: .html or .pdf.")] = Path("datasheet.html"),
-    intervals: Annotated[bool, typer.Option(help="Compute intervals from those of identified values.")] = True,
+    out: Path = Path("datasheet.html"),
+    intervals: bool = True,
     catalogue: CatalogueFolders = None,
 ) -> None:
-    """Write a data sheet of a drive, with standards and sources."""
+    """Write a data sheet of a drive, with standards and sources.
+
+    Parameters
+    ----------
+    drive : DRIVE|CIRCUIT
+        Drive or circuit file (TOML), or catalogue:NAME.
+    recordings : [RECORDING|MAP|CAMPAIGN]...
+        Recordings of the drive, or of its piston alone, or one friction map or campaign.
+    out
+        Page: .html or .pdf.
+    intervals
+        Compute intervals from those of identified values.
+    """
     from pneudrive.cli.progress import on_terminal
     from pneudrive.datasheet.sheet import build
     from pneudrive.describe.files.load import load_described

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -12,15 +11,10 @@ from pneudrive.cli.output import show_lines, show_table, tell
 
 
 def size(
-    task: Annotated[Path, typer.Argument(help="Task file (TOML).", metavar="TASK")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for report, ranking and circuit files of the ten best; it is resumed.", metavar="DIR"
-        ),
-    ] = None,
-    min_candidates: Annotated[int, typer.Option(help="Least number of simulated choices of parts.", metavar="N")] = 10,
-    samples: Annotated[int, typer.Option(help="Samples of each choice; the ten best have four times as many.")] = 256,
+    task: Path,
+    out: Path | None = None,
+    min_candidates: int = 10,
+    samples: int = 256,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Find the drives of the catalogue that do a task.
@@ -29,6 +23,17 @@ def size(
 
     A provisional answer by nominal runs comes first. Ctrl-C ends the search and keeps its results; the same command
     with --out continues. If no drive does the task, the nearest feasible value of each quantity is shown.
+
+    Parameters
+    ----------
+    task : TASK
+        Task file (TOML).
+    out : DIR
+        Folder for report, ranking and circuit files of the ten best; it is resumed.
+    min_candidates : N
+        Least number of simulated choices of parts.
+    samples
+        Samples of each choice; the ten best have four times as many.
     """
     from pneudrive.cli.main import EXIT_INTERRUPTED
     from pneudrive.cli.progress import on_terminal
