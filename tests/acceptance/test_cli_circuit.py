@@ -8,7 +8,7 @@ from pathlib import Path
 import polars as pl
 
 from pneudrive.cli.main import run
-from pneudrive.describe.components import component_kinds
+from pneudrive.describe.kinds import component_kinds
 
 EXAMPLE = str(Path(__file__).parents[2] / "examples" / "two_cylinders.toml")
 

@@ -14,8 +14,9 @@ import pneudrive as pn
 from pneudrive import _core
 from pneudrive.cli.main import run
 from pneudrive.describe import circuit as circuits
-from pneudrive.describe.components import component_class, component_kinds
+from pneudrive.describe.components import component_class
 from pneudrive.describe.files.schema import circuit_schema
+from pneudrive.describe.kinds import component_kinds
 
 KIND = "toy/gap"
 FORMULA = {

@@ -27,8 +27,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from oracle.random_runs import Draw, q
 from pneudrive import Circuit, _core
-from pneudrive.describe.components import component_kinds, is_needed
 from pneudrive.describe.connections import AMBIENT
+from pneudrive.describe.kinds import component_kinds, is_needed
 from pneudrive.errors import DescriptionError, PneudriveWarning
 
 MASS_CLOSES, ENERGY_CLOSES = 1e-12, 1e-6

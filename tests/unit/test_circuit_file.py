@@ -12,10 +12,12 @@ from pathlib import Path
 import pytest
 
 import pneudrive as pn
+from pneudrive import _core
 from pneudrive.cli.main import run
 from pneudrive.describe import components
 from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files.schema import circuit_schema
+from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import DescriptionError, PneudriveWarning, Problems
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
@@ -273,7 +275,7 @@ def test_kinds_that_are_none_are_told():
 
 
 def test_keys_of_a_kind_are_no_words_of_its_class():
-    for kind, entry in components.component_kinds().items():
+    for kind, entry in component_kinds().items():
         names = [one["key"] for one in entry["parameters"]] + [one["name"] for one in entry["choices"]]
         assert not [name for name in names if hasattr(components.Component, name)], kind
 
@@ -376,9 +378,9 @@ def test_the_schema_takes_the_example():
         held.validate(tables)
 
 
-def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys):
+def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys, request):
     """It is read, refused, described and listed by what the core says of it."""
-    toy = copy.deepcopy(dict(components.component_kinds()["fitting"])) | {"kind": "toy/filter", "title": "Filter"}
+    toy = copy.deepcopy(dict(component_kinds()["fitting"])) | {"kind": "toy/filter", "title": "Filter"}
     toy["ports"].append({"name": "3", "kind": "gas", "holds": "", "exhaust": True, "optional": False})
     toy["parameters"] += [one | {"key": "side_conductance", "default": 1e-9} for one in toy["parameters"][:1]]
     toy["parameters"].append(
@@ -395,9 +397,10 @@ def test_a_kind_that_the_core_adds_needs_no_line_of_python(monkeypatch, capsys):
             "meaning": "Dirt",
         }
     )
-    kinds = components.component_kinds() | {"toy/filter": toy}
-    monkeypatch.setattr(components, "component_kinds", lambda: kinds)
-    monkeypatch.setattr("pneudrive.describe.files.schema.component_kinds", lambda: kinds)
+    kinds = component_kinds() | {"toy/filter": toy}
+    monkeypatch.setattr(_core, "components", lambda: list(kinds.values()))
+    request.addfinalizer(component_kinds.cache_clear)
+    component_kinds.cache_clear()
     components.component_class.cache_clear()
     table = {"kind": "toy/filter", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3}
     made = components.component(table | {"clogging": 0.2})

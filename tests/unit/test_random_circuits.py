@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 
 from oracle.random_circuits import NOT_DRAWN, case, outcome
-from pneudrive.describe.components import component_kinds
+from pneudrive.describe.kinds import component_kinds
 
 SEED, COUNT = 20_000, 100
 

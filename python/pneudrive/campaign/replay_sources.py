@@ -14,8 +14,8 @@ import numpy as np
 from pneudrive.campaign.replay import ReplayRig, ReplaySource, Tolerance
 from pneudrive.campaign.storage.folder import ABOUT, CYCLES, TRUTH, Campaign
 from pneudrive.constants import ANR_TEMPERATURE_K
-from pneudrive.describe.base import Bounds, Quantity
 from pneudrive.describe.marks import Percent
+from pneudrive.describe.quantities import Bounds, Quantity
 from pneudrive.errors import RecordingError, RigError
 from pneudrive.files.content import read_json
 from pneudrive.rig.interface import SHARED, Envelope, Hold, Identity, Move, Samples

@@ -8,8 +8,10 @@ from pydantic import Field, model_validator
 
 from pneudrive import _core, own_code, units
 from pneudrive.control.supervision import BuiltInLaw, ControlLimits, MotionComplete, OnFault, Supervision
-from pneudrive.describe.base import Bounds, Described, Length, Quantity, WrongValueError, wrong
+from pneudrive.describe.base import Described
+from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Choice, Reads
+from pneudrive.describe.quantities import Bounds, Length, Quantity
 
 #: Of a controller whose file says nothing; both assumed.
 PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3

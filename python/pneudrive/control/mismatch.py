@@ -12,8 +12,10 @@ from pydantic import Field
 
 from pneudrive import _core, units
 from pneudrive.control.setup import Disturbance, Setup, read_ready
-from pneudrive.describe.base import Bounds, Described, Mark, WrongValueError, number, quantity, wrong
+from pneudrive.describe.base import Described
+from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Choice
+from pneudrive.describe.quantities import Bounds, Mark, number, quantity
 from pneudrive.describe.tables.friction import friction_laws, has_bristles, has_stribeck_curve
 from pneudrive.errors import CommandError
 

@@ -13,9 +13,11 @@ from pydantic import Field, model_validator
 from pneudrive import units
 from pneudrive.control import paths
 from pneudrive.control.motion import Reach, Reference, ReferenceMove, polynomials, rounded_up
-from pneudrive.describe.base import Bounds, Described, Position, Quantity, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.marks import Choice
+from pneudrive.describe.quantities import Bounds, Position, Quantity
 from pneudrive.errors import CommandError, DescriptionError, RecordingError
 from pneudrive.simulation.trajectory import read_columns
 

@@ -11,9 +11,11 @@ from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.control.controller import Factors
-from pneudrive.describe.base import Described, Force, Position, WrongValueError, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Choice, Reads, Whole
+from pneudrive.describe.quantities import Force, Position
 from pneudrive.errors import nearest
 from pneudrive.rig.description import BELOW_ZERO
 from pneudrive.rig.keys import KEYS, any_sign, not_negative

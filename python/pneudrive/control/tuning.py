@@ -25,9 +25,9 @@ from pneudrive.control.controller import (
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.supervision import USUAL, Supervision, law_remedy
-from pneudrive.describe.base import wrong
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
+from pneudrive.describe.keys import wrong
 from pneudrive.errors import CommandError, DescriptionError, nearest, warn
 from pneudrive.own_code import COMPILED, split
 from pneudrive.repr_tables import Card, Shown

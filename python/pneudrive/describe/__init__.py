@@ -8,9 +8,10 @@ from pneudrive.lazy_names import lazy
 
 if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.components import Component, component_kinds
+    from pneudrive.describe.components import Component
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.formulas.law import FrictionLaw
+    from pneudrive.describe.kinds import component_kinds
     from pneudrive.describe.tables.dependences import (
         DirectionDependence,
         Dwell,

@@ -5,21 +5,23 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import re
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pneudrive.describe.base import Described, as_tables, escaped, inline, wrong
-from pneudrive.describe.components import COMMAND, Component, component, component_class, component_kinds, within
-from pneudrive.describe.connections import AMBIENT, Part, Wiring
-from pneudrive.describe.files import catalogue, toml
+from pneudrive.describe.base import Described, as_tables, escaped, inline
+from pneudrive.describe.circuit_tables import completed, copied, part_of, read_component, used
+from pneudrive.describe.components import Component, within
+from pneudrive.describe.connections import Part, Wiring
+from pneudrive.describe.files import toml
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.formula import ComponentFormula, formula_of
 from pneudrive.describe.formulas.law import law_of
-from pneudrive.describe.short import TABLES, Short, expanded
+from pneudrive.describe.keys import wrong
+from pneudrive.describe.kinds import COMMAND, component_kinds
+from pneudrive.describe.short import Short, expanded
 from pneudrive.describe.system import System, compiled
 from pneudrive.describe.tables import end_stops
 from pneudrive.describe.tables.legs import check_platforms
@@ -44,7 +46,6 @@ if TYPE_CHECKING:
     from pneudrive.simulation.session import Session
 
 STOP_KEYS = ("stiffness", "damping", "damping_depth")
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
 
 class Circuit(Described):
@@ -97,11 +98,11 @@ class Circuit(Described):
             return handler(data)
         problems = Problems()
         short = expanded(data, problems)
-        data = _completed(data, short, problems)
-        tables, keys, templates = _copied(_used(data.get("components"), problems), problems)
-        read = {name: _component(keys[name], table, problems) for name, table in tables.items()}
+        data = completed(data, short, problems)
+        tables, keys, templates = copied(used(data.get("components"), problems), problems)
+        read = {name: read_component(keys[name], table, problems) for name, table in tables.items()}
         components = {name: one for name, one in read.items() if one is not None}
-        parts = {name: _part(table, keys[name], read[name]) for name, table in tables.items()}
+        parts = {name: part_of(table, keys[name], read[name]) for name, table in tables.items()}
         lists = [data.get(key, ()) for key in ("connections", "plugged")]
         chains, plugged = ([] if isinstance(one, str) or not isinstance(one, list | tuple) else one for one in lists)
         wiring = Wiring(parts, chains, plugged, templates, problems)
@@ -459,12 +460,6 @@ def _formula_of(entry: Mapping[str, Any], given: str, folder: Path) -> Component
     return formula_of(given, entry, folder)
 
 
-def _part(table: object, key: str, read: Component | None) -> Part:
-    kind = table.get("kind") if isinstance(table, dict) else getattr(table, "kind", None)
-    stated = ", ".join(map(str, read.pressures())) if read is not None else ""
-    return Part(component_kinds().get(kind) if isinstance(kind, str) else None, key, stated)
-
-
 def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError:
     """Return an error of a component, which may be a copy, with its key in the file."""
     key = getattr(error, "key", None) or ""
@@ -480,107 +475,3 @@ def _relocate(error: Any, short: Short) -> Any:  # noqa: ANN401 - an error
     """Set the key of an error to the key of the short form."""
     error.key = short.located(getattr(error, "key", None))
     return error
-
-
-def _completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[str, Any]:
-    """Replace the tables of a drive file by components and connections."""
-    out = {key: value for key, value in data.items() if key not in TABLES}
-    given = out.get("components", {})
-    if not short.components or not isinstance(given, dict):
-        return out
-    both = dict(short.components)
-    for name, table in given.items():
-        if name not in both:
-            both[name] = table
-        elif isinstance(table, dict) and not {"kind", "use", "copies"} & set(table):
-            both[name] = both[name] | table  # adds to the short form
-            short.places |= {f"components.{name}.{key}": f"components.{name}.{key}" for key in table}
-        else:
-            what = f'two components have the name "{name}": [{short.places[f"components.{name}"]}] is already one'
-            remedy = "Rename it, or leave out kind if you only want to add keys."
-            problems.add(
-                wrong(f"components.{name}.kind", what, rule="each component has a different name", remedy=remedy)
-            )
-            short.places[f"components.{name}.kind"] = f"components.{name}.kind"
-    connections = out.get("connections", ())
-    if isinstance(connections, list | tuple):
-        out["connections"] = [*connections, *short.chains]
-    return out | {"components": both}
-
-
-class _Rejected(dict[str, Any]):
-    """Placeholder for a rejected table; it keeps only the names of its copies."""
-
-
-def _used(given: object, problems: Problems) -> object:
-    """Return the tables of components, each merged over the part of the catalogue that it uses, if any."""
-    if not isinstance(given, dict):
-        return given
-    out = dict(given)
-    for name, table in given.items():
-        if isinstance(table, dict) and "use" in table:
-            own = {key: value for key, value in table.items() if key not in ("use", "copies")}
-            copies = {"copies": table["copies"]} if "copies" in table else {}
-            try:
-                part = catalogue.part_table(table["use"])
-                kind = own.setdefault("kind", part["kind"])
-                if kind != part["kind"]:
-                    what = f"kind = {kind!r}, but {table['use']} is a {part['kind']}"
-                    raise wrong("kind", what, remedy="Leave kind out.")
-                out[name] = component_class(kind).over(part, own) | copies
-            except DescriptionError as error:
-                problems.add(error if error.where else within(error, name, table))
-                out[name] = _Rejected(copies)
-    return out
-
-
-def _copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str, str], dict[str, list[str]]]:
-    """Return the table and the key of each component, by name, and the names of copies by their table."""
-    tables: dict[str, Any] = {}
-    keys: dict[str, str] = {}
-    templates: dict[str, list[str]] = {}
-    if not isinstance(given, dict) or not given:
-        what = "the circuit has no components" if not given else f"components = {given!r} is not a table"
-        problems.add(wrong("components", what, remedy="Write [components.NAME]."))
-    given = given if isinstance(given, dict) else {}
-    for name, table in given.items():
-        key, copies = f"components.{name}", [name]
-        if isinstance(table, dict) and "copies" in table:
-            copies = table["copies"]
-            table = type(table)((key, value) for key, value in table.items() if key != "copies")  # noqa: PLW2901
-            if not isinstance(copies, list | tuple) or not copies or not all(isinstance(one, str) for one in copies):
-                what = f"{name}.copies = {copies!r} is not a list of names"
-                problems.add(wrong(f"{key}.copies", what, remedy='Write copies = ["left", "right"].'))
-                copies = [name]
-            elif name not in copies:
-                templates[name] = list(copies)
-        for number, own in enumerate(copies):
-            here = f"{key}.copies.{number}" if len(copies) > 1 or own != name else key
-            if own in tables or (own != name and own in given):
-                rule = "each component has a different name"
-                problems.add(
-                    wrong(here, f'two components have the name "{own}"', rule=rule, remedy="Rename one of them.")
-                )
-            elif own == AMBIENT or not _NAME.fullmatch(str(own)):
-                rule = 'letters, digits, "_" and "-", a letter first; not ambient'
-                problems.add(wrong(here, f'"{own}" is not valid as the name of a component', rule=rule))
-            if own not in tables and (own == name or own not in given):
-                tables[own], keys[own] = table, here
-    return tables, keys, templates
-
-
-def _component(key: str, table: object, problems: Problems) -> Component | None:
-    """Read one component; errors of a table with copies are reported once."""
-    if isinstance(table, Component):
-        return table
-    name = key.split(".")[1]
-    if isinstance(table, _Rejected):
-        return None
-    if not isinstance(table, dict):
-        problems.add(wrong(key, f"components.{name} = {table!r} is not a table"))
-        return None
-    try:
-        return component(table)
-    except DescriptionError as error:
-        problems.add(within(error, name, table))
-    return None

@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
 
 from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
 
 from pneudrive import units
-from pneudrive.describe.base import (
-    Bounds,
-    Described,
-    Quantity,
-    StatedPressure,
-    WrongValueError,
-    inline,
-    number,
-    wrong,
-)
+from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import sourced
 from pneudrive.describe.formulas.formula import ComponentFormula, formula_of
+from pneudrive.describe.keys import wrong
+from pneudrive.describe.kinds import COMMAND, FLOW, RATIO, STATED, acts, component_kinds, flow_keys, is_bare, is_needed
+from pneudrive.describe.marks import OnPaper, PointRows, PureNumber
 from pneudrive.describe.parameters import parameter_quantity
+from pneudrive.describe.quantities import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import FlowCoefficient
@@ -33,168 +26,6 @@ from pneudrive.errors import DescriptionError, nearest, together
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-#: Unit of an absolute or gauge pressure in the core's list; a pressure difference has the plain unit.
-STATED = "Pa abs"
-#: Input of a component for a command in -1 .. 1.
-COMMAND = "command"
-#: Largest coordinate of a place in a drawing, in modules.
-MOST_MODULES = 1000.0
-#: Other parameters of a flow path whose size may be given in other ways than by its conductance.
-_RATIO = "critical_pressure_ratio"
-_FLOW = (_RATIO, "subsonic_index")
-
-
-@lru_cache(maxsize=1)
-def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
-    """Return the core's entry of each kind of component, by name.
-
-    Each is a dict with title, doc, sources, ports, parameters, choices, friction, inputs and outputs.
-    """
-    from pneudrive import _core
-
-    return MappingProxyType({entry["kind"]: dict(entry) for entry in _core.components()})
-
-
-def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> bool:
-    """Return whether a description must give a parameter: it has no default and does not follow from others.
-
-    Some parameters are needed unless another key or choice is given; without `given` they count as not needed.
-    """
-    if parameter["within"] or not _is_bare(parameter):
-        return False
-    key, equals, option = parameter["unless"].partition(" = ")
-    if not key or given is None:
-        return not key
-    return given.get(key) != option if equals else given.get(key) is None
-
-
-def acts(parameter: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
-    """Return whether a parameter has an effect with these numbers and choices."""
-    key, equals, option = parameter["only"].partition(" = ")
-    return not key or (given.get(key) == option if equals else bool(given.get(key)))
-
-
-def _is_bare(parameter: Mapping[str, Any]) -> bool:
-    return parameter["default"] is None and not parameter["follows"]
-
-
-def flow_keys(entry: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the alternative keys of a flow path's size. For other parameters, return the key itself."""
-    keys = {p["key"] for p in entry["parameters"]}
-    if key.endswith("conductance") and keys.issuperset(_FLOW):
-        return tuple(key.removesuffix("conductance") + name for name in valve_flow.FLOW_KEYS)
-    return (key,)
-
-
-@dataclass(frozen=True)
-class _OnPaper(Quantity):
-    """Annotation of a field for a place in a drawing."""
-
-    def read(self, given: object) -> tuple[float, float] | None:  # type: ignore[override]
-        """Check the form."""
-        if given is None:
-            return None
-        if not isinstance(given, list | tuple) or len(given) != 2:
-            raise WrongValueError(f"{given!r} is not a place in a drawing", remedy="Write at = [12, 0].")
-        x, y = (number(one, Bounds(at_least=-MOST_MODULES, at_most=MOST_MODULES)) for one in given)
-        return x, y
-
-    def show(self, value: tuple[float, float]) -> list[float]:  # type: ignore[override]
-        """Write the place."""
-        return list(value)
-
-    def schema(self) -> dict[str, Any]:
-        """Return the JSON schema."""
-        return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
-
-
-@dataclass(frozen=True)
-class _Number(Quantity):
-    """Annotation of a field for a pure number, or a fraction in per cent, "0.4 %"."""
-
-    def read(self, given: object) -> float:
-        """Convert and check."""
-        if isinstance(given, str) and given.endswith("%"):
-            try:
-                given = float(given.removesuffix("%")) / 100.0
-            except ValueError:
-                raise WrongValueError(f'"{given}" is not a number') from None
-        return super().read(given)
-
-    def schema(self) -> dict[str, Any]:
-        """Describe both forms."""
-        number = super().schema()
-        return {"anyOf": [number, {"type": "string", "pattern": r"^\S+\s*%$"}]}
-
-
-@dataclass(frozen=True)
-class _Points(Quantity):
-    """Annotation of a field for points: a list of tables, stored as rows in SI.
-
-    Parameters
-    ----------
-    columns : tuple
-        Key and annotation of each column; values of the first column rise.
-    defaults : tuple
-        Default of each column; None if a point has to give it.
-    most : int
-        Largest number of points.
-    """
-
-    columns: tuple[tuple[str, Quantity], ...] = ()
-    defaults: tuple[float | None, ...] = ()
-    most: int = 0
-
-    @property
-    def needed(self) -> list[str]:
-        """Columns that each point must have."""
-        return [key for (key, _), default in zip(self.columns, self.defaults, strict=True) if default is None]
-
-    def read(self, given: object) -> tuple[tuple[float, ...], ...]:  # type: ignore[override]
-        """Convert and check all points."""
-        example = "{ " + ", ".join(f"{key} = ..." for key, _ in self.columns) + " }"
-        if not isinstance(given, list | tuple) or not all(isinstance(one, dict) for one in given):
-            raise WrongValueError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
-        if not 2 <= len(given) <= self.most:
-            raise WrongValueError(f"{len(given)} points", rule=f"2 to {self.most} points")
-        rows = tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
-        key, first = self.columns[0]
-        for before, after in pairwise(rows):
-            if after[0] <= before[0]:
-                what = f"{key} = {first.show(after[0])} follows {first.show(before[0])}"
-                raise WrongValueError(what, rule=f"{key} rises from point to point")
-        return rows
-
-    def _row(self, table: dict[str, Any], number: int, example: str) -> tuple[float, ...]:
-        if not set(self.needed) <= set(table) <= {key for key, _ in self.columns}:
-            rest = f"; only {' and '.join(self.needed)} needed" if len(self.needed) < len(self.columns) else ""
-            raise WrongValueError(f"point {number} = {table!r}", rule=f"a point is {example}{rest}")
-        return tuple(
-            default if default is not None and key not in table else _read(mark, table[key], f"{key} of point {number}")
-            for (key, mark), default in zip(self.columns, self.defaults, strict=True)
-        )
-
-    def show(self, value: Sequence[Sequence[float]]) -> list[dict[str, str | float]]:  # type: ignore[override]
-        """Write the points as users would."""
-        columns = list(zip(self.columns, self.defaults, strict=True))
-        return [
-            {key: mark.show(one) for ((key, mark), default), one in zip(columns, row, strict=True) if one != default}
-            for row in value
-        ]
-
-    def schema(self) -> dict[str, Any]:
-        """Return the JSON schema of the list."""
-        columns = {key: mark.schema() for key, mark in self.columns}
-        point = {"type": "object", "properties": columns, "required": self.needed, "additionalProperties": False}
-        return {"type": "array", "items": point, "minItems": 2, "maxItems": self.most}
-
-
-def _read(mark: Quantity, given: object, name: str) -> float:
-    try:
-        return mark.read(given)
-    except DescriptionError as error:
-        raise WrongValueError(f"{name}: {error.what}", error.rule, error.remedy) from None
 
 
 class Component(Described):
@@ -209,7 +40,7 @@ class Component(Described):
     fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
     renamed: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key in older files -> key
     kind: str
-    at: Annotated[tuple[float, float] | None, _OnPaper("")] = Field(
+    at: Annotated[tuple[float, float] | None, OnPaper("")] = Field(
         default=None, description="Place in a drawing, [x, y] in modules"
     )
 
@@ -222,8 +53,8 @@ class Component(Described):
         plain, origins = sourced.parted(cls.flat(data))
         if cls._lacks_ratio(plain):
             ratio, said = valve_flow.USUAL_RATIO, valve_flow.USUAL_RATIO_SAID
-            plain[_RATIO] = ratio
-            origins = {**origins, _RATIO: sourced.Value(_RATIO, ratio, None, said)}
+            plain[RATIO] = ratio
+            origins = {**origins, RATIO: sourced.Value(RATIO, ratio, None, said)}
         made = handler(plain)
         vars(made)["origins"] = origins
         return made
@@ -231,7 +62,7 @@ class Component(Described):
     @classmethod
     def _lacks_ratio(cls, table: Mapping[str, Any]) -> bool:
         """Return whether a size is given by a flow or a flow coefficient, without the critical pressure ratio."""
-        if _RATIO in table or not any(p["key"] == _RATIO and is_needed(p) for p in cls.entry["parameters"]):
+        if RATIO in table or not any(p["key"] == RATIO and is_needed(p) for p in cls.entry["parameters"]):
             return False
         sizes = {key for p in cls.entry["parameters"] for key in flow_keys(cls.entry, p["key"])[1:]}
         return not sizes.isdisjoint(table)
@@ -305,7 +136,7 @@ class Component(Described):
     def _whole_tables(self) -> Component:
         for parameter in self.entry["parameters"]:
             key, table = parameter["key"], parameter["within"]
-            if table and _is_bare(parameter) and self._has(parameter) and getattr(self, self.fields[key]) is None:
+            if table and is_bare(parameter) and self._has(parameter) and getattr(self, self.fields[key]) is None:
                 raise wrong(key, f"{key} is missing", rule=f"all keys of {table} are given, or none")
         return self
 
@@ -338,7 +169,7 @@ class Component(Described):
             sizes = self._values(flow_keys(self.entry, key))
             value = sizes[0]
             if any(sizes[1:]):
-                value = valve_flow.conductance_of([None, *sizes[1:]], *self._values(_FLOW))
+                value = valve_flow.conductance_of([None, *sizes[1:]], *self._values(FLOW))
             if isinstance(value, units.Pressure):
                 value = value.absolute_pa(ambient_pa)
                 if not value > 0.0:
@@ -478,7 +309,7 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         takes = ", ".join(filter(None, (unit, "" if rule == "finite" else rule)))
         follows = parameter["follows"] and f"follows {parameter['follows']}"
         needed = f"needed in {parameter['within']}" if parameter["within"] else _unless(parameter) or "needed"
-        default = follows or (needed if _is_bare(parameter) else str(kind.default(kind.fields[key])))
+        default = follows or (needed if is_bare(parameter) else str(kind.default(kind.fields[key])))
         assumed = f" (assumed: {parameter['assumed']})" if parameter["assumed"] else ""
         only, was = parameter["only"], parameter["was"]
         meaning = parameter["meaning"] + (f"; acts only with {only}" if only else "")
@@ -516,7 +347,7 @@ def _mark(parameter: Mapping[str, Any]) -> Quantity | StatedPressure:
     if parameter["unit"] == STATED:
         return StatedPressure()
     mark = parameter_quantity(parameter)
-    return mark if mark.si_unit else _Number("", bounds=mark.bounds)
+    return mark if mark.si_unit else PureNumber("", bounds=mark.bounds)
 
 
 def _last(key: str) -> str:
@@ -566,7 +397,7 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
     if entry["points"]:
         columns = tuple((column["key"], parameter_quantity(column)) for column in entry["points"]["columns"])
         defaults = tuple(column["default"] for column in entry["points"]["columns"])
-        mark = _Points("", columns=columns, defaults=defaults, most=entry["points"]["most"])
+        mark = PointRows("", columns=columns, defaults=defaults, most=entry["points"]["most"])
         what = columns[1][0] if len(columns) == 2 else "flow"
         meaning = f"{what[0].upper()}{what[1:]} over the {columns[0][0]}"
         rows_of, key = tuple[tuple[float, ...], ...], entry["points"]["key"]

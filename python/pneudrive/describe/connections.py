@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.describe.base import wrong
+from pneudrive.describe.keys import wrong
 from pneudrive.errors import nearest
 
 if TYPE_CHECKING:

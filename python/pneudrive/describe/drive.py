@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from pneudrive.describe.base import Described, as_tables, escaped, inline, wrong
+from pneudrive.describe.base import Described, as_tables, escaped, inline
 from pneudrive.describe.files import catalogue, provenance, toml
 from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.files.sourced import Value, has_origin
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.short import TABLES, beside_control, expanded
 from pneudrive.describe.system import PISTON, System, drive_names, short_name
 from pneudrive.describe.tables import end_stops

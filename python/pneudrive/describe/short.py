@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.base import wrong
 from pneudrive.describe.connections import ARROW
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import DescriptionError, nearest
 
@@ -207,7 +207,7 @@ def _texts(lists: Sequence[Any]) -> Iterator[str]:
 
 def _has_ports(table: Mapping[str, Any], *names: str) -> bool:
     """Return whether a valve has ports of these names; True for a valve of the catalogue (kind not known yet)."""
-    from pneudrive.describe.components import component_kinds
+    from pneudrive.describe.kinds import component_kinds
 
     entry = component_kinds().get(table.get("kind", ""))
     return entry is None or set(names) <= {port["name"] for port in entry["ports"]}

@@ -12,9 +12,11 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Described, Fraction, Quantity, StatedPressure, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.components import Component, component, within
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import wrong
+from pneudrive.describe.quantities import Bounds, Fraction, Quantity, StatedPressure
 from pneudrive.describe.tables.parts import NOT_NEGATIVE, Ambient, Gas
 from pneudrive.errors import DescriptionError
 

@@ -7,8 +7,9 @@ import json
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.components import STATED, component_kinds, parameter_quantity
+from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.drive import Drive
+from pneudrive.describe.kinds import STATED, component_kinds
 from pneudrive.describe.system import short_name
 from pneudrive.errors import DescriptionError
 from pneudrive.free.lines import beside, numbers

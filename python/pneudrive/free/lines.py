@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.describe.components import component_kinds
+from pneudrive.describe.kinds import component_kinds
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.describe.components import STATED, parameter_quantity
+from pneudrive.describe.components import parameter_quantity
+from pneudrive.describe.kinds import STATED
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.derived import derived
 from pneudrive.errors import CommandError, FitError, nearest

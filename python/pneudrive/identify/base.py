@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
@@ -13,9 +12,17 @@ import numpy as np
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import student
-from pneudrive.identify.determined import SIMULATED, Intervals, Undetermined, names_of, shown_in, whole_interval
-from pneudrive.identify.fit_file import check_shape
-from pneudrive.identify.identified import Identified, joined
+from pneudrive.identify.determined import (
+    MODEL_ERROR_WORDS,
+    SIMULATED,
+    Intervals,
+    Undetermined,
+    names_of,
+    shown_in,
+    whole_interval,
+)
+from pneudrive.identify.fit_file import check_shape, fields_of
+from pneudrive.identify.identified import Identified, correlations_of, joined
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain
 from pneudrive.repr_tables import Shown
@@ -39,10 +46,6 @@ T = TypeVar("T")
 SCHEMA = 1
 #: Digits of the hash of a fit: the first ones of `sha256sum fit.toml`.
 HASH_DIGITS = 16
-#: Explanation of the numbers after "model ±".
-MODEL_ERROR_WORDS = (
-    "95 %: interval from noise; model ±: change of the value if each held number has an error of 1 % (assumed)"
-)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -305,26 +308,13 @@ class Fit(Shown):
             fit=str(self.provenance.get("fit_hash", ""))
             or hashlib.sha256(self.toml().encode()).hexdigest()[:HASH_DIGITS],
             model_errors={keys[name]: error for name, error in self.model_errors.items() if name in keys},
-            correlations=self._correlations(
-                {name: key for name, key in keys.items() if key in ends and name in self.free}
+            correlations=correlations_of(
+                {name: key for name, key in keys.items() if key in ends and name in self.free},
+                self.free,
+                self.covariance,
+                self.systematic,
             ),
         )
-
-    def _correlations(self, keys: Mapping[str, str]) -> dict[str, dict[str, float]]:
-        """Return the correlations by key; systematic uncertainties are independent and lower them."""
-        if not self.covariance.size:
-            return {}
-        places = {name: self.free.index(name) for name in keys}
-        whole = {
-            n: math.hypot(math.sqrt(max(self.covariance[i, i], 0.0)), self.systematic.get(n, 0.0))
-            for n, i in places.items()
-        }
-
-        def share(one: str, other: str) -> float:
-            size = whole[one] * whole[other]
-            return float(self.covariance[places[one], places[other]]) / size if size > 0.0 else 0.0
-
-        return {keys[one]: {keys[two]: share(one, two) for two in keys if two != one} for one in keys}
 
     # -- the file ---------------------------------------------------------------------------------------------
 
@@ -367,7 +357,7 @@ class Fit(Shown):
         if self.undetermined:
             tables["undetermined"] = [vars(one) if isinstance(one, Undetermined) else one for one in self.undetermined]
         tables |= {"statistics": self.statistics, "provenance": self.provenance}
-        text = "\n".join([self.HEAD, *sections(tables)]) + "\n"
+        text = "\n".join([self.HEAD, *toml.sections(tables)]) + "\n"
         return text + (f"\n{toml.write(self._last())}" if self._last() else "")
 
     def to_toml(self, path: str | Path) -> None:
@@ -421,26 +411,7 @@ class Fit(Shown):
     @classmethod
     def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of a fit from the tables of its file."""
-        entries = cls._entries(content)
-        names = content.get("covariance", {}).get("names", list(entries))
-        matrix = np.array(content.get("covariance", {}).get("matrix", []), dtype=np.float64)
-        if matrix.size and matrix.shape != (len(names), len(names)):
-            raise ValueError(f"covariance of shape {matrix.shape} for {len(names)} parameters")
-        return {
-            "values": {name: float(entry["value"]) for name, entry in content[cls.GROUPS[0]].items()},
-            "units": {name: str(entry["unit"]) for name, entry in entries.items()},
-            "free": tuple(names),
-            "covariance": matrix,
-            "intervals": {n: (e["interval"][0], e["interval"][1]) for n, e in entries.items() if "interval" in e},
-            "systematic": {n: float(e["u_systematic"]) for n, e in entries.items() if "u_systematic" in e},
-            "model_errors": {n: float(e["model_error"]) for n, e in entries.items() if "model_error" in e},
-            "sources": {n: tuple(e["sources"]) for n, e in entries.items() if "sources" in e},
-            "undetermined": tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
-            "notes": tuple(content.get("notes", ())),
-            "statistics": {name: float(value) for name, value in content["statistics"].items()},
-            "provenance": dict(content["provenance"]),
-            "converged": bool(content.get("converged", True)),
-        }
+        return fields_of(content, cls._entries(content), cls.GROUPS[0])
 
     # -- display ----------------------------------------------------------------------------------------
 
@@ -519,34 +490,3 @@ class Fit(Shown):
             plain(self.expanded_uncertainty(name) / factor, 2) if is_shared else "",
             plain(self.model_errors[name] / factor, 2) if name in self.model_errors else "",
         )
-
-
-def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:
-    """Write tables as lines of TOML, each inner table under a separate header; `name` is already written as a key.
-
-    None values are left out.
-
-    Examples
-    --------
-    >>> print(chr(10).join(sections({"a": 1.0, "b": {"c": True}, "d": [{"e": "f"}]})))
-    a = 1.0
-    <BLANKLINE>
-    [b]
-    c = true
-    <BLANKLINE>
-    [[d]]
-    e = "f"
-    """
-
-    def is_table(value: object) -> bool:
-        return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
-
-    plain = {key: value for key, value in tables.items() if value is not None and not is_table(value)}
-    lines = [f"{toml.key_text(key)} = {toml.value_text(value)}" for key, value in plain.items()]
-    for key, value in tables.items():
-        if not is_table(value):
-            continue
-        own = key if not name else f"{name}.{toml.key_text(key)}"
-        for table in [value] if isinstance(value, dict) else value:
-            lines += ["", f"[{own}]" if isinstance(value, dict) else f"[[{own}]]", *sections(table, own)]
-    return lines

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 #: Note of a fit of simulated data.
 SIMULATED = "from simulated recordings"
+#: Explanation of the numbers after "model ±".
+MODEL_ERROR_WORDS = (
+    "95 %: interval from noise; model ±: change of the value if each held number has an error of 1 % (assumed)"
+)
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr, ValidationError
 
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError
+from pneudrive.identify.determined import Undetermined
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -110,6 +112,44 @@ def check_shape(content: Mapping[str, Any], title: str, groups: Iterable[str], w
     except ValidationError as error:
         problem = _deepest(error)
         raise _error(title, _key(problem["loc"]), _rule(problem), where, text) from None
+
+
+def fields_of(content: Mapping[str, Any], entries: Mapping[str, Mapping[str, Any]], first: str) -> dict[str, Any]:
+    """Return the fields of a fit from the tables of its file.
+
+    Parameters
+    ----------
+    content : mapping
+        Tables of the file.
+    entries : mapping
+        Entries of all values, by name.
+    first : str
+        Table of the values.
+
+    Raises
+    ------
+    KeyError, ValueError
+        An entry is missing, or the covariance does not fit the values.
+    """
+    names = content.get("covariance", {}).get("names", list(entries))
+    matrix = np.array(content.get("covariance", {}).get("matrix", []), dtype=np.float64)
+    if matrix.size and matrix.shape != (len(names), len(names)):
+        raise ValueError(f"covariance of shape {matrix.shape} for {len(names)} parameters")
+    return {
+        "values": {name: float(entry["value"]) for name, entry in content[first].items()},
+        "units": {name: str(entry["unit"]) for name, entry in entries.items()},
+        "free": tuple(names),
+        "covariance": matrix,
+        "intervals": {n: (e["interval"][0], e["interval"][1]) for n, e in entries.items() if "interval" in e},
+        "systematic": {n: float(e["u_systematic"]) for n, e in entries.items() if "u_systematic" in e},
+        "model_errors": {n: float(e["model_error"]) for n, e in entries.items() if "model_error" in e},
+        "sources": {n: tuple(e["sources"]) for n, e in entries.items() if "sources" in e},
+        "undetermined": tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
+        "notes": tuple(content.get("notes", ())),
+        "statistics": {name: float(value) for name, value in content["statistics"].items()},
+        "provenance": dict(content["provenance"]),
+        "converged": bool(content.get("converged", True)),
+    }
 
 
 def _deepest(error: ValidationError) -> Mapping[str, Any]:

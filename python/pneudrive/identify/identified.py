@@ -11,18 +11,21 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from pneudrive import units
-from pneudrive.describe.base import Quantity, StatedPressure
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.files.provenance import marks as marks_of
 from pneudrive.describe.files.provenance import values as values_of
 from pneudrive.describe.parameters import parameter_quantities
+from pneudrive.describe.quantities import Quantity, StatedPressure
 from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws
 from pneudrive.errors import FitError, nearest, warn
 from pneudrive.free.parameters import with_shape
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dependences import Dependences
@@ -302,3 +305,32 @@ def joined(names: tuple[str, ...]) -> str:
         return "not stated"
     more = len(names) - MOST_SOURCES
     return ", ".join(names[:MOST_SOURCES]) + (f" and {more} more" if more > 0 else "")
+
+
+def correlations_of(
+    keys: Mapping[str, str], free: Sequence[str], covariance: NDArray[np.float64], systematic: Mapping[str, float]
+) -> dict[str, dict[str, float]]:
+    """Return the correlations of values by their names in the drive file.
+
+    Systematic uncertainties are independent and lower them.
+
+    Parameters
+    ----------
+    keys : mapping
+        Name in the fit -> name in the drive file.
+    free : sequence of str
+        Names of the rows and columns of `covariance`; without values it is empty.
+    covariance : ndarray, shape (n, n)
+    systematic : mapping
+        Systematic standard uncertainty by name.
+    """
+    if not covariance.size:
+        return {}
+    places = {name: free.index(name) for name in keys}
+    whole = {n: math.hypot(math.sqrt(max(covariance[i, i], 0.0)), systematic.get(n, 0.0)) for n, i in places.items()}
+
+    def share(one: str, other: str) -> float:
+        size = whole[one] * whole[other]
+        return float(covariance[places[one], places[other]]) / size if size > 0.0 else 0.0
+
+    return {keys[one]: {keys[two]: share(one, two) for two in keys if two != one} for one in keys}

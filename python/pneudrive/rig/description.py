@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pneudrive.describe.base import wrong
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import Problems

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from pneudrive.constants import ANR_TEMPERATURE_K
-from pneudrive.describe.base import Bounds, Mark, Quantity, StatedPressure, WrongValueError
-from pneudrive.describe.components import component_kinds
+from pneudrive.describe.keys import WrongValueError
+from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Choice
 from pneudrive.describe.parameters import parameter_quantity
+from pneudrive.describe.quantities import Bounds, Mark, Quantity, StatedPressure
 from pneudrive.describe.tables.geometry import KINDS
 from pneudrive.rig.sensors import CLOCKS
 

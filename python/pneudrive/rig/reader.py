@@ -10,9 +10,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, create_model
 
-from pneudrive.describe.base import Described, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas.law import law_of
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import DescriptionError, Problems
 from pneudrive.rig.keys import KEYS, MOUNTING, Key

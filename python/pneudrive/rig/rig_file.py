@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field, PrivateAttr, StrictBool, model_validator
 
 from pneudrive import units
-from pneudrive.describe.base import Angle, Bounds, Described, Mark, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Between, PressureBetween, Reads, absolute
+from pneudrive.describe.quantities import Angle, Bounds, Mark, Quantity, StatedPressure
 from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import Problems, RigError, nearest
 from pneudrive.rig.interface import Envelope, Identity

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field
 
-from pneudrive.describe.base import Bounds, Described, Quantity
+from pneudrive.describe.base import Described
 from pneudrive.describe.marks import Percent, Reads
+from pneudrive.describe.quantities import Bounds, Quantity
 from pneudrive.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.describe.base import wrong
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import wrong
 from pneudrive.errors import LayoutError, Problems, nearest
 from pneudrive.files.packed import COMPRESSIONS
 from pneudrive.repr_tables import Shown

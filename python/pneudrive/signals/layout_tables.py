@@ -10,8 +10,10 @@ from pydantic import Field, StrictBool, create_model, model_validator
 
 from pneudrive import units
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.describe.base import Angle, Bounds, Described, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.describe.base import Described
+from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Between, Choice, Percent, PressureBetween, Reads, Whole, absolute
+from pneudrive.describe.quantities import Angle, Bounds, Quantity, StatedPressure
 from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS

@@ -11,10 +11,10 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
-from pneudrive.describe.base import wrong
 from pneudrive.describe.components import component_class
 from pneudrive.describe.files.catalogue import PREFIX, check, entries, part_table
 from pneudrive.describe.files.sourced import parted
+from pneudrive.describe.keys import wrong
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -14,22 +14,13 @@ from pydantic import Field, model_validator
 from pneudrive import units
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.all_values import leaves
-from pneudrive.describe.base import (
-    Angle,
-    Bounds,
-    Described,
-    Force,
-    Length,
-    Mass,
-    Quantity,
-    WrongValueError,
-    inline,
-    wrong,
-)
-from pneudrive.describe.base import StatedPressure as Stated
+from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
+from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Between, Percent
+from pneudrive.describe.quantities import Angle, Bounds, Force, Length, Mass, Quantity
+from pneudrive.describe.quantities import StatedPressure as Stated
 from pneudrive.describe.tables.parts import Ambient
 
 if TYPE_CHECKING:

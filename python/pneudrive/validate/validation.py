@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
+from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.identify.base import sections
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
-from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
+from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, read_drive_recordings
+from pneudrive.signals.plausible import check_plausible, moves, time_gaps
 from pneudrive.simulation.trajectory import save_columns, whole
 from pneudrive.validate.breakaway import RecordedBreakaway, breakaways
 from pneudrive.validate.diagnosis import diagnose
@@ -430,7 +431,7 @@ def validation_toml(found: Validation) -> str:
         },
     }
     head = "# Validation of a drive against recordings. SI; nrmse and share are fractions, fit is in percent."
-    return "\n".join([head, *sections(tables)]) + "\n"
+    return "\n".join([head, *toml.sections(tables)]) + "\n"
 
 
 def run_name(number: int) -> str:

@@ -9,7 +9,8 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
-from pneudrive.describe.components import component, component_kinds
+from pneudrive.describe.components import component
+from pneudrive.describe.kinds import component_kinds
 from pneudrive.report.circuit import blocks
 from pneudrive.report.circuit.drawing import draw_circuit
 from pneudrive.report.circuit.shapes import arranged

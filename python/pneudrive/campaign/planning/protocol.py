@@ -29,8 +29,9 @@ from pneudrive.campaign.planning.protocol_tables import (
     Tightened,
     WarmUp,
 )
-from pneudrive.describe.base import Described, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.marks import Whole
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.rig.interface import Sampling

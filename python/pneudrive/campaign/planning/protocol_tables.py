@@ -17,8 +17,10 @@ from pneudrive.campaign.planning.protocol_values import (
     PressurePair,
     spaced,
 )
-from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, wrong
+from pneudrive.describe.base import Described
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.marks import Between, Percent, Whole
+from pneudrive.describe.quantities import Bounds, Quantity, StatedPressure
 from pneudrive.errors import DescriptionError
 from pneudrive.files.bounds import within
 

@@ -8,8 +8,9 @@ from itertools import pairwise
 from typing import Any
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Mark, Quantity, StatedPressure, WrongValueError
+from pneudrive.describe.keys import WrongValueError
 from pneudrive.describe.marks import Whole
+from pneudrive.describe.quantities import Bounds, Mark, Quantity, StatedPressure
 from pneudrive.errors import DescriptionError, nearest
 
 #: Significant digits of the levels between the ends of a range, so that its name states a level exactly.

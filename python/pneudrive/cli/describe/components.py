@@ -22,7 +22,7 @@ def components(
     kind : KIND
         Kind to show.
     """
-    from pneudrive.describe.components import component_kinds
+    from pneudrive.describe.kinds import component_kinds
     from pneudrive.errors import CommandError, nearest
 
     kinds = component_kinds()

@@ -13,8 +13,8 @@ import numpy as np
 
 from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove
 from pneudrive.control.references import moves_of_text
-from pneudrive.describe.base import wrong
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import wrong
 from pneudrive.errors import DescriptionError, PneudriveError, nearest
 from pneudrive.repr_tables import Card, Shown
 

@@ -14,8 +14,8 @@ from pneudrive.datasheet.characteristics.steady import full_force
 from pneudrive.datasheet.characteristics.stiffness import adiabatic_stiffness
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.plant import HeldDrive
-from pneudrive.describe.base import StatedPressure
 from pneudrive.describe.files.provenance import values
+from pneudrive.describe.quantities import StatedPressure
 from pneudrive.errors import CommandError, PneudriveError, nearest
 
 if TYPE_CHECKING:

@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from pneudrive.describe.base import Described, WrongValueError, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced, toml
 from pneudrive.describe.files.sourced import Value
+from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Reads
 from pneudrive.errors import DescriptionError, Problems, nearest, together, warn
 from pneudrive.references import entries as references
@@ -57,7 +58,8 @@ class Entry:
     @property
     def open(self) -> list[str]:
         """Keys that the user of a part must give."""
-        from pneudrive.describe.components import component_class, component_kinds, is_needed
+        from pneudrive.describe.components import component_class
+        from pneudrive.describe.kinds import component_kinds, is_needed
 
         entry = component_kinds()[self.kind]
         kind = component_class(self.kind)
@@ -195,7 +197,8 @@ def check(part: Entry) -> None:
     DescriptionError
         The part is not valid; the message gives file and line.
     """
-    from pneudrive.describe.components import component_class, component_kinds
+    from pneudrive.describe.components import component_class
+    from pneudrive.describe.kinds import component_kinds
 
     kinds = component_kinds()
     problems = Problems()

@@ -6,8 +6,8 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from pneudrive import units
-from pneudrive.describe.base import wrong
 from pneudrive.describe.files.catalogue import entries
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_of
 from pneudrive.errors import nearest
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.components import component_class, component_kinds
+from pneudrive.describe.components import component_class
 from pneudrive.describe.drive import Drive
+from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.short import TABLES, TUBES
 
 _COPIES = {"type": "array", "items": {"type": "string"}, "minItems": 1}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.base import wrong
+from pneudrive.describe.keys import wrong
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -278,6 +278,37 @@ def tables_of(name: str, table: dict[str, Any]) -> list[str]:
     return blocks
 
 
+def sections(tables: Mapping[str, Any], name: str = "") -> list[str]:
+    """Write tables as lines of TOML, each inner table under a separate header; `name` is already written as a key.
+
+    None values are left out.
+
+    Examples
+    --------
+    >>> print(chr(10).join(sections({"a": 1.0, "b": {"c": True}, "d": [{"e": "f"}]})))
+    a = 1.0
+    <BLANKLINE>
+    [b]
+    c = true
+    <BLANKLINE>
+    [[d]]
+    e = "f"
+    """
+
+    def is_table(value: object) -> bool:
+        return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
+
+    plain = {key: value for key, value in tables.items() if value is not None and not is_table(value)}
+    lines = [f"{key_text(key)} = {value_text(value)}" for key, value in plain.items()]
+    for key, value in tables.items():
+        if not is_table(value):
+            continue
+        own = key if not name else f"{name}.{key_text(key)}"
+        for table in [value] if isinstance(value, dict) else value:
+            lines += ["", f"[{own}]" if isinstance(value, dict) else f"[[{own}]]", *sections(table, own)]
+    return lines
+
+
 def _depth(value: object) -> int:
     return 1 + max(map(_depth, value.values()), default=0) if isinstance(value, dict) else 0
 

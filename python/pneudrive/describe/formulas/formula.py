@@ -6,8 +6,8 @@ import json
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from pneudrive.describe.base import wrong
 from pneudrive.describe.formulas import written
+from pneudrive.describe.keys import wrong
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field, field_serializer
 
-from pneudrive.describe.base import wrong
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas import written
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.marks import Reads
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.errors import nearest

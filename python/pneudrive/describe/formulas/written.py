@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 from pydantic import Field, field_serializer, model_validator
 
 from pneudrive import units
-from pneudrive.describe.base import Described, Quantity, WrongValueError, within, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import WrongValueError, within, wrong
 from pneudrive.describe.marks import Reads
+from pneudrive.describe.quantities import Quantity
 from pneudrive.errors import DescriptionError, nearest, warn
 from pneudrive.references import entries
 

@@ -7,9 +7,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from pneudrive.describe.base import (
+from pneudrive.describe.base import Described
+from pneudrive.describe.keys import wrong
+from pneudrive.describe.quantities import (
     Bounds,
-    Described,
     EachChamber,
     Fraction,
     Length,
@@ -17,7 +18,6 @@ from pneudrive.describe.base import (
     Position,
     Quantity,
     Temperature,
-    wrong,
 )
 
 _NOT_NEGATIVE = Bounds(at_least=0.0)

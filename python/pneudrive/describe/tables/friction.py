@@ -12,10 +12,12 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 from pydantic import ModelWrapValidatorHandler, field_serializer, model_validator
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX
+from pneudrive.describe.keys import wrong
 from pneudrive.describe.parameters import parameter_quantities, parameter_quantity
+from pneudrive.describe.quantities import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tables.dependences import (
     DEPENDENCES,
     Acting,

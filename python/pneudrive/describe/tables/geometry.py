@@ -7,7 +7,9 @@ import math
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Described, Quantity, wrong
+from pneudrive.describe.base import Described
+from pneudrive.describe.keys import wrong
+from pneudrive.describe.quantities import Bounds, Quantity
 
 if TYPE_CHECKING:
     import numpy as np

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.describe.base import wrong
 from pneudrive.describe.connections import is_platform
+from pneudrive.describe.keys import wrong
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

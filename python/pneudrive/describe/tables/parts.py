@@ -16,10 +16,11 @@ from pneudrive.constants import (
     MOLAR_GAS_CONSTANT_J_MOL_K,
     STANDARD_ATMOSPHERE_PA,
 )
-from pneudrive.describe.base import (
+from pneudrive.describe.base import Described
+from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.quantities import (
     Angle,
     Bounds,
-    Described,
     EachChamber,
     Force,
     Fraction,
@@ -32,8 +33,6 @@ from pneudrive.describe.base import (
     Stiffness,
     Temperature,
     Velocity,
-    WrongValueError,
-    wrong,
 )
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas

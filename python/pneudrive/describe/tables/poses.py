@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import degrees
 from typing import TYPE_CHECKING
 
-from pneudrive.describe.base import Quantity, within, wrong
+from pneudrive.describe.keys import within, wrong
+from pneudrive.describe.quantities import Quantity
 from pneudrive.errors import DescriptionError
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from pneudrive import units
-from pneudrive.describe.base import Quantity, WrongValueError
+from pneudrive.describe.keys import WrongValueError
+from pneudrive.describe.quantities import Quantity
 from pneudrive.errors import CommandError, DescriptionError
 
 # SI unit -> preferred unit

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
-from pneudrive.describe.base import Bounds, Quantity, StatedPressure, within, wrong
+from pneudrive.describe.keys import within, wrong
+from pneudrive.describe.quantities import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tables.poses import Poses
 from pneudrive.errors import CommandError, DescriptionError, Problems, nearest
 

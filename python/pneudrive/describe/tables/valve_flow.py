@@ -17,7 +17,7 @@ from pneudrive.constants import (
     ANR_PRESSURE_PA,
     ANR_TEMPERATURE_K,
 )
-from pneudrive.describe.base import wrong
+from pneudrive.describe.keys import wrong
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

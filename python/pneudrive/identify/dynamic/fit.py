@@ -21,7 +21,8 @@ from pneudrive.identify.dynamic.transforms import transforms_of
 from pneudrive.identify.dynamic.uncertainty import Solved, information
 from pneudrive.identify.dynamic.undetermined import unresolved_damping
 from pneudrive.progress import UNWATCHED, Watch
-from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
+from pneudrive.signals.drive_recording import read_drive_recordings
+from pneudrive.signals.plausible import check_plausible, refuse_standstill, time_gaps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -16,8 +16,9 @@ from scipy.stats import t as student
 
 from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.describe.base import Bounds, Described, Quantity, StatedPressure
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
+from pneudrive.describe.quantities import Bounds, Quantity, StatedPressure
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.numbers import plain
 from pneudrive.repr_tables import Card, Shown

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from pneudrive.describe.base import Described, Quantity
+from pneudrive.describe.base import Described
 from pneudrive.describe.files.provenance import values
+from pneudrive.describe.quantities import Quantity
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.repr_tables import Shown
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.describe.components import is_needed
+from pneudrive.describe.kinds import is_needed
 from pneudrive.report import style
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pneudrive.describe.base import Quantity
 from pneudrive.describe.files.provenance import values
+from pneudrive.describe.quantities import Quantity
 from pneudrive.report import style
 from pneudrive.report.page import Paragraph, Picture, Report
 from pneudrive.report.topics import Topic

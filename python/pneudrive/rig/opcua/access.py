@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 from pydantic import model_validator
 
-from pneudrive.describe.base import WrongValueError, wrong
+from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Reads
 from pneudrive.errors import CommandError, RigError
 from pneudrive.rig.rig_file import RigFile

@@ -25,9 +25,11 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, create_model
 
-from pneudrive.describe.base import Bounds, Described, Mark, Quantity, StatedPressure, WrongValueError, wrong
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
+from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Whole
+from pneudrive.describe.quantities import Bounds, Mark, Quantity, StatedPressure
 from pneudrive.errors import RigError, nearest
 from pneudrive.signals.tables.column_units import column_unit
 

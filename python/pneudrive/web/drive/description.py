@@ -10,9 +10,9 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable
 
 from pneudrive.describe.all_values import leaves, values_of
-from pneudrive.describe.components import COMMAND
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas.written import FILE_PREFIX
+from pneudrive.describe.kinds import COMMAND
 from pneudrive.describe.short import expanded
 from pneudrive.errors import CommandError, PneudriveError, Problems
 from pneudrive.simulation.start import start

@@ -12,9 +12,9 @@ import tomlkit
 from pydantic import StrictStr
 
 from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.components import component_kinds
 from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Port
 from pneudrive.describe.files import toml
+from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import CommandError
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.requests import WRONG_REQUEST, PageRequest

@@ -1,0 +1,130 @@
+"""Tables of components in a circuit file: merged with the catalogue and with tables of a drive file, copied, read."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.components import Component, component, component_class, within
+from pneudrive.describe.connections import AMBIENT, Part
+from pneudrive.describe.files import catalogue
+from pneudrive.describe.keys import wrong
+from pneudrive.describe.kinds import component_kinds
+from pneudrive.describe.short import TABLES, Short
+from pneudrive.errors import DescriptionError
+
+if TYPE_CHECKING:
+    from pneudrive.errors import Problems
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+
+
+def part_of(table: object, key: str, read: Component | None) -> Part:
+    """Return what the wiring needs to know of a component: its kind, its key in the file, stated pressures."""
+    kind = table.get("kind") if isinstance(table, dict) else getattr(table, "kind", None)
+    stated = ", ".join(map(str, read.pressures())) if read is not None else ""
+    return Part(component_kinds().get(kind) if isinstance(kind, str) else None, key, stated)
+
+
+def completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[str, Any]:
+    """Replace the tables of a drive file by components and connections."""
+    out = {key: value for key, value in data.items() if key not in TABLES}
+    given = out.get("components", {})
+    if not short.components or not isinstance(given, dict):
+        return out
+    both = dict(short.components)
+    for name, table in given.items():
+        if name not in both:
+            both[name] = table
+        elif isinstance(table, dict) and not {"kind", "use", "copies"} & set(table):
+            both[name] = both[name] | table  # adds to the short form
+            short.places |= {f"components.{name}.{key}": f"components.{name}.{key}" for key in table}
+        else:
+            what = f'two components have the name "{name}": [{short.places[f"components.{name}"]}] is already one'
+            remedy = "Rename it, or leave out kind if you only want to add keys."
+            problems.add(
+                wrong(f"components.{name}.kind", what, rule="each component has a different name", remedy=remedy)
+            )
+            short.places[f"components.{name}.kind"] = f"components.{name}.kind"
+    connections = out.get("connections", ())
+    if isinstance(connections, list | tuple):
+        out["connections"] = [*connections, *short.chains]
+    return out | {"components": both}
+
+
+class _Rejected(dict[str, Any]):
+    """Placeholder for a rejected table; it keeps only the names of its copies."""
+
+
+def used(given: object, problems: Problems) -> object:
+    """Return the tables of components, each merged over the part of the catalogue that it uses, if any."""
+    if not isinstance(given, dict):
+        return given
+    out = dict(given)
+    for name, table in given.items():
+        if isinstance(table, dict) and "use" in table:
+            own = {key: value for key, value in table.items() if key not in ("use", "copies")}
+            copies = {"copies": table["copies"]} if "copies" in table else {}
+            try:
+                part = catalogue.part_table(table["use"])
+                kind = own.setdefault("kind", part["kind"])
+                if kind != part["kind"]:
+                    what = f"kind = {kind!r}, but {table['use']} is a {part['kind']}"
+                    raise wrong("kind", what, remedy="Leave kind out.")
+                out[name] = component_class(kind).over(part, own) | copies
+            except DescriptionError as error:
+                problems.add(error if error.where else within(error, name, table))
+                out[name] = _Rejected(copies)
+    return out
+
+
+def copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str, str], dict[str, list[str]]]:
+    """Return the table and the key of each component, by name, and the names of copies by their table."""
+    tables: dict[str, Any] = {}
+    keys: dict[str, str] = {}
+    templates: dict[str, list[str]] = {}
+    if not isinstance(given, dict) or not given:
+        what = "the circuit has no components" if not given else f"components = {given!r} is not a table"
+        problems.add(wrong("components", what, remedy="Write [components.NAME]."))
+    given = given if isinstance(given, dict) else {}
+    for name, table in given.items():
+        key, copies = f"components.{name}", [name]
+        if isinstance(table, dict) and "copies" in table:
+            copies = table["copies"]
+            table = type(table)((key, value) for key, value in table.items() if key != "copies")  # noqa: PLW2901
+            if not isinstance(copies, list | tuple) or not copies or not all(isinstance(one, str) for one in copies):
+                what = f"{name}.copies = {copies!r} is not a list of names"
+                problems.add(wrong(f"{key}.copies", what, remedy='Write copies = ["left", "right"].'))
+                copies = [name]
+            elif name not in copies:
+                templates[name] = list(copies)
+        for number, own in enumerate(copies):
+            here = f"{key}.copies.{number}" if len(copies) > 1 or own != name else key
+            if own in tables or (own != name and own in given):
+                rule = "each component has a different name"
+                problems.add(
+                    wrong(here, f'two components have the name "{own}"', rule=rule, remedy="Rename one of them.")
+                )
+            elif own == AMBIENT or not _NAME.fullmatch(str(own)):
+                rule = 'letters, digits, "_" and "-", a letter first; not ambient'
+                problems.add(wrong(here, f'"{own}" is not valid as the name of a component', rule=rule))
+            if own not in tables and (own == name or own not in given):
+                tables[own], keys[own] = table, here
+    return tables, keys, templates
+
+
+def read_component(key: str, table: object, problems: Problems) -> Component | None:
+    """Read one component; errors of a table with copies are reported once."""
+    if isinstance(table, Component):
+        return table
+    name = key.split(".")[1]
+    if isinstance(table, _Rejected):
+        return None
+    if not isinstance(table, dict):
+        problems.add(wrong(key, f"components.{name} = {table!r} is not a table"))
+        return None
+    try:
+        return component(table)
+    except DescriptionError as error:
+        problems.add(within(error, name, table))
+    return None

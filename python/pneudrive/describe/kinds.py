@@ -1,0 +1,63 @@
+"""Kinds of components as the core lists them, and what their parameters need."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from pneudrive.describe.tables import valve_flow
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+#: Unit of an absolute or gauge pressure in the core's list; a pressure difference has the plain unit.
+STATED = "Pa abs"
+#: Input of a component for a command in -1 .. 1.
+COMMAND = "command"
+#: Other parameters of a flow path whose size may be given in other ways than by its conductance.
+RATIO = "critical_pressure_ratio"
+FLOW = (RATIO, "subsonic_index")
+
+
+@lru_cache(maxsize=1)
+def component_kinds() -> MappingProxyType[str, dict[str, Any]]:
+    """Return the core's entry of each kind of component, by name.
+
+    Each is a dict with title, doc, sources, ports, parameters, choices, friction, inputs and outputs.
+    """
+    from pneudrive import _core
+
+    return MappingProxyType({entry["kind"]: dict(entry) for entry in _core.components()})
+
+
+def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> bool:
+    """Return whether a description must give a parameter: it has no default and does not follow from others.
+
+    Some parameters are needed unless another key or choice is given; without `given` they count as not needed.
+    """
+    if parameter["within"] or not is_bare(parameter):
+        return False
+    key, equals, option = parameter["unless"].partition(" = ")
+    if not key or given is None:
+        return not key
+    return given.get(key) != option if equals else given.get(key) is None
+
+
+def acts(parameter: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
+    """Return whether a parameter has an effect with these numbers and choices."""
+    key, equals, option = parameter["only"].partition(" = ")
+    return not key or (given.get(key) == option if equals else bool(given.get(key)))
+
+
+def is_bare(parameter: Mapping[str, Any]) -> bool:
+    """Return whether a parameter has no default and does not follow from others."""
+    return parameter["default"] is None and not parameter["follows"]
+
+
+def flow_keys(entry: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return the alternative keys of a flow path's size. For other parameters, return the key itself."""
+    keys = {p["key"] for p in entry["parameters"]}
+    if key.endswith("conductance") and keys.issuperset(FLOW):
+        return tuple(key.removesuffix("conductance") + name for name in valve_flow.FLOW_KEYS)
+    return (key,)
