@@ -6,8 +6,10 @@ Each command is one module in the folder of its section and one word in ``SECTIO
 from __future__ import annotations
 
 import os
+import re
 import sys
 import warnings
+from collections import defaultdict
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,6 +41,9 @@ COMMANDS = {
 HIDDEN = frozenset({"demo"})  # called by `make demo`
 
 EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+#: Warnings that differ only in numbers: so many are printed, and the number of the others.
+MOST_ALIKE = 3
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d.]*(?:e[-+]?\d+)?(?!\w)")
 
 
 app = group(COMMANDS, HIDDEN, sections=SECTIONS, completion=True)
@@ -61,20 +66,29 @@ def fail(error: PneudriveError) -> int:
 
 @contextmanager
 def _plain_warnings() -> Iterator[None]:
-    """Print a warning once, as one line on stderr, without its location in the package."""
-    otherwise, shown = warnings.showwarning, set()
+    """Print a warning once, as one line on stderr, without its location in the package; of many alike only some."""
+    otherwise, kinds = warnings.showwarning, defaultdict[str, list[str]](list)
 
     def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ANN401 - signature of the standard library
         if not issubclass(category, PneudriveWarning):
             otherwise(message, category, *rest)
-        elif str(message) not in shown:
-            shown.add(str(message))
-            sys.stderr.write(f"Note: {message}\n")
+            return
+        alike = kinds[_NUMBER.sub("#", str(message))]
+        if str(message) not in alike:
+            alike.append(str(message))
+            if len(alike) <= MOST_ALIKE:
+                sys.stderr.write(f"Note: {message}\n")
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", PneudriveWarning)
         warnings.showwarning = show
-        yield
+        try:
+            yield
+        finally:
+            for alike in kinds.values():
+                if len(alike) > MOST_ALIKE:
+                    more = len(alike) - MOST_ALIKE
+                    sys.stderr.write(f"Note: {more} more with other numbers, like this one: {alike[MOST_ALIKE]}\n")
 
 
 def run(arguments: Sequence[str]) -> int:
