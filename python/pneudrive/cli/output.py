@@ -12,7 +12,7 @@ import typer
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
     from rich.console import Console
@@ -89,6 +89,42 @@ def show_view(view: View) -> None:
 def show_statements(statements: Iterable[Statement]) -> None:
     """Print statements on the data. "!" marks undetermined values."""
     show_lines(f"{'-' if statement.carried else '!'} {statement}" for statement in statements)
+
+
+def check_outputs(
+    out: Path | None, suffixes: Sequence[str] = (), plot: Path | None = None, more: Sequence[str] = ()
+) -> None:
+    """Raise an error for files that cannot be written, before any work is done.
+
+    Parameters
+    ----------
+    out, plot : Path or None
+        Result and picture.
+    suffixes : sequence of str
+        Suffixes of the result; default: those of a trajectory.
+    more : sequence of str
+        Suffixes of the picture besides those of all pictures.
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or a folder that does not exist or is not writable.
+    """
+    from pneudrive.report.written import PICTURES
+    from pneudrive.simulation.trajectory import SUFFIXES, check_target
+
+    if out is not None:
+        check_target(out, tuple(suffixes) or SUFFIXES)
+    if plot is not None:
+        check_target(plot, (*PICTURES, *more))
+
+
+def write_outputs(*targets: tuple[Path | None, Callable[[Path], object]]) -> None:
+    """Write each file that has a name, then print the names."""
+    for path, write in targets:
+        if path is not None:
+            write(path)
+    tell(path for path, _ in targets)
 
 
 def tell(paths: Iterable[Path | None]) -> None:

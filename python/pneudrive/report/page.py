@@ -24,6 +24,7 @@ FIGURES, REPORT = "figures", "report.html"
 DETAILS = ("record", "closure", "reversals", "flags", "budget", "drift", "recovered", "provenance")
 DETAILS += ("paper", "stick-slip", "chambers", "identified-axis")
 MOST_OPEN = 8
+MOST_ROWS = 12  # of a table that is not folded, in a report that folds
 #: Permissions of the page: own style, also inside pictures; it loads and runs nothing.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
@@ -148,6 +149,7 @@ class Report:
             sections=self.sections,
             pictures=drawn,
             folded=DETAILS if len(self.sections) > MOST_OPEN else (),
+            most_rows=MOST_ROWS,
             folder=FIGURES if linked else "",
             policy=POLICY,
         )

@@ -25,12 +25,13 @@ _ENDINGS = {
     "_n_s_m": "N s/m",
     "_pa": "Pa",
 }
-NOTHING = "–"
+NOTHING, SPARE = "–", "spare"
 #: Forms beside those of ``format``.
 _FORMS: Mapping[str, Callable[[Any], str]] = {
     "chance": chance,
     "percent": lambda share: f"{100 * share:.0f} %",
     "plain interval": lambda estimate: with_interval(estimate, unit=""),
+    SPARE: str,
     "shown": lambda yes: "yes" if yes else "not shown",
 }
 
@@ -45,7 +46,7 @@ class PageColumn(NamedTuple):
     field : str
         Name of the field of a record (``"stop.speed_m_s"``). "" takes the values of a tuple one after the other.
     form : str
-        Format of a number, as in ``format``, or one of the named forms.
+        Format of a number, as in ``format``, or one of the named forms. "spare": a column that is left out if empty.
     """
 
     head: str
@@ -90,7 +91,9 @@ def table(caption: str, records: Iterable[Any], columns: Sequence[PageColumn], n
         values = [attrgetter(c.field)(record) if c.field else record[i] for i, c in enumerate(columns)]
         in_unit = [v if size == 1.0 else v / size for v, (size, _) in zip(values, sizes, strict=True)]
         rows.append(tuple(cell(value, column.form) for value, column in zip(in_unit, columns, strict=True)))
-    return PageTable(head, tuple(rows), caption, numbers_from)
+    kept = [i for i, c in enumerate(columns) if c.form != SPARE or any(row[i] not in ("", NOTHING) for row in rows)]
+    rows = [tuple(row[i] for i in kept) for row in rows]
+    return PageTable(tuple(head[i] for i in kept), tuple(rows), caption, sum(i < numbers_from for i in kept))
 
 
 def cell(value: Any, form: str = "") -> str:  # noqa: ANN401 - whatever results hold

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,6 +58,22 @@ def spread_evenly(items: Sequence, most: int = MOST_SHOWN) -> list:
     if len(items) <= most:
         return list(items)
     return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).astype(int))]
+
+
+def broken(name: str, most: int) -> str:
+    r"""Return a name in lines of at most `most` letters, where its parts allow it.
+
+    Examples
+    --------
+    >>> broken("Kidney_2bar_tweederun", 18), broken("O-ring_1bar", 18)
+    ('Kidney_2bar_\ntweederun', 'O-ring_1bar')
+    """
+    lines = [""]
+    for part in re.findall(r"[^_\s]+[_\s]*|[_\s]+", name):
+        if lines[-1] and len(lines[-1] + part.rstrip()) > most:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
 
 
 def plural(count: int, one: str, many: str = "") -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -11,10 +12,12 @@ import typer
 
 from pneudrive.cli.groups import group
 from pneudrive.cli.options import CatalogueFolders, Described, check_used, names_in
-from pneudrive.cli.output import show_table, tell
+from pneudrive.cli.output import check_outputs, show_table, tell, write_outputs, write_text
 from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from pneudrive.control.comparison import ControlComparison
     from pneudrive.control.measures import Score
     from pneudrive.control.tuning import Tuning
@@ -82,18 +85,14 @@ def tune(
     """
     from pneudrive.control.tuning import tune as tuned
     from pneudrive.describe.files.load import load_described
-    from pneudrive.simulation.trajectory import check_target
 
-    if out is not None:
-        check_target(out, (".toml",))
+    check_outputs(out, (".toml",))
     described = load_described(drive)
     found = tuned(described, law, setup=setup)
     _show_tuning(found)
     _try_out(described, found, setup)
     _show_suitability(described, setup)
-    if out is not None:
-        replace(found, source=drive).save(out)
-    tell([out])
+    write_outputs((out, replace(found, source=drive).save))
 
 
 def _show_tuning(found: Tuning) -> None:
@@ -138,10 +137,16 @@ def _show_run(found: Run) -> Score:
 
     score = Score(**found.provenance["score"])
     typer.echo(aligned(score.rows()))
-    for event in found.provenance["events"]:
-        unit = "" if event["unit"] == "1" else f" {event['unit']}"
-        typer.echo(f"{event['time_s']:.3f} s  {event['kind']}: {event['text']} {event['value']:.4g}{unit}")
+    show_events(found.provenance["events"])
     return score
+
+
+def show_events(events: Iterable[Mapping[str, Any]]) -> None:
+    """Print what happened during a run: a line for each event, with the leg of a platform."""
+    for event in events:
+        unit = "" if event["unit"] == "1" else f" {event['unit']}"
+        of = f"{event['leg']}, " if "leg" in event else ""
+        typer.echo(f"{event['time_s']:.3f} s  {of}{event['kind']}: {event['text']} {event['value']:.4g}{unit}")
 
 
 def run(
@@ -192,39 +197,25 @@ def run(
     from pneudrive.describe.files.load import load_described
     from pneudrive.errors import CommandError
     from pneudrive.platforms import is_platform
-    from pneudrive.report.written import PICTURES
-    from pneudrive.simulation.trajectory import check_target, save
+    from pneudrive.report.control.figures import plot_control
+    from pneudrive.simulation.trajectory import save
 
     is_file = controller is not None and controller.endswith(".toml")
     if law and controller and not is_file and law != controller:
         raise CommandError(f"--law {law} and --controller {controller} are given", remedy="Give one.")
+    law, file = (law, controller) if is_file else (law or controller, None)
+    options: dict[str, Any] = {"setup": setup, "duration": duration, "controller": file, "mismatch": mismatch}
     described = load_described(drive)
     if is_platform(described.circuit):
         from pneudrive.cli.control.pose import run_platform
 
-        law, file = (law, controller) if is_file else (law or controller, None)
-        options: dict[str, Any] = {"law": law, "controller": file, "setup": setup, "duration": duration, "seed": seed}
-        options |= {"mismatch": mismatch, "dynamics": dynamics, "rtol": rtol}
+        options |= {"law": law, "seed": seed, "dynamics": dynamics, "rtol": rtol}
         run_platform(described.circuit, reference, payload, out, plot, options)
         return
     if payload is not None:
         raise CommandError(f"--payload {payload}", rule="for a platform", remedy="Give a mismatch, such as mass+30.")
-    if out is not None:
-        check_target(out)
-    if plot is not None:
-        check_target(plot, PICTURES)
-    prepared = prepare(
-        described,
-        law if is_file or law else controller,
-        reference,
-        setup=setup,
-        duration=duration,
-        controller=controller if is_file else None,
-        mismatch=mismatch,
-        initial=initial,
-        rtol=rtol,
-        allow_code=allow_code,
-    )
+    check_outputs(out, plot=plot)
+    prepared = prepare(described, law, reference, initial=initial, rtol=rtol, allow_code=allow_code, **options)
     found = run_prepared(prepared, seed, on_terminal())
     belief, drive_name = prepared.tuning.belief.name, prepared.circuit.name
     of = "" if belief == drive_name else f", told of {belief},"
@@ -233,13 +224,9 @@ def run(
     _show_run(found)
     if "law_failure" in found.provenance:
         typer.echo(f"\n{found.provenance['law_failure']}\nAnother law took over.", err=True)
-    if out is not None:
-        save(found.dataset(), out)
-    if plot is not None:
-        from pneudrive.report.control.figures import plot_control
-
-        plot_control(found.dataset(), plot)
-    tell([out, plot])
+    write_outputs(
+        (out, lambda path: save(found.dataset(), path)), (plot, lambda path: plot_control(found.dataset(), path))
+    )
 
 
 def benchmark(
@@ -345,19 +332,13 @@ def reference(
     from pneudrive.control.standard_references import named_or_read
     from pneudrive.control.tuning import tune as tuned
     from pneudrive.describe.files.load import load_described
-    from pneudrive.report.written import PICTURES
-    from pneudrive.simulation.trajectory import check_target
+    from pneudrive.report.control.figures import plot_reference
 
-    if plot is not None:
-        check_target(plot, PICTURES)
+    check_outputs(None, plot=plot)
     tuning = tuned(load_described(drive))
     found = named_or_read(along, tuning.plant.stroke_m, tuning.plant.speed_m_s)
     typer.echo(f"{found.text}\n{aligned(feasibility(tuning, found).rows())}")
-    if plot is not None:
-        from pneudrive.report.control.figures import plot_reference
-
-        plot_reference(found, tuning.plant, plot)
-    tell([plot])
+    write_outputs((plot, partial(plot_reference, found, tuning.plant)))
     check_reach(found, tuning.plant.stroke_m, tuning.plant.speed_m_s)
 
 
@@ -416,11 +397,5 @@ def header(
         File; default: print the header.
     """
     from pneudrive.control.own_law import c_header
-    from pneudrive.simulation.trajectory import whole
 
-    if out is None:
-        typer.echo(c_header(), nl=False)
-        return
-    with whole(out) as temporary:
-        temporary.write_text(c_header(), encoding="utf-8")
-    tell([out])
+    write_text(c_header(), out)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from pneudrive.cli.control.control import show_events
 from pneudrive.cli.options import names_in
-from pneudrive.cli.output import tell
+from pneudrive.cli.output import check_outputs, write_outputs
 from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
@@ -26,11 +28,13 @@ def run_platform(
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.pose import PoseScore, run_pose
     from pneudrive.report.control.pose import plot_pose
-    from pneudrive.report.written import PICTURES
-    from pneudrive.simulation.trajectory import check_target, save, whole
+    from pneudrive.simulation.trajectory import save, whole
 
-    if plot is not None:
-        check_target(plot, PICTURES)
+    def write_score(path: Path) -> None:
+        with whole(path) as temporary:
+            temporary.write_text(score.to_csv(), encoding="utf-8")
+
+    check_outputs(None, plot=plot)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     payloads = None if payload is None else names_in(payload)
@@ -43,18 +47,7 @@ def run_platform(
     typer.echo("\n".join(score.notes()))
     if score.spread():
         typer.echo(f"\n{aligned(score.spread(), right_from=1)}")
-    for event in said["events"]:
-        unit = "" if event["unit"] == "1" else f" {event['unit']}"
-        typer.echo(
-            f"{event['time_s']:.3f} s  {event['leg']}, {event['kind']}: {event['text']} {event['value']:.4g}{unit}"
-        )
-    written: list[Path | None] = [plot]
-    if out is not None:
-        save(run, out / RUN)
-        with whole(out / SCORE) as temporary:
-            temporary.write_text(score.to_csv(), encoding="utf-8")
-        plot_pose(run, out / PICTURE)
-        written += [out / RUN, out / SCORE, out / PICTURE]
-    if plot is not None:
-        plot_pose(run, plot)
-    tell(written)
+    show_events(said["events"])
+    draw = partial(plot_pose, run)
+    of_folder = ((RUN, partial(save, run)), (SCORE, write_score), (PICTURE, draw))
+    write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneudrive.cli.options import CatalogueFolders
-from pneudrive.cli.output import write_text
+from pneudrive.cli.output import check_outputs, write_text
 from pneudrive.errors import CommandError
 from pneudrive.repr_tables import aligned
 
@@ -58,13 +58,12 @@ def catalogue(
 def _write(name: str | None, out: Path) -> None:
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.files.catalogue import PREFIX, entries
-    from pneudrive.simulation.trajectory import check_target
 
     if name is None or (name in entries() and not entries()[name].is_drive):
         drives = ", ".join(entry.name for entry in entries().values() if entry.is_drive)
         what = f"{name} is a part, not a drive" if name else "--out needs the name of a drive"
         raise CommandError(what, remedy=f"Drives: {drives}.")
-    check_target(out, (".toml",))
+    check_outputs(out, (".toml",))
     write_text(Drive.load(f"{PREFIX}{name}").to_toml(), out)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from pneudrive.cli.options import CatalogueFolders, Described
+from pneudrive.cli.output import check_outputs
 
 
 def draw(
@@ -26,10 +27,8 @@ def draw(
     from pneudrive.errors import DescriptionError
     from pneudrive.files.content import read_text
     from pneudrive.report.circuit.drawing import draw_circuit
-    from pneudrive.report.written import PICTURES
-    from pneudrive.simulation.trajectory import check_target
 
-    check_target(out, PICTURES)
+    check_outputs(None, plot=out)
     circuit = load_described(drive).circuit
     try:
         draw_circuit(circuit, out)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pneudrive.cli.options import CatalogueFolders
-from pneudrive.cli.output import write_text
+from pneudrive.cli.output import check_outputs, write_text
 
 
 def apply(
@@ -36,10 +36,8 @@ def apply(
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.files import read_fit
     from pneudrive.identify.volume_result import VolumeFit
-    from pneudrive.simulation.trajectory import check_target
 
-    if out is not None:
-        check_target(out, (".toml",))
+    check_outputs(out, (".toml",))
     found = read_fit(fit)
     if isinstance(found, VolumeFit):
         after = found.apply(None if drive is None else Tank.load(drive))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from pneudrive.cli.options import CatalogueFolders, Page, Profile, names_in, one_of, sensor_option
-from pneudrive.cli.output import tell, tell_fit, writable_folder
+from pneudrive.cli.output import check_outputs, tell, tell_fit, writable_folder
 
 if TYPE_CHECKING:
     from pneudrive.identify.dynamic.search import Progress
@@ -62,10 +62,8 @@ def identify(
     from pneudrive.describe.tank import Tank
     from pneudrive.identify.dynamic.fit import identify as identified
     from pneudrive.identify.follow.regulator import Regulator, identify_regulator
-    from pneudrive.simulation.trajectory import check_target
 
-    if out is not None:
-        check_target(out, (".toml",))
+    check_outputs(out, (".toml",))
     names = names_in(free)
     if follow is not None:
         one_of("--follow", follow, {"motion": None})

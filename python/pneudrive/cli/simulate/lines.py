@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
 from pneudrive.cli.options import CatalogueFolders, names_in
-from pneudrive.cli.output import tell
+from pneudrive.cli.output import check_outputs, write_outputs
 from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
@@ -52,21 +53,13 @@ def lines(
     from pneudrive.cli.progress import on_terminal
     from pneudrive.describe.files.load import load_described
     from pneudrive.report.lines_figure import plot_lines
-    from pneudrive.report.written import PICTURES
-    from pneudrive.simulation.trajectory import check_target
     from pneudrive.simulation.tube_study import study
 
-    for path, suffixes in ((out, TABLES), (plot, PICTURES)):
-        if path is not None:
-            check_target(path, suffixes)
+    check_outputs(out, TABLES, plot)
     described = load_described(drive)
     found = study(cast("Drive", described), names_in(length), names_in(diameter), on_terminal())
     _show(found)
-    if out is not None:
-        _save(found, out)
-    if plot is not None:
-        plot_lines(found, plot)
-    tell([out, plot])
+    write_outputs((out, partial(_save, found)), (plot, partial(plot_lines, found)))
 
 
 def _show(study: xr.Dataset) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.output import check_outputs
 from pneudrive.errors import CommandError
 from pneudrive.repr_tables import aligned
 
@@ -45,10 +46,8 @@ def platform(
     """
     from pneudrive.describe.files.load import load_described
     from pneudrive.platforms import platform as platform_of
-    from pneudrive.simulation.trajectory import check_target
 
-    if out is not None:
-        check_target(out, (*PICTURES, *OF_RUNS))
+    check_outputs(out, (*PICTURES, *OF_RUNS))
     own = platform_of(cast("Circuit", load_described(circuit)), name)
     if out is None:
         _show(own) if run is None else _show_run(own, run)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pneudrive.cli.options import CatalogueFolders, Described
-from pneudrive.cli.output import tell
+from pneudrive.cli.output import check_outputs, tell, write_outputs
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
+    from pneudrive.simulation.simulate import Run
 
 MOST_IMPACTS = 5  # printed impacts; the file has all of them
 
@@ -66,19 +69,13 @@ def simulate(
     from pneudrive.cli.described import changed, command_of
     from pneudrive.cli.progress import on_terminal
     from pneudrive.simulation.simulate import run
-    from pneudrive.simulation.trajectory import check_target, save, save_columns
 
-    if out is not None:
-        check_target(out)
+    check_outputs(out, plot=plot, more=(".html",))
     if motion is not None:
         _along(drive, motion, layout, out)
         return
     if not duration:
         raise CommandError("the duration is missing", remedy='Add --duration "2 s", or --motion RECORDING.')
-    if plot is not None:
-        from pneudrive.report.trajectory import ENDINGS
-
-        check_target(plot, ENDINGS)
     described = changed(drive, set)
     result = run(
         described,
@@ -91,16 +88,8 @@ def simulate(
         watch=on_terminal(),
         arrays=plot is not None or (out is not None and out.suffix.lower() != ".parquet"),
     )
-    if out is not None:
-        if out.suffix.lower() == ".nc":
-            save(result.dataset(), out)
-        else:
-            save_columns(result.columns, result.provenance, out)
-    if plot is not None:
-        from pneudrive.report import plot as draw
-
-        draw(result.dataset(), plot, described)
-    _say(described.name, result.columns, result.provenance, (out, plot))
+    _say(described.name, result.columns, result.provenance)
+    write_outputs((out, partial(_save, result)), (plot, partial(_plot, result, described)))
     if energy:
         from pneudrive.datasheet.characteristics.energy import energy_balance
 
@@ -120,7 +109,22 @@ def _along(circuit: str, motion: Path, layout: Path | None, out: Path | None) ->
     tell([out])
 
 
-def _say(name: str, columns: dict, provenance: dict, written: Sequence[Path | None]) -> None:
+def _save(result: Run, path: Path) -> None:
+    from pneudrive.simulation.trajectory import save, save_columns
+
+    if path.suffix.lower() == ".nc":
+        save(result.dataset(), path)
+    else:
+        save_columns(result.columns, result.provenance, path)
+
+
+def _plot(result: Run, described: Drive | Circuit, path: Path) -> None:
+    from pneudrive.report import plot
+
+    plot(result.dataset(), path, described)
+
+
+def _say(name: str, columns: dict, provenance: dict) -> None:
     time, statistics = columns["time_s"], provenance["statistics"]
     typer.echo(f"{name}: {len(time)} samples to {time[-1]:g} s, {statistics['steps']} steps of the solver")
     for column, x in columns.items():
@@ -139,4 +143,3 @@ def _say(name: str, columns: dict, provenance: dict, written: Sequence[Path | No
         )
     if len(provenance["impacts"]) > MOST_IMPACTS:
         typer.echo(f"and {len(provenance['impacts']) - MOST_IMPACTS} more impacts")
-    tell(written)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pneudrive.cli.options import CatalogueFolders, Described
-from pneudrive.cli.output import show_table, tell
+from pneudrive.cli.output import check_outputs, show_table, tell
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
@@ -81,11 +81,10 @@ def sweep(
     from pneudrive.cli.progress import on_terminal
     from pneudrive.ensemble.many import IN_MEMORY, Gathered, results, study_of
     from pneudrive.ensemble.store import ChunkStore
-    from pneudrive.simulation.trajectory import check_target
 
     is_file = out.suffix != ""
     if is_file:
-        check_target(out, TABLES)
+        check_outputs(out, TABLES)
     described = changed(drive, set)
     study = study_of(
         described,

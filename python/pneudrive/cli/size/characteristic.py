@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pneudrive.cli.options import CatalogueFolders, Described
-from pneudrive.cli.output import console, show_table, tell
+from pneudrive.cli.output import check_outputs, console, show_table, write_outputs
 from pneudrive.errors import CommandError, nearest
 
 if TYPE_CHECKING:
@@ -53,25 +54,16 @@ def characteristic(
     from pneudrive.cli.progress import on_terminal
     from pneudrive.datasheet.registry import found_under
     from pneudrive.describe.files.load import load_described
-    from pneudrive.report.written import PICTURES
-    from pneudrive.simulation.trajectory import check_target
+    from pneudrive.report.datasheet.figures import plot_characteristic
 
-    for path, suffixes in ((out, TABLES), (plot, PICTURES)):
-        if path is not None:
-            check_target(path, suffixes)
+    check_outputs(out, TABLES, plot)
     known = characteristics()
     if name not in known:
         raise CommandError(f"there is no characteristic {name!r}", remedy=nearest(name, known))
     settings = dict(_setting(text, known[name]) for text in setting or [])
     found = found_under(load_described(drive), name, on_terminal(), intervals=intervals, **settings)
     _show(found)
-    if out is not None:
-        _save(found, out)
-    if plot is not None:
-        from pneudrive.report.datasheet.figures import plot_characteristic
-
-        plot_characteristic(found, plot)
-    tell([out, plot])
+    write_outputs((out, partial(_save, found)), (plot, partial(plot_characteristic, found)))
     return None
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pneudrive.cli.options import CatalogueFolders, Layout
-from pneudrive.cli.output import show_lines, tell
+from pneudrive.cli.output import check_outputs, show_lines, tell
 
 
 def datasheet(
@@ -36,10 +36,9 @@ def datasheet(
     from pneudrive.datasheet.sheet import build
     from pneudrive.describe.files.load import load_described
     from pneudrive.report.datasheet.page import SUFFIXES, write_datasheet
-    from pneudrive.simulation.trajectory import check_target
 
     out.parent.mkdir(parents=True, exist_ok=True)
-    check_target(out, SUFFIXES)
+    check_outputs(out, SUFFIXES)
     found = build(load_described(drive), recordings or [], layout, on_terminal(), intervals=intervals)
     show_lines(found.headlines)
     tell([write_datasheet(found, out)])

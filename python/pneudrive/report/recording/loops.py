@@ -10,7 +10,7 @@ from pneudrive.report import style
 from pneudrive.report.axes import grid
 from pneudrive.report.page import Picture
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import MOST_SHOWN, by_seal, gauge_bar, speed_mm_s, spread_evenly
+from pneudrive.report.words import MOST_SHOWN, broken, by_seal, gauge_bar, speed_mm_s, spread_evenly
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.reduction.level import Level, RecordingResult
     from pneudrive.report.page import Section
 
-COLUMNS = 4
+COLUMNS, NAME_LETTERS = 4, 18  # panels in a row, letters of a name over one
 MOST_LARGE = 12  # levels that are named
 
 
@@ -48,7 +48,7 @@ def draw(pairs: list[tuple[RecordingResult, Level]]) -> Figure:
     for axis, (result, level) in zip(axes, pairs, strict=True):
         handles = _panel(axis, level)
         pressure, speed = gauge_bar(level, result.recording), speed_mm_s(level)
-        axis.set_title(f"{level.recording}\n{fixed(pressure, 1)} bar, {speed:.3g} mm/s", fontsize=7.5)
+        axis.set_title(f"{broken(level.recording, NAME_LETTERS)}\n{fixed(pressure, 1)} bar, {speed:.3g} mm/s", fontsize=7.5)
     style.outer_labels(figure, "position / mm", "balance, friction, offset / N")
     style.legend_above(figure, handles)
     return figure
