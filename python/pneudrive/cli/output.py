@@ -12,8 +12,9 @@ import typer
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
+    from typing import Any
 
     from rich.console import Console
 
@@ -89,6 +90,14 @@ def show_view(view: View) -> None:
 def show_statements(statements: Iterable[Statement]) -> None:
     """Print statements on the data. "!" marks undetermined values."""
     show_lines(f"{'-' if statement.carried else '!'} {statement}" for statement in statements)
+
+
+def show_events(events: Iterable[Mapping[str, Any]]) -> None:
+    """Print what happened during a run: a line for each event, with the leg of a platform."""
+    for event in events:
+        unit = "" if event["unit"] == "1" else f" {event['unit']}"
+        of = f"{event['leg']}, " if "leg" in event else ""
+        typer.echo(f"{event['time_s']:.3f} s  {of}{event['kind']}: {event['text']} {event['value']:.4g}{unit}")
 
 
 def check_outputs(

@@ -20,7 +20,7 @@ from pneudrive.simulation.trajectory import read_columns, whole
 from pneudrive.views import ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
 
     import numpy as np
 
@@ -122,6 +122,23 @@ class ScoreCard:
             )
             for law in self.laws
         ]
+
+    def table(self, along: str, *, spread: bool, only: Collection[str] = ()) -> tuple[list[str], list[tuple[str, ...]]]:
+        """Return head and rows: quantiles over a spread, or medians without empty columns.
+
+        Parameters
+        ----------
+        along : str
+        spread : bool
+        only : collection of str
+            Measures of the medians; default: all.
+        """
+        if spread:
+            return ["law", *(SHOWN[name][0] for name in SPREAD_SHOWN), "lost"], self.spread_rows(along)
+        heads, rows = ["law", *(title for title, *_ in SHOWN.values()), "lost"], self.rows(along)
+        wanted = (1 + list(SHOWN).index(name) for name in only or SHOWN)
+        kept = [0, *(k for k in (*wanted, len(heads) - 1) if any(row[k] for row in rows))]
+        return [heads[k] for k in kept], [tuple(row[k] for k in kept) for row in rows]
 
     def best(self, along: str, measure: str = "max_error_m") -> str | None:
         """Return the law with the smallest measure along a reference; None where each law failed."""

@@ -14,7 +14,7 @@ from pneudrive.report import style
 from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from matplotlib.figure import Figure
 
@@ -116,22 +116,32 @@ class Report:
         """
         figures = Path(folder) / FIGURES
         make_subfolder(figures)
-        for part in self.sections:
-            for block in part.blocks if part is not None else ():
-                if isinstance(block, Picture):
-                    self.pictures[block.name] = write_picture(block, figures)
+        for block in self.drawn():
+            self.pictures[block.name] = write_picture(block, figures)
         target = Path(folder) / REPORT
         with whole(target) as temporary:
             temporary.write_text(self.html(), encoding="utf-8")
         return target
 
-    def alone(self) -> str:
-        """Return the page with its pictures inside, without a folder of figures. It loads nothing."""
-        for block in (block for part in self.sections if part is not None for block in part.blocks):
-            if isinstance(block, Picture) and block.name not in self.pictures:
+    def drawn(self) -> Iterator[Picture]:
+        """Yield the pictures of all sections."""
+        blocks = (block for part in self.sections if part is not None for block in part.blocks)
+        return (block for block in blocks if isinstance(block, Picture))
+
+    def plain_svg(self) -> dict[str, str]:
+        """Return the pictures that are not yet part of the page as SVG, by name."""
+        out = {}
+        for block in self.drawn():
+            if block.name not in self.pictures:
                 style.finish(block.figure, synthetic=bool(block.synthetic))
                 style.lay_out(block.figure)
-                self.pictures[block.name] = inline(svg_text(block.figure), block.name, block.caption)
+                out[block.name] = svg_text(block.figure)
+        return out
+
+    def alone(self) -> str:
+        """Return the page with its pictures inside, without a folder of figures. It loads nothing."""
+        captions = {block.name: block.caption for block in self.drawn()}
+        self.pictures |= {name: inline(svg, name, captions[name]) for name, svg in self.plain_svg().items()}
         return self.html(linked=False)
 
     def html(self, *, linked: bool = True) -> str:

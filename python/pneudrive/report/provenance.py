@@ -15,7 +15,7 @@ from pneudrive.report.page import Items, Paragraph, Section
 from pneudrive.report.topics import Topic
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from pneudrive.friction.recording.characterisation import Characterisation
     from pneudrive.report.page import Block
@@ -30,20 +30,18 @@ def section(found: Characterisation | None, study: Addition | None) -> Section:
     """Return the section on provenance of the report."""
     topic = Topic("recordings", "provenance")
     lines = [] if found is None else [topic.say("synthetic" if found.synthetic else "real")]
-    rows = [("pneudrive", __version__), ("Python", platform.python_version())]
-    rows += [(package, version(package)) for package in PACKAGES]
+    rows = [("pneudrive", __version__), *software()]
     if found is not None:
         rows.append(("protocol of the characterisation", found.protocol))
     if study is not None:
         lines.append(study.validity)
         rows += study.settings
-    cited = [line for key in _keys(found, study) if (line := reference(key))]
     return topic.section(
         Items(tuple(lines)),
         topic.table(rows),
         *(_notes(topic, found) if found is not None else ()),
         *(study.sources if study is not None else ()),
-        *topic.listed(cited, "sources"),
+        *topic.listed(references(_keys(found, study)), "sources"),
         synthetic=False,
     )
 
@@ -94,6 +92,16 @@ def reference(key: str) -> str | None:
     number = fields.get("number") if "institution" in fields else None
     parts = (fields.get("author"), fields.get("title"), where, number, fields.get("year"), fields.get("note"))
     return f"[{key}] " + ". ".join(p.rstrip(".") for p in parts if p) + "."
+
+
+def software() -> list[tuple[str, str]]:
+    """Return the versions of Python and of the packages that compute and draw."""
+    return [("Python", platform.python_version()), *((package, version(package)) for package in PACKAGES)]
+
+
+def references(keys: Iterable[str]) -> tuple[str, ...]:
+    """Return the entries of references.bib in a line each, without unknown keys."""
+    return tuple(line for key in keys if (line := reference(key)))
 
 
 _ACCENTS = {

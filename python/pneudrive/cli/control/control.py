@@ -12,12 +12,10 @@ import typer
 
 from pneudrive.cli.groups import group
 from pneudrive.cli.options import CatalogueFolders, Described, check_used, names_in
-from pneudrive.cli.output import check_outputs, show_table, tell, write_outputs, write_text
+from pneudrive.cli.output import check_outputs, show_events, show_table, tell, write_outputs, write_text
 from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
     from pneudrive.control.comparison import ControlComparison
     from pneudrive.control.measures import Score
     from pneudrive.control.tuning import Tuning
@@ -139,14 +137,6 @@ def _show_run(found: Run) -> Score:
     typer.echo(aligned(score.rows()))
     show_events(found.provenance["events"])
     return score
-
-
-def show_events(events: Iterable[Mapping[str, Any]]) -> None:
-    """Print what happened during a run: a line for each event, with the leg of a platform."""
-    for event in events:
-        unit = "" if event["unit"] == "1" else f" {event['unit']}"
-        of = f"{event['leg']}, " if "leg" in event else ""
-        typer.echo(f"{event['time_s']:.3f} s  {of}{event['kind']}: {event['text']} {event['value']:.4g}{unit}")
 
 
 def run(
@@ -283,20 +273,11 @@ def benchmark(
 
 
 def _show_comparison(found: ControlComparison) -> None:
-    from pneudrive.control.measures import SHOWN, SPREAD_SHOWN
-
-    heads = ["law", *(title for title, *_ in SHOWN.values()), "lost"]
-    shown = [0, *(1 + list(SHOWN).index(name) for name in TOLD), len(heads) - 1]
     for name, one in found.references.items():
         called = name if name == one.text else f"{name}, {one.text}"
-        if found.spread:
-            typer.echo(f"\n{called}, simulated, spread {found.spread}: 50 / 95 / 100 % of {_members(found)} stay below")
-            show_table(["law", *(SHOWN[one][0] for one in SPREAD_SHOWN), "lost"], found.spread_rows(name))
-            continue
-        typer.echo(f"\n{called}, simulated, median of the seeds")
-        rows = found.rows(name)
-        used = [i for i in shown if i == 0 or any(row[i] for row in rows)]
-        show_table([heads[i] for i in used], [[row[i] for i in used] for row in rows])
+        of = f"spread {found.spread}: 50 / 95 / 100 % of {_members(found)} stay below"
+        typer.echo(f"\n{called}, simulated, {of if found.spread else 'median of the seeds'}")
+        show_table(*found.table(name, spread=bool(found.spread), only=TOLD))
 
 
 def _show_failures(found: ControlComparison) -> None:

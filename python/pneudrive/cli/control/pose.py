@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from pneudrive.cli.control.control import show_events
 from pneudrive.cli.options import names_in
-from pneudrive.cli.output import check_outputs, write_outputs
+from pneudrive.cli.output import check_outputs, show_events, write_outputs
 from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import platform
 from collections import Counter
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__
@@ -15,7 +13,7 @@ from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import CampaignError
 from pneudrive.report.campaign.rig_diagram import rig_diagram
 from pneudrive.report.page import Paragraph
-from pneudrive.report.provenance import PACKAGES, reference
+from pneudrive.report.provenance import references, software
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural
 from pneudrive.rig.interface import Envelope
@@ -148,15 +146,14 @@ def provenance(found: CampaignCharacteristics) -> Section:
     rows = [
         ("pneudrive, this report", __version__),
         ("pneudrive, the campaign", str(about_of(found).get("version", "not stated"))),
-        ("Python", platform.python_version()),
-        *((package, version(package)) for package in PACKAGES),
+        *software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
     topic = Topic("campaign", "provenance")
     return topic.section(
         topic.table(rows, "software"),
         *_protocol(topic, found),
-        *topic.listed((line for key in METHODS if (line := reference(key))), "sources"),
+        *topic.listed(references(METHODS), "sources"),
     )
 
 

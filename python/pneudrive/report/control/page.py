@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pneudrive.control.measures import SHOWN, SPREAD_SHOWN, written
+from pneudrive.control.measures import written
 from pneudrive.report import style
 from pneudrive.report.control.figures import boxes, tracks
-from pneudrive.report.page import Items, PageTable, Paragraph, Picture, Report, section
+from pneudrive.report.page import Items, PageTable, Picture, Report
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural
 
 if TYPE_CHECKING:
@@ -15,12 +17,6 @@ if TYPE_CHECKING:
 
     from pneudrive.control.comparison import ControlComparison
     from pneudrive.report.page import Section
-
-SAID = (
-    "Simulated: controllers and drive share the equations of the simulation. Only the controllers' parameters can be "
-    "wrong. Each number is the median of the seeds. Errors are reference minus true position. For a sine they cover "
-    "the last 4 s, or the last period if that is longer. Step times depend on the machine that made this page."
-)
 
 
 @style.applied()
@@ -61,54 +57,33 @@ def _called(name: str, text: str) -> str:
 
 
 def _method(found: ControlComparison) -> Section:
-    setup = found.setup
+    topic, setup = Topic("control", "method"), found.setup
     count = len({run.seed for run in found.runs})
     each = plural(count, "member") if found.spread else f"{plural(count, 'seed')} of noise"
     lines = [f"{each} for each law and reference"]
-    lines.append(f"setup {found.setup_name}: {setup.about}" if setup.about else f"setup {found.setup_name}")
+    lines.append(topic.say("about" if setup.about else "setup", name=found.setup_name, about=setup.about))
     for name, tuning in found.tunings.items():
         if tuning.belief.name != found.drive:
-            lines.append(f"{name} believes that it commands {tuning.belief.name}")
+            lines.append(topic.say("believes", law=name, drive=tuning.belief.name))
     if found.mismatch:
-        lines.append(f"the drive differs from the assumed drive by the mismatch {found.mismatch}")
+        lines.append(topic.say("mismatch", mismatch=found.mismatch))
     if found.spread:
-        lines.append(f"each member is a different drive, drawn from the spread {found.spread} with a different seed")
-    return section("method", "Comparison", Paragraph(SAID), Items(tuple(lines)))
-
-
-def _spread(found: ControlComparison, number: int) -> Section:
-    """Show the members of a spread: a table of fractions, boxes, and the first member's tracks."""
-    name = list(found.references)[number]
-    called = _called(name, found.references[name].text)
-    heads = ("law", *(SHOWN[one][0] for one in SPREAD_SHOWN), "lost")
-    title = f"Along {called}, simulated: 50 / 95 / 100 % of the members of {found.spread} stay below"
-    table = PageTable(heads, tuple(found.spread_rows(name)), title)
-    boxes_said = f"Largest error along {called} over the members of {found.spread}, simulated: box from 25 to 75 %, "
-    boxes_said += "whiskers from 5 to 95 %, dots beyond. Members that failed are not drawn."
-    tracks_said = f"Tracks and errors along {called}, simulated; member 1 of each law."
-    pictures = (
-        Picture(f"boxes-{number + 1}", boxes_said, boxes(found, name)),
-        Picture(f"tracks-{number + 1}", tracks_said, tracks(found, name)),
-    )
-    return section(f"reference-{number + 1}", called, table, *pictures)
+        lines.append(topic.say("spread", spread=found.spread))
+    return topic.section(topic.text(), Items(tuple(lines)))
 
 
 def _reference(found: ControlComparison, number: int) -> Section:
+    """Show the scores along one reference; of a spread the fractions of its members, and a box for each law."""
+    topic, name = Topic("control", "reference"), list(found.references)[number]
+    said = {"called": _called(name, found.references[name].text), "spread": found.spread}
+    pictures = []
     if found.spread:
-        return _spread(found, number)
-    name = list(found.references)[number]
-    called = _called(name, found.references[name].text)
-    rows = found.rows(name)
-    heads = ["law", *(title for title, *_ in SHOWN.values()), "lost"]
-    used = [i for i in range(len(heads)) if i == 0 or any(row[i] for row in rows)]
-    table = PageTable(
-        tuple(heads[i] for i in used),
-        tuple(tuple(row[i] for i in used) for row in rows),
-        f"Along {called}, simulated, median of the seeds",
-    )
-    caption = f"Tracks and errors along {called}, simulated; first seed of each law."
-    picture = Picture(f"tracks-{number + 1}", caption, tracks(found, name))
-    return section(f"reference-{number + 1}", called, table, picture)
+        pictures.append(Picture(f"boxes-{number + 1}", topic.say("boxes", **said), boxes(found, name)))
+    heads, rows = found.table(name, spread=bool(found.spread))
+    table = PageTable(tuple(heads), tuple(map(tuple, rows)), topic.say("members" if found.spread else "seeds", **said))
+    caption = topic.say("tracks", which="member 1" if found.spread else "first seed", **said)
+    pictures.append(Picture(f"tracks-{number + 1}", caption, tracks(found, name)))
+    return replace(topic.section(table, *pictures, **said), key=f"reference-{number + 1}")
 
 
 def _true(found: ControlComparison) -> list[Section]:
@@ -117,24 +92,16 @@ def _true(found: ControlComparison) -> list[Section]:
     for run in found.runs:
         for name, value in run.truth.items():
             each.setdefault(name, []).append(value)
-    if not each:
-        return []
-    rows = tuple((name, f"{min(values):.4g}", f"{max(values):.4g}") for name, values in each.items())
-    heads = ("deviation of the true drive", "least", "largest")
-    text = "Factors of the described values, and values in SI. The file score.csv has those of each member."
-    return [section("true", "True drive", Paragraph(text), PageTable(heads, rows, "True drive"))]
+    topic, rows = Topic("control", "true"), ((name, min(values), max(values)) for name, values in each.items())
+    return [topic.section(topic.text(), topic.table(rows))] if each else []
 
 
 def _told(found: ControlComparison) -> Section:
     """Describe each controller: its gains with their rules, and the drive that it assumes."""
-    rows = [
+    rows = (
         (name, gain.key, str(gain), gain.meaning, "given" if gain.given else gain.rule)
         for name, tuning in found.tunings.items()
         for gain in tuning.gains
-    ]
-    gains = PageTable(("law", "gain", "value", "meaning", "follows from"), tuple(rows), "Gains", numbers_from=9)
-    first = next(iter(found.tunings.values()))
-    plant = PageTable(
-        ("", ""), tuple(first.plant.rows()), "Drive as assumed by the controllers, near mid-stroke", numbers_from=9
     )
-    return section("told", "Assumed drive and gains", plant, gains, synthetic=False)
+    topic, first = Topic("control", "told"), next(iter(found.tunings.values()))
+    return topic.section(topic.table(first.plant.rows(), "plant"), topic.table(rows, "gains"), synthetic=False)

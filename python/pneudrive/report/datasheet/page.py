@@ -14,12 +14,14 @@ from pneudrive.report import style
 from pneudrive.report.axes import TINT
 from pneudrive.report.circuit.drawing import draw_circuit
 from pneudrive.report.datasheet.figures import panel
-from pneudrive.report.page import Items, PageTable, Paragraph, Picture, Report, inline, section, svg_text
-from pneudrive.report.provenance import reference
+from pneudrive.report.page import Items, Paragraph, Report
+from pneudrive.report.provenance import references
+from pneudrive.report.topics import Topic
 from pneudrive.report.typst_page import write_pdf
 from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from matplotlib.axes import Axes
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
     from pneudrive.datasheet.measured import MeasuredBeside
     from pneudrive.datasheet.sheet import Datasheet
-    from pneudrive.report.page import Block, Section
+    from pneudrive.report.page import Section
 
 SUFFIXES = (".html", ".pdf")
 CURVES = (
@@ -35,11 +37,8 @@ CURVES = (
     *("bode", "flow", "exergy"),
 )
 COLUMNS, ROW_IN, BAR_PT = 3, 1.5, 4.4
-SIMULATED = (
-    "All numbers and curves of this page are simulated from the values below, with the equations of pneudrive "
-    f"{__version__}; comparisons with recordings are marked. Pressures are absolute unless called gauge; "
-    "litres ANR are at 100 kPa, 20 °C and 65 % humidity."
-)
+#: Makes the drawing of the circuit, the first picture, smaller than the page.
+SMALL_CIRCUIT = ("<svg ", '<svg style="max-width: 26rem; display: block" ')
 
 
 @style.applied()
@@ -64,26 +63,11 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     """
     target = check_target(path, SUFFIXES)
     report = Report(_title(found), found.headlines, _sections(found), synthetic=True)
-    for part in report.sections:
-        for block in part.blocks if part is not None else ():
-            if isinstance(block, Picture):
-                if block.name != "circuit":
-                    style.finish(block.figure, synthetic=bool(block.synthetic))
-                report.pictures[block.name] = svg_text(block.figure)
     if target.suffix.lower() == ".pdf":
+        report.pictures = report.plain_svg()
         return write_pdf(report, target)
-    pictures = {
-        block.name: block.caption
-        for part in report.sections
-        if part
-        for block in part.blocks
-        if isinstance(block, Picture)
-    }
-    small = '<svg style="max-width: 26rem; display: block" '
-    report.pictures["circuit"] = report.pictures["circuit"].replace("<svg ", small, 1)
-    report.pictures = {name: inline(svg, name, pictures[name]) for name, svg in report.pictures.items()}
     with whole(target) as temporary:
-        temporary.write_text(report.html(linked=False), encoding="utf-8")
+        temporary.write_text(report.alone().replace(*SMALL_CIRCUIT, 1), encoding="utf-8")
     return target
 
 
@@ -96,48 +80,35 @@ def _title(found: Datasheet) -> str:
 
 
 def _sections(found: Datasheet) -> list[Section | None]:
+    drive, curves, values = (Topic("datasheet", key) for key in ("drive", "curves", "values"))
+    bands = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
+    rows = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
     return [
-        section(
-            "drive", "Circuit", Picture("circuit", "Circuit of the drive.", draw_circuit(found.drive)), synthetic=False
-        ),
+        drive.section(drive.picture("circuit", draw_circuit(found.drive)), synthetic=False),
         _numbers(found),
-        section("curves", "Curves", Picture("curves", _caption(found), _curves(found))),
+        curves.section(curves.picture("curves", _curves(found), bands=bands)),
         _measured(found.measured) if found.measured is not None else None,
-        _values(found),
+        values.section(values.table(rows), synthetic=False),
         _definitions(found),
     ]
 
 
 def _numbers(found: Datasheet) -> Section:
-    rows = tuple((number.name, number.standard, number.out, number.back) for number in found.numbers)
-    return section(
-        "numbers",
-        "Numbers",
-        PageTable(
-            ("number", "standard", "out, or the only one", "back"), rows, "In brackets: interval", numbers_from=2
-        ),
-        Paragraph(SIMULATED),
-        _published(found),
+    topic = Topic("datasheet", "numbers")
+    return topic.section(
+        topic.table(found.numbers),
+        topic.text(version=__version__),
+        topic.table(_published(found), "published") if "published" in found.results else None,
         *(Paragraph(f"{name}: {why}", "note") for name, why in found.failed.items() if name != "published"),
     )
 
 
-def _published(found: Datasheet) -> PageTable | None:
-    """Return the printed figures of the drive's parts, with those of the drive."""
-    if "published" not in found.results:
-        return None
+def _published(found: Datasheet) -> Iterator[tuple[str, ...]]:
+    """Yield the printed figures of the drive's parts, with those of the drive."""
     table = found.results["published"]
     columns = [100.0 * table.difference.to_numpy(), table.computed.to_numpy(), table.printed.to_numpy()]
-    rows = []
     for name, more, computed, printed in zip(table["figure"].to_numpy(), *columns, strict=True):
-        rows.append((str(name), plain(printed), plain(computed), f"{more:+.2g} %"))
-    head = ("printed figure, SI", "printed", "of this drive", "difference")
-    return PageTable(head, tuple(rows), "Published figures of the parts")
-
-
-def _caption(found: Datasheet) -> str:
-    said = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
-    return f"Curves of the drive, simulated. Bands: {said}."
+        yield str(name), plain(printed), plain(computed), f"{more:+.2g} %"
 
 
 def _curves(found: Datasheet) -> Figure:
@@ -158,29 +129,25 @@ def _curves(found: Datasheet) -> Figure:
 
 
 def _measured(measured: MeasuredBeside) -> Section:
-    blocks: list[Block] = [Items(measured.names)]
-    blocks += [
-        Paragraph(text, "holds" if met else "note" if met is None else "fails") for met, text in measured.verdicts
-    ]
-    if measured.numbers:
-        rows = tuple(
-            (
-                number.stroke,
-                number.name.replace("_", " "),
-                written_value(number.measured, number.unit, number.low, number.high),
-                str(number.repeats),
-                written_value(number.simulated, number.unit),
-                "agrees" if number.agrees else "differs",
-            )
-            for number in measured.numbers
+    topic, figure = Topic("datasheet", "measured"), _beside(measured)
+    rows = (
+        (
+            number.stroke,
+            number.name.replace("_", " "),
+            written_value(number.measured, number.unit, number.low, number.high),
+            str(number.repeats),
+            written_value(number.simulated, number.unit),
+            "agrees" if number.agrees else "differs",
         )
-        head = ("stroke", "number", "measured (95 %)", "strokes", "simulated", "")
-        blocks.append(PageTable(head, rows, "The same definitions, read from recording and simulation", numbers_from=2))
-    figure = _beside(measured)
-    if figure is not None:
-        caption = "Measured (points, lines) and simulated (dashed)."
-        blocks.append(Picture("measured", caption, figure, synthetic=measured.synthetic))
-    return section("measured", "Measured and simulated", *blocks, synthetic=measured.synthetic)
+        for number in measured.numbers
+    )
+    return topic.section(
+        Items(measured.names),
+        *(Paragraph(text, "holds" if met else "note" if met is None else "fails") for met, text in measured.verdicts),
+        topic.table(rows) if measured.numbers else None,
+        None if figure is None else topic.picture("measured", figure),
+        synthetic=measured.synthetic,
+    )
 
 
 def _beside(measured: MeasuredBeside) -> Figure | None:
@@ -257,27 +224,13 @@ def _friction(axis: Axes, measured: MeasuredBeside) -> None:
     axis.legend(fontsize=5.5, ncols=2)
 
 
-def _values(found: Datasheet) -> Section:
-    rows = tuple((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
-    return section(
-        "values",
-        "Values and where they come from",
-        PageTable(("value", "", "from"), rows, numbers_from=9),
-        synthetic=False,
-    )
-
-
 def _definitions(found: Datasheet) -> Section:
     known = characteristics()
-    shown = [name for name in found.results if name in known]
-    items = tuple(f"{known[name].title}: {known[name].definition} ({known[name].algorithm})" for name in shown)
-    keys = dict.fromkeys(key for name in shown for key in known[name].cites)
-    cited = tuple(line for key in keys if (line := reference(key)))
-    return section(
-        "definitions",
-        "Assumed, definitions, sources",
+    shown = [known[name] for name in found.results if name in known]
+    keys = dict.fromkeys(key for one in shown for key in one.cites)
+    return Topic("datasheet", "definitions").section(
         Items(tuple(f"assumed: {one}" for one in found.assumed)),
-        Items(items),
-        Items(cited),
+        Items(tuple(f"{one.title}: {one.definition} ({one.algorithm})" for one in shown)),
+        Items(references(keys)),
         synthetic=False,
     )

@@ -48,7 +48,9 @@ def draw(pairs: list[tuple[RecordingResult, Level]]) -> Figure:
     for axis, (result, level) in zip(axes, pairs, strict=True):
         handles = _panel(axis, level)
         pressure, speed = gauge_bar(level, result.recording), speed_mm_s(level)
-        axis.set_title(f"{broken(level.recording, NAME_LETTERS)}\n{fixed(pressure, 1)} bar, {speed:.3g} mm/s", fontsize=7.5)
+        axis.set_title(
+            f"{broken(level.recording, NAME_LETTERS)}\n{fixed(pressure, 1)} bar, {speed:.3g} mm/s", fontsize=7.5
+        )
     style.outer_labels(figure, "position / mm", "balance, friction, offset / N")
     style.legend_above(figure, handles)
     return figure

@@ -12,9 +12,10 @@ from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
 from pneudrive.report import style
 from pneudrive.report.circuit.drawing import draw_circuit
-from pneudrive.report.page import Items, PageTable, Paragraph, Picture, Report, section
-from pneudrive.report.provenance import reference
+from pneudrive.report.page import Items, PageTable, Paragraph, Report
+from pneudrive.report.provenance import references
 from pneudrive.report.sizing.figures import draw
+from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural
 from pneudrive.sizing.choices import WITHOUT
 from pneudrive.sizing.result import HEAD, PARTS, READ, WRITTEN, row_of, sentences, set_to
@@ -30,22 +31,6 @@ if TYPE_CHECKING:
     from pneudrive.sizing.result import SizingResult
     from pneudrive.sizing.sized_drive import SizedDrive
 
-#: How the page is to be read.
-READING = (
-    "Everything on this page is simulated. Times, speeds, energies and pressures are exceeded by 1 % of the samples, "
-    "pressures are absolute, and air is the mean of a cycle in litres at 100 kPa, 20 °C and 65 % humidity. A time runs "
-    "from the command to the first contact with the end; energy is that of all moving masses at this contact. A "
-    "range (a … b) contains 98 % of the samples: 1 % are below, 1 % above."
-)
-MARGIN = (
-    "The margin is the fraction of a limit that 99 % of the samples leave unused; below 0 the limit is missed. "
-    "A choice meets the task if 99 % of the samples keep all limits. At least: lower bound of that probability at "
-    "95 % confidence, after Clopper and Pearson, as if the samples were independent."
-)
-NOT_CHECKED = (
-    "Guides are not checked for moments, and life only against a B10 that the catalogue states.",
-    "The next stroke begins with one side full and the other empty; waves in long tubes are left out.",
-)
 #: What is told of the best choice: words, figure, factor from SI, unit.
 FIGURES = (
     ("time out", "time_out", 1.0, "s"),
@@ -126,27 +111,18 @@ def _read(value: float, unit: str) -> str:
 
 
 def _candidates(found: SizingResult) -> Section:
+    topic, cheaper = Topic("sizing", "candidates"), _cheaper(found)[:WRITTEN]
     rows = [
         (str(place), _called(one), *row_of(one)[PARTS:-1]) for place, one in enumerate(found.by_cylinder[:WRITTEN], 1)
     ]
     heads = ("", "parts", *HEAD[PARTS:-1])
-    ranking = PageTable(heads, tuple(rows), "Candidates that meet the task: the best of each cylinder", numbers_from=2)
-    cheaper = _cheaper(found)[:WRITTEN]
-    lost = tuple((_called(one), f"{one.air_litres_anr:.3g}", _missed(one)) for one in cheaper)
-    title = (
-        "Candidates that miss a limit but use less air than the best" if found.ranked else "Nearest candidates, by air"
-    )
-    caption = (
-        "Time that 1 % of the samples exceed, against the air of a cycle, for every simulated choice. Lines contain "
-        "98 % of the samples of the best choice."
-    )
-    return section(
-        "candidates",
-        "Candidates",
-        Paragraph(READING),
-        ranking if rows else None,
-        PageTable(("parts", "air l ANR", "misses"), lost, title, numbers_from=9) if lost else None,
-        Picture("candidates", caption, draw(found)) if found.simulated else None,
+    lost = ((_called(one), f"{one.air_litres_anr:.3g}", _missed(one)) for one in cheaper)
+    what = topic.say("cheaper" if found.ranked else "nearest")
+    return topic.section(
+        topic.text(),
+        PageTable(heads, tuple(rows), topic.say("ranking"), numbers_from=2) if rows else None,
+        topic.table(lost, "missed", what=what) if cheaper else None,
+        topic.picture("candidates", draw(found)) if found.simulated else None,
     )
 
 
@@ -154,19 +130,13 @@ def _limits(found: SizingResult) -> Section | None:
     shown = [*found.by_cylinder[:WRITTEN], *(_cheaper(found)[:WRITTEN] if not found.ranked else ())]
     if not shown:
         return None
-    names = list(dict.fromkeys(name for one in shown for name in one.worst))
+    topic, names = Topic("sizing", "limits"), list(dict.fromkeys(name for one in shown for name in one.worst))
     rows = tuple((_called(one), *(_against(one, name) for name in names), one.binding) for one in shown)
     said = []
     for name in names:
         _, limit, unit = next(one.worst[name] for one in shown if name in one.worst)
         said.append(f"{name}, limit {_read(limit, unit)}")
-    head = ("parts", *said, "binds")
-    return section(
-        "limits",
-        "Limits of each",
-        Paragraph(MARGIN),
-        PageTable(head, rows, "Values of 98 % of the samples, and margin in brackets"),
-    )
+    return topic.section(topic.text(), PageTable(("parts", *said, "binds"), rows, topic.say("table")))
 
 
 def _against(one: SizedDrive, name: str) -> str:
@@ -190,18 +160,16 @@ def _best(found: SizingResult) -> list[Section]:
     named = {f"{key} = " for key, *_ in values}
     rest = tuple(line for line in circuit.assumed() if not line.startswith(tuple(named)))
     said = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
-    drawn = Picture("circuit", f"Circuit of the best choice, {_called(best)}.", draw_circuit(circuit))
-    figures = tuple((what, ends, unit) for what, name, factor, unit in FIGURES if (ends := _ends(best, name, factor)))
-    does = PageTable(("", "98 % of the samples", ""), figures, "Simulated motion") if figures else None
+    figures = [(what, ends, unit) for what, name, factor, unit in FIGURES if (ends := _ends(best, name, factor))]
+    topic, sourced = Topic("sizing", "best"), Topic("sizing", "values")
     return [
-        section("best", "The best choice", Items((*said, set_to(best))), drawn, does, synthetic=False),
-        section(
-            "values",
-            "Its values and their sources",
-            PageTable(("value", "", "from"), tuple(values), "In brackets: source, at the end", numbers_from=9),
-            Items(rest),
+        topic.section(
+            Items((*said, set_to(best))),
+            topic.picture("circuit", draw_circuit(circuit), parts=_called(best)),
+            topic.table(figures) if figures else None,
             synthetic=False,
         ),
+        sourced.section(sourced.table(values), Items(rest), synthetic=False),
     ]
 
 
@@ -212,37 +180,24 @@ def _origin(kind: str, said: str) -> str:
 
 
 def _task(found: SizingResult) -> Section:
-    rows = tuple(
-        (one.key, one.text, "given" if one.is_given else "default", one.meaning) for one in task_values(found.task)
-    )
-    follows = tuple(f"{what}: {value:.4g} {unit}" for what, value, unit in follows_from(found.task))
-    guide = f"coefficient of friction of the guide {found.task.guide!r}: {GUIDES[found.task.guide]} (assumed)"
-    return section(
-        "task",
-        "The task",
-        PageTable(("key", "value", "", "meaning"), rows, "Samples are spread evenly over each range", numbers_from=9),
-        Items((*follows, *((guide,) if GUIDES[found.task.guide] else ()))),
-        synthetic=False,
-    )
+    topic, guide = Topic("sizing", "task"), found.task.guide
+    rows = ((one.key, one.text, "given" if one.is_given else "default", one.meaning) for one in task_values(found.task))
+    follows = [f"{what}: {value:.4g} {unit}" for what, value, unit in follows_from(found.task)]
+    follows += [topic.say("guide", name=guide, friction=GUIDES[guide])] if GUIDES[guide] else []
+    return topic.section(topic.table(rows), Items(tuple(follows)), synthetic=False)
 
 
 def _method(found: SizingResult) -> Section:
-    asked = found.asked
+    topic, asked = Topic("sizing", "again"), found.asked
     options = ", ".join(f"{name}={count}" for name, count in asked.items())
     lines = [f'import pneudrive as pn\n\nfound = pn.size("task.toml", {options})\nfound.report("out")']
     if is_of_command(asked):
         options = f"--min-candidates {asked['least']} --samples {asked['draws']}"
         lines.insert(0, f"pneudrive size task.toml {options} --out out")
-    return section(
-        "again",
-        "Method, and commands to repeat the sizing",
-        Items((sentences(found)[-1 - len(found.notes)], *NOT_CHECKED)),
-        Paragraph(
-            f"With the task below as task.toml, each gives the same numbers (pneudrive {__version__}, Python "
-            f"{platform.python_version()}; the samples are points of a Sobol sequence, the same each time)."
-        ),
-        *(Paragraph(line, "code") for line in lines),
-        Paragraph(toml.write(found.task.to_dict()).strip(), "code"),
+    return topic.section(
+        Items((sentences(found)[-1 - len(found.notes)], topic.say("moments"), topic.say("stroke"))),
+        topic.text(version=__version__, python=platform.python_version()),
+        *(Paragraph(line, "code") for line in (*lines, toml.write(found.task.to_dict()).strip())),
         synthetic=False,
     )
 
@@ -251,5 +206,4 @@ def _sources(found: SizingResult) -> Iterable[Section]:
     if found.best is None:
         return
     keys = dict.fromkeys(key for one in values_of(found.circuit()) for key in _KEY.findall(one.origin))
-    lines = tuple(line for key in keys if (line := reference(key)))
-    yield section("sources", "Sources", Items(lines), synthetic=False)
+    yield Topic("sizing", "sources").section(Items(references(keys)), synthetic=False)

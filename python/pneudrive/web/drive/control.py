@@ -449,10 +449,8 @@ def _cell(card: StoredComparison, law: str, along: str, measure: str) -> dict[st
 
 def _table(card: StoredComparison, along: str) -> dict[str, Any]:
     """Return the medians of all measures of a reference."""
-    heads = ["law", *(title for title, *_ in SHOWN.values()), "lost"]
-    rows = card.rows(along)
-    used = [i for i in range(len(heads)) if i == 0 or any(row[i] for row in rows)]
-    return {"heads": [heads[i] for i in used], "rows": [[row[i] for i in used] for row in rows]}
+    heads, rows = card.table(along, spread=False)
+    return {"heads": heads, "rows": rows}
 
 
 def _true(card: StoredComparison) -> list[dict[str, str]]:
