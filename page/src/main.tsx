@@ -7,8 +7,9 @@ import { ConnectionLine } from "./workspace/parts";
 import { follow, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
 import { isOld, list, studies, takeDrops } from "./workspace/studies";
-import { isShown, kindOf, nameOf, Tree } from "./workspace/tree";
-import { VIEWS, type View } from "./views";
+import { arrangeTables } from "./workspace/tables";
+import { isOverMain, isShown, kindOf, nameOf, PathName, Tree } from "./workspace/tree";
+import { VIEWS, viewOf, type View } from "./views";
 import "./tokens.css";
 import "./style.css";
 
@@ -77,24 +78,39 @@ function useFocus({ view, path }: { view: string; path: string }): void {
   useEffect(() => {
     const at = link(view, path);
     const focused = document.activeElement;
-    if (before.current && before.current !== at && (focused === document.body || focused?.closest(".tree"))) document.getElementById("main")!.focus({ preventScroll: true });
+    if (before.current && before.current !== at) {
+      if (focused === document.body || focused?.closest(".tree")) document.getElementById("main")!.focus({ preventScroll: true });
+      if (focused?.closest(".tree .files") && isOverMain()) isShown.value = false;
+    }
     before.current = at;
   }, [view, path]);
+}
+
+/** Return the end of a path that tells it from the other open objects. */
+function shortName(path: string): string {
+  const own = nameOf(path);
+  const parts = path.split("/");
+  return tabs.value.some((one) => one.path !== path && nameOf(one.path) === own) ? parts.slice(-2).join("/") : own;
 }
 
 /** Tabs of the open objects, and the verbs of the selected object. */
 function Tabs() {
   const { view, path } = route.value;
   const kind = kindOf(path);
-  const verbs = path ? VIEWS.filter((one) => one.name === view || one.opens.includes(kind) || one.takes?.includes(kind) || (one.name === "result" && studies.value?.shown.includes(kind))) : [];
+  const verbs = path ? VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes?.includes(kind)) : [];
+  const row = useRef<HTMLUListElement>(null);
+  useEffect(() => {
+    row.current?.querySelector(".here")?.scrollIntoView({ block: "nearest", inline: "nearest" });
+    scrollTo(0, 0);
+  }, [path]);
   return (
     <>
       {tabs.value.length > 0 && (
         <nav aria-label="Open files">
-        <ul class="tabs">
+        <ul class="tabs" ref={row}>
           {tabs.value.map((one) => (
             <li key={one.path} class={one.path === path ? "here" : ""}>
-              <a href={link(one.view, one.path)} title={one.path} aria-current={one.path === path ? "page" : undefined}>{nameOf(one.path)}</a>
+              <a href={link(one.view, one.path)} title={one.path} aria-current={one.path === path ? "page" : undefined}><PathName path={shortName(one.path)} /></a>
               <button type="button" class="icon" aria-label={`Close ${one.path}`} onClick={() => closeTab(one.path)}>×</button>
             </li>
           ))}
@@ -139,25 +155,8 @@ function Page() {
   );
 }
 
-/** Give each cell the name of its column, which a phone shows in place of the head of the table. */
-function nameCells(): void {
-  const isNarrow = matchMedia("(max-width: 40rem)");
-  let waits = false;
-  const name = () => {
-    waits = false;
-    if (!isNarrow.matches) return;
-    for (const table of document.querySelectorAll<HTMLTableElement>("main table")) {
-      const heads = [...(table.tHead?.rows[0]?.cells ?? [])].map((one) => one.textContent.trim());
-      for (const body of table.tBodies) for (const row of body.rows) [...row.cells].forEach((cell, k) => cell.scope !== "row" && heads[k] && (cell.dataset["head"] = heads[k]));
-    }
-  };
-  const soon = () => void (waits || ((waits = true), requestAnimationFrame(name)));
-  new MutationObserver(soon).observe(document.body, { childList: true, subtree: true });
-  isNarrow.addEventListener("change", soon);
-}
-
 async function start(): Promise<void> {
-  nameCells();
+  arrangeTables();
   if (await unlock()) {
     void list(); // the view that is asked for does not wait for the folder
     takeDrops();

@@ -1,6 +1,6 @@
 /** The views of the page, one line each: address, name, component, kinds of files that it opens and uses. */
 import type { ComponentType } from "preact";
-import { StudiesView } from "./workspace/studies";
+import { studies, StudiesView } from "./workspace/studies";
 
 export interface View {
   name: string;
@@ -25,5 +25,5 @@ export const VIEWS: View[] = [
   { name: "result", title: "Values", load: async () => (await import("./workspace/result")).ResultView, opens: [] }, // of the kinds that the server shows
 ];
 
-/** Return the name of the first view of a kind. */
-export const viewOf = (kind: string): string | undefined => VIEWS.find((one) => one.opens.includes(kind))?.name;
+/** Return the name of the first view of a kind: its own, or the values that the server shows. */
+export const viewOf = (kind: string): string | undefined => VIEWS.find((one) => one.opens.includes(kind))?.name ?? (studies.value?.shown.includes(kind) ? "result" : undefined);

@@ -251,7 +251,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     page.wait_for_selector("figure.plot[data-plot='Friction over speed'] canvas")
     page.wait_for_selector("[data-value=coulomb]")
     assert float(page.get_attribute("[data-value=coulomb]", "data-si")) == fit.values["coulomb"]
-    shown = sorted(float(cell.get_attribute("data-si")) for cell in page.locator(".scroll td[data-si]").all())
+    shown = sorted(float(cell.get_attribute("data-si")) for cell in page.locator(".scroll tr[data-si]").all())
     assert shown == sorted(curves["friction_n"].to_numpy())
     cells = page.locator("[data-heat] rect[data-kind]")
     assert cells.count() == 2 * 24

@@ -14,6 +14,7 @@ import xarray as xr
 
 import pneudrive as pn
 from page.conftest import Server
+from page.results import MEASURED, RECORDING
 from page.test_journeys import VIEWS, Open, settled, violations
 from page.test_nothing_lost import go
 from pneudrive.characterise import write_map
@@ -207,6 +208,25 @@ def test_nothing_is_cut_off_in_any_view(server: Server, open_tab: Open, made: Pa
             page.wait_for_timeout(50)
             assert page.evaluate(CUT) == [], (address, width)
     tab.check()
+
+
+def test_a_recording_of_another_rig_gets_its_own_layout(server: Server, open_tab: Open) -> None:
+    shutil.copy(MEASURED / "friction" / RECORDING, server.folder / "other.csv.xz")
+    text = (MEASURED / "layout.toml").read_text()
+    (server.folder / "layout.toml").write_text(text)  # it takes labels from names, and finds none in this one
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "recording", "other.csv.xz")
+    page.wait_for_selector("text=The layout in this folder belongs to other files")
+    assert page.locator(".problem").count() == 1
+    assert page.locator("button:text-is('Characterise')").count() == 0
+    page.click("button:text-is('Propose a layout for this file')")
+    page.fill("textarea.text", text.replace('pattern = "{seal}_{pressure}bar"', ""))
+    assert violations(tab) == []
+    page.click("text=Accept: move the file into other/")
+    page.wait_for_selector("text=darker: towards +x")
+    assert (server.folder / "other" / "other.csv.xz").is_file()
+    assert (server.folder / "layout.toml").read_text() == text
 
 
 def test_no_view_is_empty(server: Server, open_tab: Open) -> None:

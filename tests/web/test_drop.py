@@ -110,3 +110,25 @@ def test_example_recordings_are_copied_once_and_never_over_a_file(served: Served
     assert (served.folder / found["path"]).is_file()
     assert (served.folder / "example" / "layout.toml").read_text() == "# mine"
     assert len(list((served.folder / "example").iterdir())) == 3
+
+
+def test_a_recording_of_another_rig_gets_a_folder_with_its_own_layout(served: Served) -> None:
+    raw = b"time,way\n0,1\n"
+    (served.folder / "other.csv").write_bytes(raw)
+    (served.folder / "layout.toml").write_text("# theirs\n")
+    text = 'kind = "fixed-volume"\n[columns]\ntime = { column = 0, unit = "s" }\n'
+    text += 'pressure = { column = 1, unit = "bar gauge" }\n'
+
+    def asked(path: str, text: str, code: int = 200) -> dict:
+        answer = served.client.post("/api/own-layout", json={"path": path, "text": text}, headers=served.headers)
+        assert answer.status_code == code
+        return answer.json()
+
+    asked("other.csv", "[columns]\nspeeed = 1\n", 400)
+    asked("../other.csv", text, 400)
+    assert (served.folder / "other.csv").read_bytes() == raw
+    assert asked("other.csv", text)["path"] == "other/other.csv"
+    assert (served.folder / "other" / "other.csv").read_bytes() == raw
+    assert (served.folder / "other" / "layout.toml").read_text() == text
+    assert not (served.folder / "other.csv").exists()
+    assert (served.folder / "layout.toml").read_text() == "# theirs\n"

@@ -5,12 +5,12 @@ import type { Frame } from "../server/frame";
 import { follow, JobList } from "../workspace/jobs";
 import { digits } from "../plots/looks";
 import { opened } from "../drive/opened";
-import { Copied, InFolder, NumberField, Problems, SliderRow, Unsaved } from "../workspace/parts";
+import { Copied, InFolder, NumberField, Problems, SliderRow, Table, Tiles, Unsaved } from "../workspace/parts";
 import { curveOf, pixelsOfPlots, Plot, zooming } from "../plots/plot";
 import { inCatalogue, isToml, link, route } from "../routes";
 import { ask, attempting, Live, read, type Problem } from "../server/server";
 import { studies } from "../workspace/studies";
-import { Gains, ScoreCard, Table } from "./score";
+import { Gains, ScoreCard } from "./score";
 
 interface Gain {
   key: string;
@@ -245,32 +245,24 @@ function Shown() {
           <Plot bare={k < every.length - 1} {...zooming(zoom)} key={panel.title} title={panel.title} unit={panel.unit} size={panel.size} curves={panel.curves.map((one) => curveOf(arrays, time, one.column, one.label))} />
         ))}
       </section>
-      <div class="below">
+      <h2>Score</h2>
+      <Tiles label="Score" of={head.score.map((one) => ({ key: one.name, title: one.title, text: one.text, data: { "data-score": one.name, "data-si": one.value } }))} />
+      {head.events.length > 0 && <h2>What the supervisor told</h2>}
+      <ul>{head.events.map((one, index) => <li key={index}>{digits(one.time_s)} s: {one.text || one.kind}</li>)}</ul>
+      <div class="pair">
         <div>
           <h2>Assumed drive</h2>
           <p>{head.law} for {head.believes}, every {digits(1e3 * head.period_s)} ms, in the setup {head.setup[0]}. {head.setup[1]}</p>
           <Gains gains={head.gains.map((one) => ({ ...one, written: `${digits(one.number)} ${one.unit}` }))} />
-          <Table heads={["The drive to its law", ""]} rows={head.plant} label="The drive to its law" />
           <ul>{head.limits.map((one) => <li key={one}>{one}</li>)}</ul>
+        </div>
+        <div>
+          <h2>The drive to its law</h2>
+          <Table heads={["Property", "Value"]} rows={head.plant} label="The drive to its law" />
           <h2>True drive</h2>
           <p>The drive {head.drive}, {head.mismatch[0] ? `changed by ${head.mismatch[0]}. ${head.mismatch[1]}` : "as described."}</p>
           {head.true.length > 0 && <Table heads={["Deviation of the true drive", "factor, or SI"]} rows={head.true.map((one) => [one.name, one.value])} label="Deviations" />}
           <p class="note">{head.assumed} values are assumed: Drive lists those of the drive.</p>
-        </div>
-        <div>
-          <h2>Score</h2>
-          <table>
-            <tbody>
-              {head.score.map((one) => (
-                <tr key={one.name}>
-                  <th scope="row">{one.title}</th>
-                  <td data-score={one.name} data-si={one.value}>{one.text}</td>
-                </tr>
-              ))}
-            </tbody>
-          </table>
-          {head.events.length > 0 && <h2>What the supervisor told</h2>}
-          <ul>{head.events.map((one, index) => <li key={index}>{digits(one.time_s)} s: {one.text || one.kind}</li>)}</ul>
         </div>
       </div>
       <details>

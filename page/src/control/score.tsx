@@ -3,8 +3,8 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame } from "../server/frame";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { digits, look } from "../plots/looks";
-import { Copied, Problems, ReportOf } from "../workspace/parts";
+import { digits, look, pretty } from "../plots/looks";
+import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
 import { curveOf, Plot, zooming } from "../plots/plot";
 import { link } from "../routes";
 import { ask, attempting, frame, read, Refused, type Problem } from "../server/server";
@@ -224,8 +224,8 @@ function Cell({ of }: { of: Card["cells"][number] | undefined }) {
   const range = of.range.filter((one) => one).join(" … ");
   return (
     <td data-cell={`${of.law}/${of.reference}`} data-si={of.value} class={of.best ? "best" : ""}>
-      {of.text || "–"}{of.best && " ★"}
-      {range && of.text && <small>{range}</small>}
+      {pretty(of.text) || "–"}{of.best && " ★"}
+      {range && of.text && <small>{pretty(range)}</small>}
       {of.lost > 0 && <small class="kind changed">lost: {of.lost}</small>}
     </td>
   );
@@ -291,7 +291,7 @@ function Strip({ found }: { found: Card }) {
   const said = `${now.title} of each run, ${now.unit}, one row for each controller: ${found.laws.map((law) => `${law} ${known.filter((one) => one.law === law).length} runs`).join(", ")}`;
   return (
     <figure class="plot strip">
-      <figcaption>{now.title} of each run, {now.unit}</figcaption>
+      <figcaption>{now.title} of each run, {pretty(now.unit)}</figcaption>
       <svg viewBox={`0 0 ${WIDTH} ${height}`} role="img" aria-label={said}>
         {decades.map((one) => (
           <g key={one}>
@@ -319,23 +319,6 @@ function Strip({ found }: { found: Card }) {
 
 export function Gains({ gains, of = "" }: { gains: ToldGain[]; of?: string }) {
   return <Table heads={["Gain", "Value", "Meaning", "Follows from"]} rows={gains.map((one) => [one.key, one.written, one.meaning, one.rule])} label={of ? `Gains of ${of}` : "Gains"} />;
-}
-
-export function Table({ heads, rows, label }: { heads: string[]; rows: string[][]; label: string }) {
-  return (
-    <div class="scroll" tabIndex={0} role="region" aria-label={label}>
-      <table>
-        <thead>
-          <tr>{heads.map((one, index) => <th scope="col" key={index}>{one || <span class="hidden">value</span>}</th>)}</tr>
-        </thead>
-        <tbody>
-          {rows.map((row, index) => (
-            <tr key={index}>{row.map((one, place) => (place ? <td key={place}>{one}</td> : <th scope="row" key={place}>{one}</th>))}</tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
-  );
 }
 
 function Told({ found }: { found: Card }) {

@@ -8,7 +8,7 @@ import { chosen, keys, portChoice, Structure } from "./structure";
 import type { Frame } from "../server/frame";
 import { Live, type Problem } from "../server/server";
 import type { Editor } from "./editor";
-import { change, drawing, onDisk, opened, problems, said, save, set, setNumber, takeFromDisk, valid, type Field } from "./opened";
+import { change, drawing, onDisk, opened, problems, said, save, set, setNumber, takeFromDisk, useDrawing, valid, type Field } from "./opened";
 import { isIn, KINDS, Problems, SaveButton, TextField } from "../workspace/parts";
 import { route } from "../routes";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
@@ -87,6 +87,7 @@ function Described() {
   const place = useRef<HTMLDivElement>(null);
   const editor = useRef<Editor | null>(null);
   const now = opened.value;
+  const shapes = useDrawing();
   useEffect(() => {
     let gone = false;
     if (place.current && now)
@@ -103,14 +104,14 @@ function Described() {
   useEffect(() => editor.current?.show(opened.value?.text ?? "", problems.value.filter((one) => isIn(one, own))), [now?.text, problems.value]);
   if (!now) return problems.value.length ? <Problems of={problems.value} /> : null;
   const isNew = !now.sha256;
-  const [, , wide, high] = drawing.value ? whole(drawing.value) : [0, 0, 1, 1];
+  const [, , wide, high] = shapes ? whole(shapes) : [0, 0, 1, 1];
   return (
     <div class={wide > WIDE * high ? "drive wide-drawing" : "drive"}>
       <section aria-label="Circuit" onKeyDown={keys}>
         <h2>{valid.value?.name ?? now.path}</h2>
-        {!drawing.value && !problems.value.length && <p class="canvas waits" role="status">Drawing the circuit.</p>}
+        {!shapes && !problems.value.length && <p class="canvas waits" role="status">Drawing the circuit.</p>}
         <Running key={now.path} />
-        {drawing.value && <p class="note">{notesOf(drawing.value)}</p>}
+        {shapes && <p class="note">{notesOf(shapes)}</p>}
         {valid.value?.notes?.map((note) => <p class="note" key={note}>{note}</p>)}
       </section>
       <div>
@@ -156,6 +157,22 @@ function Units({ field }: { field: Field }) {
   );
 }
 
+/** Return the table of a key, and the key within it: `components.valve_1.overlap` is `overlap` of `valve_1`. */
+function split(key: string): [table: string, own: string] {
+  const parts = key.split(".");
+  const at = parts[0] === "components" && parts.length > 2 ? 2 : Math.min(1, parts.length - 1);
+  return [parts.slice(at === 2 ? 1 : 0, at).join("."), parts.slice(at).join(".")];
+}
+
+/** Text of a value without its unit, where a menu beside it has the unit. */
+const bare = ({ text, unit, units }: Field): string => (units && units.length > 1 && unit && text.endsWith(` ${unit}`) ? text.slice(0, -unit.length - 1) : text);
+
+/** Put a typed value into the text. A number alone has the unit of the menu. */
+function put(field: Field, value: string): void {
+  if (field.unit === "") void setNumber(field.key, value);
+  else void set(field.key, field.unit && value.trim() && Number.isFinite(Number(value)) ? `${value.trim()} ${field.unit}` : value);
+}
+
 function Fields() {
   const fields = (valid.value?.values ?? []).filter(belongs);
   return (
@@ -171,23 +188,28 @@ function Fields() {
             <th scope="col">Key</th>
             <th scope="col">Value</th>
             <th scope="col">Unit</th>
-            <th scope="col">Slider</th>
+            <th scope="col" title="Slider in Simulate">Slider</th>
           </tr>
         </thead>
         <tbody>
-          {fields.map((one) => (
+          {fields.map((one, k) => [
+            split(one.key)[0] !== (k ? split(fields[k - 1]!.key)[0] : "") && (
+              <tr class="table" key={`table ${split(one.key)[0]}`}>
+                <th colSpan={4} scope="rowgroup">{split(one.key)[0]}</th>
+              </tr>
+            ),
             <tr key={one.key}>
               <th scope="row">
-                {one.key.split(/(?<=[._])/).map((part) => <>{part}<wbr /></>)}
+                {split(one.key)[1].split(/(?<=[._])/).map((part) => <>{part}<wbr /></>)}{" "}
                 <span class={`kind ${one.kind}`}>{[KINDS[one.kind], one.origin.replace(/^assumed: /, ""), one.copies && `one value for ${one.copies.join(", ")}`].filter(Boolean).join(", ")}</span>
               </th>
               <td>
-                <TextField label={one.key} value={one.text} put={(value) => void (one.unit === "" ? setNumber(one.key, value) : set(one.key, value))} />
+                <TextField label={one.key} value={bare(one)} put={(value) => put(one, value)} />
               </td>
               <td>{one.units && one.units.length > 1 && <Units field={one} />}</td>
               <td>{one.low !== undefined && <input type="checkbox" aria-label={`Slider for ${one.key} in Simulate`} checked={pinned.value.includes(one.key)} onChange={() => pin(one.key)} />}</td>
-            </tr>
-          ))}
+            </tr>,
+          ])}
         </tbody>
       </table>
     </div>

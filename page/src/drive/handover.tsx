@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { JobForm } from "../workspace/form";
 import { digits } from "../plots/looks";
-import { InFolder, Problems } from "../workspace/parts";
+import { InFolder, Problems, Table } from "../workspace/parts";
 import { link, route } from "../routes";
 import { attempting, read, type Problem } from "../server/server";
 import { studies } from "../workspace/studies";
@@ -89,28 +89,14 @@ function Seen({ now }: { now: Fmu }) {
       {(Object.keys(TITLES) as Variable["causality"][]).map((causality) => (
         <section key={causality} aria-label={TITLES[causality]}>
           <h2>{TITLES[causality]}</h2>
-          <div class="scroll" tabIndex={0} role="region" aria-label={`Table of ${causality}s`}>
-            <table>
-              <thead>
-                <tr>
-                  <th scope="col">Name</th>
-                  <th scope="col">Unit</th>
-                  {causality !== "output" && <th scope="col">Start</th>}
-                  <th scope="col">Meaning</th>
-                </tr>
-              </thead>
-              <tbody>
-                {now.variables.filter((one) => one.causality === causality).map((one) => (
-                  <tr key={one.name} data-variable={one.name} data-causality={causality}>
-                    <th scope="row">{one.name}</th>
-                    <td>{one.unit}</td>
-                    {causality !== "output" && <td>{one.start === "" ? "–" : digits(Number(one.start), 6)}</td>}
-                    <td>{one.meaning}</td>
-                  </tr>
-                ))}
-              </tbody>
-            </table>
-          </div>
+          <Table
+            label={`Table of ${causality}s`}
+            heads={["Name", "Unit", ...(causality === "output" ? [] : ["Start"]), "Meaning"]}
+            rows={now.variables.filter((one) => one.causality === causality).map((one) => ({
+              cells: [one.name, one.unit, ...(causality === "output" ? [] : [one.start === "" ? "–" : digits(Number(one.start), 6)]), one.meaning],
+              data: { "data-variable": one.name },
+            }))}
+          />
         </section>
       ))}
     </>

@@ -1,5 +1,6 @@
 /** The open description: its text, and the last answer of the server about this text. */
 import { effect, signal, untracked } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 import { answering, ask, isAnswering, newest, read, Refused, typed, write, type Problem } from "../server/server";
 import type { Drawing } from "./circuit";
 import { link, route } from "../routes";
@@ -151,8 +152,7 @@ function take(found: Checked, mine: number, { path, text }: { path: string; text
   problems.value = found.problems;
   if (found.problems.length) return;
   valid.value = found;
-  toDraw = { mine, path, text };
-  void draw();
+  toDraw.value = { mine, path, text };
 }
 
 function refused(error: unknown, mine: number): void {
@@ -176,16 +176,34 @@ effect(() => {
   if (isAnswering()) untracked(() => void check()); // what was typed while the server did not answer
 });
 
-let toDraw = { mine: 0, path: "", text: "" }; // the last text without a problem
+const toDraw = signal({ mine: 0, path: "", text: "" }); // the last text without a problem
+let drawn = 0; // text that the drawing shows, or was asked for
 const draw = newest(async () => {
-  const { mine, path, text } = toDraw;
+  const { mine, path, text } = toDraw.value;
+  if (mine === drawn) return;
+  drawn = mine;
   try {
     const shapes = await ask<Drawing>("/api/drawing", { path, text });
     if (mine === asked) drawing.value = shapes;
   } catch (error) {
+    drawn = 0;
     refused(error, mine);
   }
 });
+
+const viewers = signal(0); // that show the drawing: nobody else waits for the server to make it
+effect(() => {
+  if (viewers.value && toDraw.value.mine) untracked(() => void draw());
+});
+
+/** The drawing of the open description, for as long as it is shown. */
+export function useDrawing(): Drawing | null {
+  useEffect(() => {
+    viewers.value += 1;
+    return () => void (viewers.value -= 1);
+  }, []);
+  return drawing.value;
+}
 
 let edits = Promise.resolve();
 

@@ -4,9 +4,9 @@ import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs } from "../workspace/jobs";
-import { digits } from "../plots/looks";
+import { count, digits } from "../plots/looks";
 import { wasSaved } from "./opened";
-import { InFolder, NumberField, Problems, ReportOf, SaveButton, useCopied } from "../workspace/parts";
+import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, Tiles, useCopied } from "../workspace/parts";
 import { isToml, link, route } from "../routes";
 import { ask, attempting, read, Refused, write, type Problem } from "../server/server";
 import { list, studies } from "../workspace/studies";
@@ -60,7 +60,6 @@ interface Sizing {
   feasible: boolean | null;
   miss: { limit: string; gives: string } | null;
   said: string[];
-  assumed: string[];
   asked: { least: number; draws: number } | null;
   provisional: string;
 }
@@ -245,23 +244,11 @@ function TaskView() {
         </section>
         <section aria-label="What the task says">
           <h2>{meant.value?.name ?? "What the task says"}</h2>
-          <div class="scroll" tabIndex={0} role="region" aria-label="Values of the task">
-            <table>
-              <thead>
-                <tr>{["Key", "Value", "", "Meaning"].map((head, index) => <th scope="col" key={index}>{head || <span class="hidden">Given or default</span>}</th>)}</tr>
-              </thead>
-              <tbody>
-                {meant.value?.values?.map((one) => (
-                  <tr key={one.key}>
-                    <th scope="row">{one.key}</th>
-                    <td>{one.text}</td>
-                    <td><span class="kind">{one.given ? "given" : "default"}</span></td>
-                    <td>{one.meaning}</td>
-                  </tr>
-                ))}
-              </tbody>
-            </table>
-          </div>
+          <Table
+            label="Values of the task"
+            heads={["Key", "Value", "Given or default", "Meaning"]}
+            rows={(meant.value?.values ?? []).map((one) => [one.key, one.text, <span class="kind">{one.given ? "given" : "default"}</span>, one.meaning])}
+          />
           <ul>{meant.value?.follows?.map((one) => <li key={one.what}>{one.what}: {digits(one.value)} {one.unit}</li>)}</ul>
         </section>
       </div>
@@ -283,11 +270,12 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
   const meets = now.candidates.filter((one) => one.meets).length;
   return (
     <>
-      {(now.said[0] || now.provisional) && <p class="answer" data-answer><b>{now.said[0] ?? now.provisional}</b></p>}
+      {(now.said[0] || now.provisional) && <p class="answer" data-answer>{now.said[0] ?? now.provisional}</p>}
+      <Best now={now} />
       {now.candidates.some((one) => one.file) && <DataSheet folder={folder} />}
       <p class="banner">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
       <p data-state={running || now.searched ? "running" : now.done ? "done" : "stopped"} data-simulated={now.candidates.length}>
-        {now.candidates.length} candidates simulated, {meets} meet the task; {now.short} choices are short of it even in the nominal case.{" "}
+        {count(now.candidates.length, "candidate")} simulated, {meets} meet the task; {count(now.short, "choice")} {now.short === 1 ? "is" : "are"} short of it even in the nominal case.{" "}
         {now.task ? <a href={link("sizing", now.task)}>{now.task}</a> : "The folder does not contain this task any more."}
       </p>
       <ReportOf folder={folder} changed={now.done && !running} />
@@ -321,12 +309,6 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       )}
       {done && <p>{copy}</p>}
       {done && copied}
-      {now.said.length > 0 && (
-        <details open>
-          <summary>Reasons, savings, checks, and the size of the search</summary>
-          <ul>{now.said.slice(1).map((one) => <li key={one}>{one}</li>)}</ul>
-        </details>
-      )}
       {now.candidates.length > 0 && (
         <>
           <div class="plots">
@@ -334,17 +316,38 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
             <Candidates now={now} way="back" />
           </div>
           <p class="note">Times, speeds, energies and load ratios are those that 1 % of the samples exceed; below each, the range of 98 % of the samples. Air: the mean. Circle: meets the task. Cross: misses a limit. Ring: chosen or pinned.</p>
+          <h2>Candidates</h2>
           <p class="row">
             <label>
               <input type="checkbox" checked={isWhole.value} onChange={(event) => (isWhole.value = event.currentTarget.checked)} /> Every simulated choice, not only the best of each cylinder
             </label>
           </p>
-          <Table now={now} />
+          <Ranking now={now} />
           <Chosen now={now} />
         </>
       )}
+      {now.said.length > 1 && (
+        <details open>
+          <summary>Reasons, savings, checks, and the size of the search</summary>
+          <ul>{now.said.slice(1).map((one) => <li key={one}>{one}</li>)}</ul>
+        </details>
+      )}
     </>
   );
+}
+
+/** Figures of the best candidate, each with its limit. */
+function Best({ now }: { now: Sizing }) {
+  const best = now.candidates.find((one) => one.place === 0);
+  if (!best) return null;
+  const limits = best.limits.map((one) => ({
+    key: one.name,
+    title: one.name,
+    text: one.value === null ? "does not end" : `${digits(one.value)} ${one.unit}`,
+    note: `limit ${digits(one.limit)} ${one.unit}`,
+    missed: one.margin === null || one.margin < 0,
+  }));
+  return <Tiles label="The best candidate" of={[...limits, { key: "air", title: "air of a cycle", text: `${digits(best.air)} l ANR`, note: "mean" }]} />;
 }
 
 /** Button that writes the data sheet of the best drive, and the link to it. */
@@ -375,14 +378,16 @@ function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
   const airs = shown.map((one) => one.air!);
   const limit = now.limits[way];
   const [low, high] = [0.95 * Math.min(...airs), 1.05 * Math.max(...airs)];
-  const top = 1.1 * Math.max(limit, ...shown.map((one) => timed(one)!));
+  const times = [limit, ...shown.map((one) => timed(one)!)];
+  const room = 0.1 * (Math.max(...times) - Math.min(...times)) || 0.05 * limit;
+  const [bottom, top] = [Math.max(0, Math.min(...times) - room), Math.max(...times) + room];
   const x = (air: number) => EDGE.left + ((air - low) / (high - low)) * (WIDTH - EDGE.left - EDGE.right);
-  const y = (time: number) => HEIGHT - EDGE.bottom - (time / top) * (HEIGHT - EDGE.top - EDGE.bottom);
+  const y = (time: number) => HEIGHT - EDGE.bottom - ((time - bottom) / (top - bottom)) * (HEIGHT - EDGE.top - EDGE.bottom);
   return (
     <figure class="plot candidates" data-plot={`Stroke ${way}`}>
       <figcaption>Stroke {way}</figcaption>
       <svg viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={`Time of the stroke ${way} over air of a cycle; the table has the numbers`}>
-        {ticks(0, top).map((one) => (
+        {ticks(bottom, top).map((one) => (
           <g key={one}>
             <line class="grid" x1={EDGE.left} x2={WIDTH - EDGE.right} y1={y(one)} y2={y(one)} />
             <text x={EDGE.left - 6} y={y(one) + 4} text-anchor="end">{digits(one, 3)}</text>
@@ -415,6 +420,8 @@ const FULL = 100; // %: a load ratio above it does not move
 /** Text of an interval. */
 const between = (ends: Ends | undefined, unit = "") => ends && <small>{ends.map((one) => (one === null ? "does not end" : digits(one, 3))).join(" … ")} {unit}</small>;
 
+const marked = (text: string, isMissed: boolean) => <span class={isMissed ? "missed" : ""}>{text}</span>;
+
 type Column = [title: string, by: string, value: (one: Candidate) => number | null, limits: string[]];
 const COLUMNS: Column[] = [
   ["Rank", "place", (one) => (one.place === null ? null : one.place + 1), []],
@@ -439,7 +446,7 @@ function bestOfEach(every: Candidate[]): Candidate[] {
 }
 
 /** Candidates in the order of a column, pinned ones first. Values that miss their limit are marked. */
-function Table({ now }: { now: Sizing }) {
+function Ranking({ now }: { now: Sizing }) {
   const { by, down } = order.value;
   const value = COLUMNS.find((one) => one[1] === by)![2];
   const at = (one: Candidate) => value(one) ?? (down ? -Infinity : Infinity); // without a value: last either way
@@ -506,31 +513,17 @@ function Chosen({ now }: { now: Sizing }) {
         {one.setting}. {one.met} of {one.draws} draws keep all limits: at least {digits(100 * one.at_least)} % (95 % confidence).
         {one.measure && ` Measure first: ${one.measure} (${digits(100 * one.explains, 2)} % of its margin).`}
       </p>
-      <table>
-        <thead>
-          <tr>{["Figure", "1 % of the samples exceed", "98 % lie between", "Limit", "Margin of 99 %"].map((head, index) => <th scope="col" key={index}>{head}</th>)}</tr>
-        </thead>
-        <tbody>
-          {one.limits.map((limit) => (
-            <tr key={limit.name} data-limit={limit.name}>
-              <th scope="row">{limit.name}</th>
-              <td class={limit.margin === null || limit.margin < 0 ? "missed" : ""}>{limit.value === null ? "does not end" : `${digits(limit.value)} ${limit.unit}`}</td>
-              <td>{between(limit.interval, limit.unit) ?? "–"}</td>
-              <td>{digits(limit.limit)} {limit.unit}</td>
-              <td>{limit.margin === null ? "–" : `${digits(100 * limit.margin, 3)} %`}</td>
-            </tr>
-          ))}
-          {one.load_ratio !== null && (
-            <tr data-limit="load ratio">
-              <th scope="row">load ratio</th>
-              <td class={one.load_ratio > 1 ? "missed" : ""}>{digits(PERCENT * one.load_ratio)} %</td>
-              <td>{between(one.intervals["load_ratio"], "%")}</td>
-              <td>{FULL} %</td>
-              <td>{digits(PERCENT * (1 - one.load_ratio), 3)} %</td>
-            </tr>
-          )}
-        </tbody>
-      </table>
+      <Table
+        label="Limits of the candidate"
+        heads={["Figure", "1 % of the samples exceed", "98 % lie between", "Limit", "Margin of 99 %"]}
+        rows={[
+          ...one.limits.map(({ name, value, unit, interval, limit, margin }) => ({
+            cells: [name, marked(value === null ? "does not end" : `${digits(value)} ${unit}`, margin === null || margin < 0), between(interval, unit) ?? "–", `${digits(limit)} ${unit}`, margin === null ? "–" : `${digits(PERCENT * margin, 3)} %`],
+            data: { "data-limit": name },
+          })),
+          ...(one.load_ratio === null ? [] : [["load ratio", marked(`${digits(PERCENT * one.load_ratio)} %`, one.load_ratio > 1), between(one.intervals["load_ratio"], "%"), `${FULL} %`, `${digits(PERCENT * (1 - one.load_ratio), 3)} %`]]),
+        ]}
+      />
       <p class="note">Load ratio: weight, external force and friction at rest over the force of the supply on the piston, the worse of both strokes. Above 100 % the drive does not move. The simulation includes all further forces.</p>
       {one.file && <p><a href={link("drive", one.file)}>Open {one.file} in the Drive view</a></p>}
     </section>

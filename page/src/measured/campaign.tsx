@@ -134,6 +134,9 @@ export function CampaignView() {
   );
 }
 
+/** A line of the journal with its time as people write it. */
+const dated = (line: string): string => line.replace(/^(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d)\S*/, "$1 $2 ");
+
 function Watched({ now, path }: { now: Campaign; path: string }) {
   const total = now.planned ?? now.done;
   const running = now.state === "paused" ? null : cycle.value; // what was measured last is no cycle in progress then
@@ -142,7 +145,7 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
       {now.synthetic && <p class="banner">Synthetic: the rig is simulated.</p>}
       <p class="row" role="status" data-state={now.state ?? "none"} data-done={now.done}>
         <b>{now.name}</b>
-        <span>{now.state ?? "no process runs this campaign"}</span>
+        <span>{now.state ?? (now.done && now.done >= total ? "finished" : "no process runs this campaign")}</span>
         <progress aria-label="Finished cycles" value={now.done} max={Math.max(total, 1)} />
         <span>
           {now.done} of {total} cycles{now.extra > 0 && `, ${now.extra} beyond the plan`}
@@ -182,7 +185,7 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
       {now.problems.map((one) => <p class="note" key={one}>{one}</p>)}
       {Object.entries(now.flags).map(([flag, count]) => <p class="note" key={flag}>flag {flag}: {count}</p>)}
       <h2>Journal</h2>
-      <pre class="journal" tabIndex={0} aria-label="Journal">{now.log.join("\n")}</pre>
+      <pre class="journal" tabIndex={0} aria-label="Journal">{now.log.map(dated).join("\n")}</pre>
     </>
   );
 }

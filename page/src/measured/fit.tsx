@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import { follow, JobList } from "../workspace/jobs";
 import { digits } from "../plots/looks";
-import { Copied, Problems } from "../workspace/parts";
+import { Copied, Problems, Table } from "../workspace/parts";
 import { Scatter } from "../plots/scatter";
 import { link } from "../routes";
 import { ask, attempting, read, typed, type Problem } from "../server/server";
@@ -151,37 +151,16 @@ function NextPoints({ path }: { path: string }) {
       </p>
       {found && (
         <>
-          <table>
-            <thead>
-              <tr>{["Speed, mm/s", "Chamber a, bar gauge", "Chamber b, bar gauge", "Repeats"].map((one) => <th scope="col" key={one}>{one}</th>)}</tr>
-            </thead>
-            <tbody>
-              {found.points.map((one, index) => (
-                <tr key={index}>
-                  <td data-next={index} data-si={one.speed_m_s}>{digits(MM * one.speed_m_s, 3)}</td>
-                  <td>{digits(one.gauge_a_pa / BAR, 3)}</td>
-                  <td>{digits(one.gauge_b_pa / BAR, 3)}</td>
-                  <td>{one.repeats}</td>
-                </tr>
-              ))}
-            </tbody>
-          </table>
+          <Table
+            label="Next points"
+            heads={["Speed, mm/s", "Chamber a, bar gauge", "Chamber b, bar gauge", "Repeats"]}
+            rows={found.points.map((one, index) => ({
+              cells: [digits(MM * one.speed_m_s, 3), digits(one.gauge_a_pa / BAR, 3), digits(one.gauge_b_pa / BAR, 3), one.repeats],
+              data: { "data-next": index, "data-si": one.speed_m_s },
+            }))}
+          />
           <p>About {digits(found.seconds / 60, 3)} min of strokes. Expected half-width of each 95 % interval, now and after a fit of old and new values together:</p>
-          <table>
-            <thead>
-              <tr>{["Value", "Now", "Then", "Unit"].map((one) => <th scope="col" key={one}>{one}</th>)}</tr>
-            </thead>
-            <tbody>
-              {found.expected.map((one) => (
-                <tr key={one.name}>
-                  <th scope="row">{one.name}</th>
-                  <td>{one.now === null ? "open" : digits(one.now, 3)}</td>
-                  <td>{one.then === null ? "open" : digits(one.then, 3)}</td>
-                  <td>{one.unit}</td>
-                </tr>
-              ))}
-            </tbody>
-          </table>
+          <Table label="Expected intervals" heads={["Value", "Now", "Then", "Unit"]} rows={found.expected.map((one) => [one.name, ...[one.now, one.then].map((half) => (half === null ? "open" : digits(half, 3))), one.unit])} />
           <p class="row">
             <label>
               Protocol <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />.toml
@@ -203,10 +182,15 @@ export function FitTable({ found }: { found: Fit }) {
       <h2>Fit of a {found.kind}</h2>
       {found.synthetic && <p class="banner">Synthetic: the data were simulated.</p>}
       {!found.converged && <p class="banner">The search ended early: these values are the best so far, without intervals.</p>}
-      <ShownTable view={found.view} />
-      {found.statements > 0 && <h2>Values that the data do not determine</h2>}
-      <Notes of={found.view.notes.slice(0, found.statements)} />
-      <Notes of={found.view.notes.slice(found.statements)} />
+      <div class="pair">
+        <ShownTable view={found.view} />
+        <div>
+          {found.statements > 0 && <h3>Values that the data do not determine</h3>}
+          <Notes of={found.view.notes.slice(0, found.statements)} />
+          {found.view.notes.length > found.statements && <h3>Notes</h3>}
+          <Notes of={found.view.notes.slice(found.statements)} />
+        </div>
+      </div>
     </section>
   );
 }

@@ -1,11 +1,12 @@
 /** View of friction maps with the curves of their fit, and of fits of every kind. */
 import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import { digits } from "../plots/looks";
 import { JobForm } from "../workspace/form";
 import { follow } from "../workspace/jobs";
 import { Choose } from "../workspace/choose";
-import { Copied, folderOf, Problems, ReportOf } from "../workspace/parts";
+import { Copied, folderOf, Problems, ReportOf, Table } from "../workspace/parts";
 import { Behind, FitTable, forget, type Fit } from "./fit";
 import { Heat } from "../plots/heat";
 import { isWide, Scatter, type Group } from "../plots/scatter";
@@ -135,8 +136,7 @@ export function FrictionView() {
       {!map.value && !fit.value && !wrong.value.length && <p role="status">Reading {path}.</p>}
       <ReportOf folder={folderOf(path)} />
       {map.value && <Refit path={path} found={map.value} />}
-      {map.value && <Map path={path} found={map.value} />}
-      {fit.value && <FitTable found={fit.value} />}
+      {map.value ? <Map path={path} found={map.value}>{fit.value && <FitTable found={fit.value} />}</Map> : fit.value && <FitTable found={fit.value} />}
       {(fit.value || map.value) && pathOfFit(path) && <Behind path={pathOfFit(path)} />}
     </div>
   );
@@ -242,7 +242,7 @@ function Cuts({ path, found }: { path: string; found: FrictionMap }) {
   );
 }
 
-function Map({ path, found }: { path: string; found: FrictionMap }) {
+function Map({ path, found, children }: { path: string; found: FrictionMap; children: ComponentChildren }) {
   const { names, now } = chosenSeal(found);
   const own = found.groups.filter((one) => now === ALL || one.assembly === now);
   const groups = drawnGroups("speed", MM, own.filter((one) => !only.value || one.label === only.value));
@@ -268,38 +268,21 @@ function Map({ path, found }: { path: string; found: FrictionMap }) {
       </p>
       <Scatter title="Friction over speed" x="speed, mm/s" y="friction, N" groups={groups} log={log} />
       {curves > 0 && curves < own.length && <p class="note">Curves are drawn for the first {curves} of {own.length} pairs of pressures.</p>}
+      {children}
+      <h2>Sections of the map</h2>
       <Cuts path={path} found={{ ...found, groups: own }} />
       <Heat of={{ ...found.heat, rows: found.heat.rows.filter((one) => now === ALL || one.assembly === now) }} />
-      <div class="scroll" tabIndex={0} role="region" aria-label="Points of the map">
-        <table>
-          <thead>
-            <tr>
-              {["Recording", "Direction", "Speed, mm/s", "Friction, N", "U (k = 2), N", "Chambers", "Flags"].map((one) => (
-                <th scope="col" key={one}>{one}</th>
-              ))}
-            </tr>
-          </thead>
-          <tbody>
-            {points.slice(0, MOST_ROWS).map((one, index) => (
-              <tr key={index}>
-                <th scope="row">
-                  {found.recordings[one.recording] ? (
-                    <a href={link("recording", found.recordings[one.recording]!)}>{one.recording}</a>
-                  ) : (
-                    one.recording
-                  )}
-                </th>
-                <td>{one.direction > 0 ? "+x" : "-x"}</td>
-                <td>{digits(MM * one.speed)}</td>
-                <td data-si={one.friction}>{digits(one.friction)}</td>
-                <td>{digits(one.spread, 2)}</td>
-                <td>{one.group}</td>
-                <td>{one.flags.replaceAll(",", ", ").replaceAll("_", " ")}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <h2>Measured points</h2>
+      <Table
+        label="Points of the map"
+        heads={["Recording", "Direction", "Speed, mm/s", "Friction, N", "U (k = 2), N", "Chambers", "Flags"]}
+        rows={points.slice(0, MOST_ROWS).map((one) => {
+          const file = found.recordings[one.recording];
+          const name = file ? <a href={link("recording", file)}>{one.recording}</a> : one.recording;
+          const flags = one.flags.replaceAll(",", ", ").replaceAll("_", " ");
+          return { cells: [name, one.direction > 0 ? "+x" : "-x", digits(MM * one.speed), digits(one.friction), digits(one.spread, 2), one.group, flags], data: { "data-si": one.friction } };
+        })}
+      />
       {points.length > MOST_ROWS && <p class="note">{points.length - MOST_ROWS} more points are in the plot and in the file.</p>}
       {found.left_out > 0 && <p class="note">{found.left_out} points are in the file only.</p>}
     </>

@@ -5,12 +5,12 @@ import { Choose } from "../workspace/choose";
 import type { Frame, Numbers } from "../server/frame";
 import { JobForm } from "../workspace/form";
 import { digits } from "../plots/looks";
-import { folderOf, Problems } from "../workspace/parts";
+import { folderOf, Problems, Table } from "../workspace/parts";
 import { pixelsOfPlots, Plot, type Curve, type Shade } from "../plots/plot";
 import { link, route } from "../routes";
-import { studies } from "../workspace/studies";
+import { list, studies } from "../workspace/studies";
 import { nameOf } from "../workspace/tree";
-import { attempting, frame, Live, read, Refused, write, type Problem } from "../server/server";
+import { ask, attempting, frame, Live, read, Refused, write, type Problem } from "../server/server";
 import { beside, BesideRecording, besideAsked, cursors, forgetBeside, FaultsLine, marksOf, Measuring, pick, realign, type Faults, type Stroke } from "./measure";
 
 interface Channel {
@@ -249,8 +249,10 @@ export function RecordingView() {
         <>
           <Controls found={found} />
           <FaultsLine faults={faults.value} span={span.value} whole={found.span!} onShow={look} />
-          <BesideRecording path={path} strokes={strokes.value} onShow={look} />
-          <Measuring path={path} version={found.key!} columns={shown.value} span={span.value} isTimed={found.time!} />
+          <div class="beside-row">
+            <BesideRecording path={path} strokes={strokes.value} onShow={look} />
+            <Measuring path={path} version={found.key!} columns={shown.value} span={span.value} isTimed={found.time!} />
+          </div>
           <Plots found={found} />
           <Spectrum found={found} path={path} />
         </>
@@ -268,13 +270,15 @@ const isForeign = (found: Opened | null): boolean => Boolean(found?.notes?.some(
 
 /** Explain why the layout of the folder does not fit, and link to the layout. */
 function Foreign({ found }: { found: Opened }) {
-  const [why, ...hints] = found.notes!.find((one) => one.startsWith(FOREIGN))!.slice(FOREIGN.length).split("; ");
+  const [why] = found.notes!.find((one) => one.startsWith(FOREIGN))!.slice(FOREIGN.length).split("; ");
   const layout = (studies.value?.files ?? []).find((one) => one.kind === "layout" && route.value.path.startsWith(folderOf(one.path)));
   return (
-    <section class="problem" aria-label="Layout">
-      <p>The layout in this folder belongs to other files: {why}.</p>
-      <p>{hints.at(-1)}</p>
-      {layout && <p><a href={link("drive", layout.path)}>Edit {layout.path}</a></p>}
+    <section class="problem" aria-label="Layout of other files">
+      <p>
+        The layout in this folder belongs to other files: {why}.
+        {layout && <> If it should hold for this file too, <a href={link("drive", layout.path)}>edit {layout.path}</a>.</>}
+      </p>
+      <Wizard path={route.value.path} />
     </section>
   );
 }
@@ -406,7 +410,10 @@ function Plots({ found }: { found: Opened }) {
 function Wizard({ path }: { path: string }) {
   const place = path.includes("/") ? `${path.slice(0, path.lastIndexOf("/"))}/layout.toml` : "layout.toml";
   const now = proposal.value;
-  if (about.value?.layout) return <p class="note">There is a layout of a {about.value.layout.replace("-", " ")} for it.</p>;
+  const own = nameOf(path).replace(/\..*$/, "");
+  const isOther = isForeign(about.value); // its layout goes into a folder of its own
+  if (about.value?.layout === "own names") return <p class="note">Its columns have the names of pneudrive: it needs no layout.</p>;
+  if (about.value?.layout && !isOther) return <p class="note">The layout of the folder names its columns: a recording of a {about.value.layout.replace("-", " ")}.</p>;
   const attempt = attempting(refused);
   const put = (one: Proposal) => {
     proposals.set(path, one);
@@ -415,6 +422,13 @@ function Wizard({ path }: { path: string }) {
   const propose = () => attempt(async () => put(await read<Proposal>("/api/propose", { path })));
   const accept = () =>
     attempt(async () => {
+      if (isOther) {
+        const { path: moved } = await ask<{ path: string }>("/api/own-layout", { path, text: now!.text });
+        proposals.delete(path);
+        await list();
+        location.hash = link("recording", moved);
+        return;
+      }
       try {
         await write(place, now!.text, "");
       } catch (error) {
@@ -429,7 +443,7 @@ function Wizard({ path }: { path: string }) {
   return (
     <section aria-label="Layout">
       <p class="row">
-        <button type="button" onClick={() => void propose()}>Propose a layout</button>
+        <button type="button" class={isOther ? "primary" : ""} onClick={() => void propose()}>{isOther ? "Propose a layout for this file" : "Propose a layout"}</button>
         <span role="status">{said.value || "A layout gives the meaning, unit and sign of each column. With a layout, strokes are found and friction can be characterised."}</span>
       </p>
       <Problems of={refused.value} />
@@ -438,27 +452,13 @@ function Wizard({ path }: { path: string }) {
           <p>
             {now.problem ? `Not read yet: ${now.problem}. Correct the lines marked guess.` : `A recording of a ${now.kind}: ${now.strokes} strokes.`}
           </p>
-          <table>
-            <thead>
-              <tr>{["Channel", "Column", "Unit", "Why"].map((head) => <th scope="col" key={head}>{head}</th>)}</tr>
-            </thead>
-            <tbody>
-              {now.guesses.map((one) => (
-                <tr key={one.role}>
-                  <th scope="row">{one.role}</th>
-                  <td>{one.column}</td>
-                  <td>{one.unit}</td>
-                  <td>{one.why}</td>
-                </tr>
-              ))}
-            </tbody>
-          </table>
+          <Table label="Columns" heads={["Channel", "Column", "Unit", "Why"]} rows={now.guesses.map((one) => [one.role, one.column, one.unit, one.why])} />
           <label>
             Text of the layout; lines marked guess are to be checked
             <textarea class="text" rows={16} value={now.text} onInput={(event) => put({ ...now, text: event.currentTarget.value })} />
           </label>
           <p>
-            <button type="button" onClick={() => void accept()}>Accept: write {place}</button>
+            <button type="button" onClick={() => void accept()}>{isOther ? `Accept: move the file into ${own}/ with this layout` : `Accept: write ${place}`}</button>
           </p>
         </>
       )}

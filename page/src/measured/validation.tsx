@@ -10,7 +10,7 @@ import { JobForm } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { digits, instant } from "../plots/looks";
 import { open as openDrive, valid, type Field } from "../drive/opened";
-import { folderOf, InFolder, KINDS, Problems, ReportOf, SliderRow, useCopied } from "../workspace/parts";
+import { folderOf, InFolder, KINDS, Problems, ReportOf, SliderRow, Table, useCopied } from "../workspace/parts";
 import { curveOf, Plot } from "../plots/plot";
 import { link, route } from "../routes";
 import { ask, attempting, Live, read, Refused, type Problem } from "../server/server";
@@ -321,18 +321,11 @@ function Stops({ one }: { one: Recorded }) {
   return (
     <>
       <h2>Breakaway after stops</h2>
-      <table>
-        <thead>
-          <tr>{["Stop from, s", "Lasts, s", "Measured, N", "Model, N", "Error, %"].map((head) => <th scope="col" key={head}>{head}</th>)}</tr>
-        </thead>
-        <tbody>
-          {one.breakaway.map((stop) => (
-            <tr key={stop.start_s}>
-              {[stop.start_s, stop.onset_s - stop.start_s, stop.measured_n, stop.model_n, 100 * stop.error].map((value, index) => <td key={index}>{digits(value, 3)}</td>)}
-            </tr>
-          ))}
-        </tbody>
-      </table>
+      <Table
+        label="Breakaway after stops"
+        heads={["Stop from, s", "Lasts, s", "Measured, N", "Model, N", "Error, %"]}
+        rows={one.breakaway.map((stop) => [stop.start_s, stop.onset_s - stop.start_s, stop.measured_n, stop.model_n, 100 * stop.error].map((value) => digits(value, 3)))}
+      />
     </>
   );
 }
@@ -418,25 +411,21 @@ function Origins({ now }: { now: Validation }) {
   return (
     <section aria-label="Where each value comes from">
       <h2>Where each value comes from</h2>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Values of the drive">
-        <table>
-          <thead>
-            <tr>{["Key", "Value", "Where it comes from", "95 % interval", "Recordings", "Fit"].map((head) => <th scope="col" key={head}>{head}</th>)}</tr>
-          </thead>
-          <tbody>
-            {now.values.map((one) => (
-              <tr key={one.key} data-origin={one.key}>
-                <th scope="row">{one.key}</th>
-                <td>{one.text}</td>
-                <td><span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}</td>
-                <td>{one.interval}</td>
-                <td>{one.source?.map((each) => <span key={each.name}>{each.file ? <a href={link("recording", each.file)}>{each.name}</a> : each.name} </span>)}</td>
-                <td>{one.fit && <a href={link("friction", one.fit)}>{one.fit}</a>}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <Table
+        label="Values of the drive"
+        heads={["Key", "Value", "Where it comes from", "95 % interval", "Recordings", "Fit"]}
+        rows={now.values.map((one) => ({
+          cells: [
+            one.key,
+            one.text,
+            <><span class={`kind ${one.kind}`}>{KINDS[one.kind]}</span> {one.origin.replace(/^assumed: /, "")}</>,
+            one.interval,
+            one.source?.map((each) => <span key={each.name}>{each.file ? <a href={link("recording", each.file)}>{each.name}</a> : each.name} </span>),
+            one.fit && <a href={link("friction", one.fit)}>{one.fit}</a>,
+          ],
+          data: { "data-origin": one.key },
+        }))}
+      />
     </section>
   );
 }

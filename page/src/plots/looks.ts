@@ -75,3 +75,14 @@ export function digits(value: number | null | undefined, count = 3): string {
   const short = Number(value.toPrecision(count));
   return Math.abs(short) < TINY && short !== 0 ? short.toExponential() : String(short);
 }
+
+/** A number of things in words: `1 impact`, `3 impacts`. */
+export const count = (number: number, thing: string): string => `${number} ${thing}${number === 1 ? "" : "s"}`;
+
+/** A message of the server as a sentence. A name at its beginning stays as it is. */
+export const sentence = (words: string): string => `${/^[a-z]+[ ,]/.test(words) ? words.charAt(0).toUpperCase() : words.charAt(0)}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
+
+const RAISED: Record<string, string> = { 2: "²", 3: "³" };
+
+/** Units as people write them: µm, cm³. In fields they stay as files write them. */
+export const pretty = (words: string): string => words.replace(/\bum\b/g, "µm").replace(/\b([cdm]?m)\^?([23])\b/g, (_, unit: string, power: string) => unit + RAISED[power]);

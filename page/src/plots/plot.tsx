@@ -7,7 +7,7 @@ import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import "./plot.css";
 import type { Numbers } from "../server/frame";
-import { digits, instant, isDark, look } from "./looks";
+import { digits, instant, isDark, look, pretty } from "./looks";
 import { curve, fill, flag, grid, ink, mark, path, shade, upright, within } from "./paint";
 import { saveCsv, savePng, saveSvg, type Saved } from "./saving";
 
@@ -206,7 +206,7 @@ export function Plot(props: PlotProps) {
         hooks: {
           drawSeries: [curve],
           draw: [(u) => mark(u, latest.current.marks ?? []), (u) => flag(u, latest.current.events ?? []), (u) => upright(u, latest.current.cursors ?? [])],
-          setCursor: [(u) => tell(u, title.current!, latest.current), (u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!)],
+          setCursor: [(u) => title.current && tell(u, title.current, latest.current), (u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!)],
           drawClear: [(u) => shade(u, latest.current.shades ?? []), (u) => fill(u, latest.current.bands ?? [], latest.current.size)],
           setSelect: [
             (u) => {
@@ -244,7 +244,7 @@ export function Plot(props: PlotProps) {
   return (
     <figure class="plot" data-plot={props.title}>
       <figcaption ref={title}>
-        <span class="title">{props.unit ? `${props.title}, ${props.unit}` : props.title}</span>
+        <span class="title">{props.unit ? `${props.title}, ${pretty(props.unit)}` : props.title}</span>
         <span class="value" data-value="time" />
         <Legend labels={props.curves.map(({ label, look: own }, k) => [label, own ?? k])} isOne={props.curves.length === 1} />
         {props.onReset && <button type="button" class="link" onClick={props.onReset}>Reset zoom</button>}

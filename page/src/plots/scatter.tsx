@@ -68,7 +68,7 @@ export function Scatter(props: { title: string; x: string; y: string; groups: Gr
         axes: axes({ size: 22, label: props.x }, { label: props.y, labelSize: 18 }),
         series,
         bands,
-        hooks: { draw: [(u) => points(u, latest.current.groups)], setCursor: [(u) => name(u, near.current!, latest.current)] },
+        hooks: { draw: [(u) => points(u, latest.current.groups)], setCursor: [(u) => near.current && name(u, near.current, latest.current)] },
       },
       uPlot.join(tables),
       at,

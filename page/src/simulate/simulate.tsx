@@ -7,8 +7,8 @@ import type { Frame, Numbers } from "../server/frame";
 import { Circuit } from "../drive/circuit";
 import { MovingCircuit } from "../drive/moving";
 import { withFile } from "../workspace/command";
-import { digits } from "../plots/looks";
-import { drawing, opened, problems as textProblems, said, set, valid, type Field } from "../drive/opened";
+import { count, digits, sentence } from "../plots/looks";
+import { opened, problems as textProblems, said, set, useDrawing, valid, type Field } from "../drive/opened";
 import { Copied, KINDS, Problems, SliderRow } from "../workspace/parts";
 import { curveOf, Plot, zooming, type Curve } from "../plots/plot";
 import { route } from "../routes";
@@ -184,10 +184,7 @@ function Simulated() {
       <div class="shown">
         <Refusal />
         <Plots />
-        <div class="below">
-          <Drawn />
-          <Ends />
-        </div>
+        <Below />
         <Beside />
       </div>
     </div>
@@ -222,14 +219,23 @@ function Notes() {
   const head = answer.value?.head;
   return (
     <>
-      {head?.assumed !== undefined && <p class="note">Simulated. {head.assumed} values are assumed: Drive lists them.</p>}
-      {head?.warnings?.map((one) => <p class="note" key={one}>{one}.</p>)}
-      {head?.impacts?.map((one, index) => (
-        <p class="note" key={index}>
-          Impact at {digits(one.time_s)} s on the end of chamber {one.end}{one.cylinder && ` of ${one.cylinder}`}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
-        </p>
-      ))}
-      {Boolean(head?.more_impacts) && <p class="note">More impacts: {head!.more_impacts}.</p>}
+      {head?.assumed !== undefined && <p class="note">Simulated{head.assumed > 0 && `, with ${count(head.assumed, "assumed value")}: Drive lists them`}.</p>}
+      {head?.warnings && head.warnings.length > 0 && (
+        <ul class="warnings">
+          {head.warnings.map((one) => <li key={one}>{sentence(one)}</li>)}
+        </ul>
+      )}
+      {head?.impacts && head.impacts.length > 0 && (
+        <details class="note">
+          <summary>{count(head.impacts.length + (head.more_impacts ?? 0), "impact")} on the end stops</summary>
+          <ul>
+            {head.impacts.map((one, index) => (
+              <li key={index}>{digits(one.time_s)} s, end of chamber {one.end}{one.cylinder && ` of ${one.cylinder}`}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J</li>
+            ))}
+            {Boolean(head.more_impacts) && <li>More impacts: {head.more_impacts}.</li>}
+          </ul>
+        </details>
+      )}
       {head?.panels?.map(({ title, curves, left_out: count }) => count > 0 && <p class="note" key={title}>{title}: {curves.length} of {curves.length + count} curves are drawn; the file of the command has all.</p>)}
     </>
   );
@@ -260,10 +266,23 @@ function Beside() {
 
 const isMoving = computed(() => answer.value?.head.cylinders !== undefined);
 
+const isAnswered = computed(() => answer.value !== null);
+
+/** What the first curves do not wait for. */
+function Below() {
+  if (!isAnswered.value) return null;
+  return (
+    <div class="below">
+      <Drawn />
+      <Ends />
+    </div>
+  );
+}
+
 /** Circuit, drawn once unless its pistons move. */
 function Drawn() {
-  if (!drawing.value) return <div />;
-  const shapes = drawing.value;
+  const shapes = useDrawing();
+  if (!shapes) return <div />;
   if (!isMoving.value) return <Circuit drawing={shapes} />;
   return <MovingCircuit now={answer.value!} drawing={shapes}>{(motion) => <Circuit drawing={shapes} motion={motion} />}</MovingCircuit>;
 }
@@ -353,31 +372,26 @@ function Slider({ field }: { field: Field }) {
   const kind = isChanged ? "changed" : field.kind;
   return (
     <SliderRow id={`slider-${field.key}`} label={field.key} name={field.key} title={field.origin} value={value} ends={[low, high]} unit={unit} kind={kind} state={isChanged ? "changed" : KINDS[field.kind]!} put={put}>
-      <span class="row">
-        {isChanged && (
-          <>
-            <button type="button" class="link" onClick={() => put(field.number!)}>back to {field.text}</button>
-            <button
-              type="button"
-              class="link"
-              onClick={() => void set(field.key, unit ? `${value} ${unit}` : value)}
-            >
-              put into the text{field.copies && `, of ${field.copies.join(", ")} together`}
-            </button>
-          </>
-        )}
-        <button
-          type="button"
-          class="link"
-          onClick={() => {
-            put(field.number!);
-            pinned.value = pinned.value.filter((one) => one !== field.key);
-          }}
-          aria-label={`Remove the slider of ${field.key}`}
-        >
-          remove
-        </button>
-      </span>
+      <button
+        type="button"
+        class="icon"
+        title="Remove this slider"
+        aria-label={`Remove the slider of ${field.key}`}
+        onClick={() => {
+          put(field.number!);
+          pinned.value = pinned.value.filter((one) => one !== field.key);
+        }}
+      >
+        ×
+      </button>
+      {isChanged && (
+        <span class="row">
+          <button type="button" class="link" onClick={() => put(field.number!)}>back to {field.text}</button>
+          <button type="button" class="link" onClick={() => void set(field.key, unit ? `${value} ${unit}` : value)}>
+            put into the text{field.copies && `, of ${field.copies.join(", ")} together`}
+          </button>
+        </span>
+      )}
     </SliderRow>
   );
 }

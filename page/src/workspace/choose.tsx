@@ -46,24 +46,37 @@ const OwnFiles = ({ children }: { children: ComponentChildren }) => (
 
 /** Three starting points, each at most two clicks from its first curve. */
 export function Starts({ isEmpty }: { isEmpty: boolean }) {
+  const examples = <button type="button" onClick={() => void openExample()}>Use example recordings</button>;
+  if (!isEmpty)
+    return (
+      <section class="starts" aria-label="Begin">
+        <Problems of={wrong.value} />
+        <p class="row">
+          <OwnFiles>Add recordings</OwnFiles>
+          {examples}
+          <a class="button" href={link("simulate", EXAMPLE)}>Open an example drive</a>
+          <button type="button" onClick={() => void openTask()}>Start with a task</button>
+        </p>
+      </section>
+    );
   return (
     <section class="starts" aria-label="Begin">
-      {isEmpty && <p class="lead">This folder is empty. Choose where to begin.</p>}
+      <p class="lead">This folder is empty. Choose where to begin.</p>
       <Problems of={wrong.value} />
       <div class="cards">
         <article class="panel">
           <h3>Simulate a drive</h3>
-          {isEmpty && <p>Move the sliders of a drive. The curves follow at once. Save it as a file to keep your changes.</p>}
+          <p>Move the sliders of a drive. The curves follow at once. Save it as a file to keep your changes.</p>
           <p class="row"><a class="button primary" href={link("simulate", EXAMPLE)}>Open an example drive</a></p>
         </article>
         <article class="panel">
           <h3>Read recordings</h3>
-          {isEmpty && <p>Add your CSV, Parquet, MAT, TDMS or MF4 files. The page proposes which column is what. Then it finds strokes and friction.</p>}
-          <p class="row"><OwnFiles>Add recordings</OwnFiles> <button type="button" onClick={() => void openExample()}>Use example recordings</button></p>
+          <p>Add your CSV, Parquet, MAT, TDMS or MF4 files. The page proposes which column is what. Then it finds strokes and friction.</p>
+          <p class="row"><OwnFiles>Add recordings</OwnFiles> {examples}</p>
         </article>
         <article class="panel">
           <h3>Size a drive</h3>
-          {isEmpty && <p>State mass, stroke and time. The catalogue is simulated over given spreads. Candidates are ranked by air and margin.</p>}
+          <p>State mass, stroke and time. The catalogue is simulated over given spreads. Candidates are ranked by air and margin.</p>
           <p class="row"><button type="button" class="primary" onClick={() => void openTask()}>Start with a task</button></p>
         </article>
       </div>

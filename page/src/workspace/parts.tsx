@@ -1,9 +1,8 @@
 /** Small parts that several views use. */
-import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
-import { digits } from "../plots/looks";
+import { digits, pretty } from "../plots/looks";
 import { link } from "../routes";
 import { ask, type attempting, connection, read, Refused, type Listed, type Problem } from "../server/server";
 
@@ -177,16 +176,40 @@ export const KINDS: Record<string, string> = {
   default: "default",
 };
 
-/** Menu of all drives, by path. */
-export function DriveChoice({ label, drives, chosen }: { label: string; drives: string[]; chosen: Signal<string> }) {
+type Cells = ComponentChildren[];
+
+/** Table with a name in the first cell of each row. `data` is carried by the row. Texts have units as people write them. */
+export function Table({ heads, rows, label }: { heads: string[]; rows: (Cells | { cells: Cells; data: Record<string, unknown> })[]; label: string }) {
   return (
-    <label>
-      {label}{" "}
-      <select value={chosen.value} onChange={(event) => (chosen.value = event.currentTarget.value)}>
-        <option value="">choose</option>
-        {drives.map((one) => <option key={one}>{one}</option>)}
-      </select>
-    </label>
+    <div class="scroll" tabIndex={0} role="region" aria-label={label}>
+      <table>
+        <thead>
+          <tr>{heads.map((one, index) => <th scope="col" key={index}>{one || <span class="hidden">value</span>}</th>)}</tr>
+        </thead>
+        <tbody>
+          {rows.map((row, index) => {
+            const [cells, data] = Array.isArray(row) ? [row, {}] : [row.cells, row.data];
+            const shown = cells.map((one) => (typeof one === "string" ? pretty(one) : one));
+            return <tr key={index} {...data}>{shown.map((one, place) => (place ? <td key={place}>{one}</td> : <th scope="row" key={place}>{cells[0]}</th>))}</tr>;
+          })}
+        </tbody>
+      </table>
+    </div>
+  );
+}
+
+/** Numbers that one looks at first, side by side. */
+export function Tiles({ of, label }: { of: { key: string; title: string; text: string; note?: string | undefined; missed?: boolean; data?: Record<string, unknown> }[]; label: string }) {
+  return (
+    <dl class="tiles" aria-label={label}>
+      {of.map((one) => (
+        <div key={one.key}>
+          <dt>{one.title}</dt>
+          <dd class={one.missed ? "missed" : ""} {...one.data}>{pretty(one.text)}</dd>
+          {one.note && <dd class="note">{one.note}</dd>}
+        </div>
+      ))}
+    </dl>
   );
 }
 

@@ -26,7 +26,9 @@ const MOST = 200; // rows of a group; the search finds the others
 
 const search = signal("");
 const closed = signal<string[]>(["Catalogue"]);
-export const isShown = signal(typeof matchMedia === "undefined" || matchMedia("(min-width: 60rem)").matches);
+/** Whether the tree lies above the view, not beside it. */
+export const isOverMain = (): boolean => typeof matchMedia !== "undefined" && !matchMedia("(min-width: 60rem)").matches;
+export const isShown = signal(!isOverMain());
 
 /** Files of some kinds in the folder. */
 export const filesOf = (...kinds: string[]): Listed[] => (studies.value?.files ?? []).filter((one) => kinds.includes(one.kind));

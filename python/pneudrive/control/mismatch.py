@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -339,6 +340,7 @@ def _added(*each: Sequence[Disturbance]) -> tuple[Disturbance, ...]:
     return tuple(Disturbance.model_construct(at_s=at, force_n=sum(force_n(of, at) for of in each)) for at in times)
 
 
+@cache
 def ready_mismatches() -> dict[str, Path]:
     """Return the files of the package's mismatches by name."""
     return {path.stem: path for path in sorted(READY.glob("*.toml"))}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
@@ -284,6 +285,7 @@ class Setup(Described):
         }
 
 
+@cache
 def ready_setups() -> dict[str, Path]:
     """Return the files of the package's setups by name."""
     return {path.stem: path for path in sorted(SETUPS.glob("*.toml"))}

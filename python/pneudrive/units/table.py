@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import DescriptionError
@@ -112,6 +113,7 @@ def needed(si_unit: str) -> str:
     return DIFFERENCE_NEEDED if si_unit == "Pa" else kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
 
 
+@lru_cache(maxsize=1024)
 def canonical(unit: str) -> str:
     """Return a unit without signs for powers and products."""
     return unit.strip().replace("²", "2").replace("³", "3").replace("^", "").replace("*", " ").replace("·", " ")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import math
 import os
 import platform
 from functools import cached_property
@@ -32,7 +31,7 @@ from pneudrive.web.live import live
 from pneudrive.web.messages import fault_of, pack, plain, problems_of
 from pneudrive.web.pages import BuiltPage
 from pneudrive.web.reports import SANDBOX, OpenReports
-from pneudrive.web.requests import MOST_PIXELS, WRONG_REQUEST
+from pneudrive.web.requests import WRONG_REQUEST, ViewRequest
 from pneudrive.web.results import SHOWN
 from pneudrive.web.workspace import (
     BUILT,
@@ -50,7 +49,7 @@ if TYPE_CHECKING:
     from starlette.websockets import WebSocket
 
     from pneudrive.web.measured.campaigns import WatchedCampaign
-    from pneudrive.web.measured.recordings import OpenRecording, Recordings
+    from pneudrive.web.measured.recordings import Recordings
 
 PLATFORM = f"{platform.system()} {platform.machine()}"
 BUILD_FILE, FRAME = "build.json", "application/octet-stream"
@@ -60,6 +59,7 @@ ANSWERS: dict[str, tuple[str, ...]] = {
     "/api/lineage": ("GET", "lineage:shown_lineage", "path"),
     "/api/stale": ("GET", "lineage:stale_results"),
     "/api/rename": ("POST", "drop:rename", "path", "to"),
+    "/api/own-layout": ("POST", "drop:with_own_layout", "path", "text"),
     "/api/example": ("POST", "drop:add_example"),
     "/api/check": ("POST", "drive.description:checked", "path", "text"),
     "/api/edit": ("POST", "drive.description:edited_as_asked"),
@@ -270,7 +270,7 @@ class _Views:
 
     def recording(self, given: Mapping[str, str], _body: bytes) -> dict[str, Any]:
         """Open a recording, or report the progress of its reading or its errors: the file may be half written."""
-        from pneudrive.web.measured.recordings import layout_above, layout_in
+        from pneudrive.web.measured.recordings import layout_above, layout_in, needs_none
 
         name = given.get("path", "")
         path = self.workspace.path(name, TABLES)
@@ -287,7 +287,7 @@ class _Views:
             "span": found.span,
             "samples": found.pyramid.count,
             "time": found.time is not None,
-            "layout": None if layout is None else layout.kind,
+            "layout": "own names" if needs_none(path) else None if layout is None else layout.kind,
             "notes": found.notes if layout else found.notes + layout_above(self.workspace, path),
         }
 
@@ -300,7 +300,8 @@ class _Views:
         head: dict[str, Any] = {"number": given.get("number"), "path": given.get("path"), "key": None}
         if (found := self.recordings.version(name, key)) is None:
             return pack(head, {})
-        columns, span, pixels = _view(found, given)
+        asked = ViewRequest.of(given)
+        columns, span, pixels = asked.columns_in(found), asked.span, asked.pixels
         view = found.window(span, pixels, columns)
         if self.recordings.version(name, key) is None:  # the file was replaced during the reading
             return pack(head, {})
@@ -308,14 +309,15 @@ class _Views:
         head |= {"missing": view.missing, "samples": view.samples, "raw": view.raw}
         arrays = {"time": view.time_s, **view.channels}
         if other := given.get("beside"):
-            arrays |= self.recordings.beside(found, str(other), span, _number(given, "shift"), pixels, columns)
+            arrays |= self.recordings.beside(found, str(other), span, asked.shift, pixels, columns)
         return pack(head, arrays, drawn=True)
 
     def spectrum(self, given: Mapping[str, str], _body: bytes) -> bytes:
         """Return the spectra of channels within a view as a frame."""
         found = self.recordings.need(given.get("path", ""))
-        columns, span, _ = _view(found, given)
-        spectra = {name: found.spectrum(span, name) for name in columns}
+        asked = ViewRequest.of(given)
+        span = asked.span
+        spectra = {name: found.spectrum(span, name) for name in asked.columns_in(found)}
         arrays = {
             f"{axis}/{name}": one[axis == "density"] for name, one in spectra.items() for axis in ("hz", "density")
         }
@@ -407,31 +409,6 @@ class _Views:
     def begin(self, _given: Mapping[str, str], body: bytes) -> dict[str, Any]:
         """Run a campaign on the simulated rig, or resume one."""
         return self.running.start(campaign_job(_table(body), self.workspace)).about()
-
-
-def _view(found: OpenRecording, given: Mapping[str, Any]) -> tuple[list[str], tuple[float, float], int]:
-    """Read the requested part of a recording: channels, span and pixels."""
-    known = [one.column for one in found.channels]
-    columns = [name for name in str(given.get("columns", "")).split("\n") if name in known]
-    try:
-        span = float(given["from"]), float(given["to"])
-        pixels = int(given.get("pixels", "1000"))
-    except (KeyError, TypeError, ValueError):
-        raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
-    if not (math.isfinite(span[0]) and math.isfinite(span[1]) and span[0] < span[1] and 1 <= pixels <= MOST_PIXELS):
-        raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
-    return columns, span, pixels
-
-
-def _number(given: Mapping[str, Any], key: str) -> float:
-    """Read a finite number of a query."""
-    try:
-        value = float(given[key])
-    except (KeyError, TypeError, ValueError):
-        value = math.nan
-    if not math.isfinite(value):
-        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
-    return value
 
 
 def _table(body: bytes, *texts: str) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import posixpath
 import secrets
 import shutil
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
 from pneudrive.files.lock import alone_in
+from pneudrive.web.workspace import TABLES
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -88,6 +90,37 @@ def rename(workspace: Workspace, name: str, to: str) -> None:
     with alone_in(workspace.root):
         _place(place, target)
         place.unlink(missing_ok=True)
+
+
+def with_own_layout(workspace: Workspace, name: str, text: str) -> dict[str, str]:
+    """Move a recording into a folder of its own, together with a layout. Return its new name.
+
+    A layout holds for all recordings of its folder, so that a recording of another rig needs another folder.
+
+    Raises
+    ------
+    CommandError, LayoutError
+        There is no such file, its folder exists, or the layout is wrong.
+    """
+    from pneudrive.signals.layout import Layout, stem
+
+    Layout.loads(text, "layout.toml")
+    place = workspace.path(name, TABLES)
+    if not place.is_file():
+        raise CommandError(f"there is no file {name}")
+    own = posixpath.join(posixpath.dirname(name), stem(place))
+    folder = workspace.folder(own)
+    with alone_in(workspace.root):
+        try:
+            folder.mkdir()
+            (folder / "layout.toml").write_text(text, encoding="utf-8")
+            _place(place, folder / place.name)
+            place.unlink(missing_ok=True)
+        except FileExistsError:
+            raise CommandError(f"{own} is there already", remedy="Rename one of the two.") from None
+        except OSError as error:
+            raise CommandError(f"{own} cannot be written: {error.strerror}") from None
+    return {"path": f"{own}/{place.name}"}
 
 
 def add_example(workspace: Workspace, _given: object = None) -> dict[str, str]:

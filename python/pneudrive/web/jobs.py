@@ -33,7 +33,6 @@ FASTEST = 1e6
 LAST_LINES, LAST_BYTES = 40, 1 << 16
 REPORT = '{"done": '  # beginning of a line of progress
 NOTHING_BEGUN = "Interrupted before any result was finished: nothing was written."
-MOST_RECORDINGS = 500
 MOST_BYTES = 243  # longest name: the system allows 255 with the suffix
 _NAME = re.compile(r"[\w][\w .-]{0,80}")
 
@@ -48,8 +47,8 @@ class JobRequest:
         Arguments of ``pneudrive``.
     out : str
         The folder.
-    Whether the folder must not exist yet.
-        Whether the folder must not be there.
+    is_new : bool
+        Whether the folder must not exist yet.
     python : str
         Python lines that give the same numbers. Empty if there are none.
     """

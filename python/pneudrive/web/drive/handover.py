@@ -15,8 +15,6 @@ from pneudrive.web.workspace import FMUS
 if TYPE_CHECKING:
     from pneudrive.web.workspace import Workspace
 
-#: What a drive becomes: a file for other tools, or a folder for C.
-FORMS = ("fmu", "c")
 #: An input that commands a valve; half open moves every drive.
 _COMMAND, _OPENING = re.compile(r"(?:.+\.)?command"), 0.5
 

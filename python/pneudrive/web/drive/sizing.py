@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 #: A task to begin with.
 FIRST = Path(__file__).with_name("first_task.toml")
-MOST_LEAST, MOST_DRAWS = 100, 4096
 MOST_TASKS = 500  # number of kept tasks
 
 
@@ -81,11 +80,9 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
             "done": bool(summary) and not summary.get("interrupted", False),
             "searched": is_held(folder / LOCK),
             "feasible": summary.get("feasible"),
-            "complete": summary.get("complete", True),
             "miss": summary.get("miss"),
             "said": summary.get("said", []),
             "provisional": provisional,
-            "assumed": summary.get("assumed", []),
             "asked": asked if asked and is_of_command(asked) else None,
         }
     )
@@ -126,7 +123,6 @@ def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any
         "time_back": one.time_back,
         "end_speed": one.end_speed,
         "energy": one.energy,
-        "peak_pressure": one.peak_pressure,
         "air": one.air_litres_anr,
         "margin": one.margin,
         "binding": one.binding,

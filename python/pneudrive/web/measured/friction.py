@@ -10,9 +10,8 @@ import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError
-from pneudrive.friction.friction_map import AMBIENT, COLUMNS, read_map
+from pneudrive.friction.friction_map import AMBIENT, read_map
 from pneudrive.identify.static.differences import common, curve_differences
-from pneudrive.identify.static.model import PRESSURE_FORMS
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.views import ShownCurve, View
 from pneudrive.web.lineage import recordings_of_map
@@ -34,7 +33,6 @@ MOST_POINTS = 10_000
 MOST_CURVES = 8
 HEAT_COLUMNS, HEAT_ROWS = 24, 60
 SPEEDS = 120  # points of a curve
-PRESSURES = ("none", *PRESSURE_FORMS)
 NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 SAME_PA = 1e4  # chamber pressures that differ by less make one curve
 
@@ -95,13 +93,10 @@ def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
                 **_band(predicted),
                 "measured": [min(own), max(own)],
             }
-    heat = _heat(groups, fits)
-    about = {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in COLUMNS.items()}
     return {
         "groups": groups,
-        "heat": heat,
+        "heat": _heat(groups, fits),
         "fit": why,
-        "columns": about,
         "left_out": int(found.sizes["row"] - len(rows)),
     }
 

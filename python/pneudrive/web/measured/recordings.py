@@ -17,12 +17,13 @@ from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.files.content import unreadable
 from pneudrive.progress import Watch
 from pneudrive.signals.channels import open_channels, pairs
+from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.measuring import motion_of, nearest_sample, strokes_in
 from pneudrive.signals.samples import find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.signals.trajectories import is_trajectory
-from pneudrive.simulation.trajectory import SUFFIXES
+from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.cache import cache_folder
 from pneudrive.web.measured.samples import KeptSamples
 from pneudrive.web.measured.tiles import BLOCK, Pyramid, TileWindow
@@ -303,9 +304,9 @@ def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
 def layout_in(workspace: Workspace, path: Path) -> Layout | None:
     """Return the layout next to a recording, or in the folder above, inside the workspace. None without a layout.
 
-    A trajectory needs no layout, and a layout of another file would not fit.
+    A file with the column names of pneudrive needs no layout, and a layout of another file would not fit.
     """
-    if _needs_none(path):
+    if needs_none(path):
         return None
     for folder in (path.parent, path.parent.parent):
         place = folder / "layout.toml"
@@ -320,24 +321,24 @@ def layout_above(workspace: Workspace, path: Path) -> tuple[str, ...]:
     Commands use this layout for a file in the workspace, but the page does not.
     """
     above = path.parent == workspace.root and (workspace.root.parent / "layout.toml").is_file()
-    if not above or _needs_none(path):
+    if not above or needs_none(path):
         return ()
     remedy = "copy it into this folder, or start pneudrive web in that one"
     return (f"the folder above has a layout.toml, which commands use and the page does not open: {remedy}",)
 
 
-def _needs_none(path: Path) -> bool:
-    """Return whether a file is a trajectory."""
+def needs_none(path: Path) -> bool:
+    """Return whether a file has the column names of a run or of a recording of a drive."""
     if path.suffix not in SUFFIXES or not path.is_file():
         return False
     status = path.stat()
-    return _is_trajectory(path, status.st_size, status.st_mtime_ns)
+    return _has_own_names(path, status.st_size, status.st_mtime_ns)
 
 
 @lru_cache(maxsize=4 * MOST_OPEN)
-def _is_trajectory(path: Path, _size: int, _changed_ns: int) -> bool:
+def _has_own_names(path: Path, _size: int, _changed_ns: int) -> bool:
     """Query a file once, because the reader process may be busy."""
-    return is_trajectory(path)
+    return is_trajectory(path) or len(columns_in(path, NEEDED)) == len(NEEDED)
 
 
 def _key(path: Path) -> str:

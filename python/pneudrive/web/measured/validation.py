@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from pneudrive.identify.files import AnyFit
     from pneudrive.web.workspace import Workspace
 
-RESULT = "validation.toml"
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
 
 
