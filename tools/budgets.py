@@ -1,4 +1,4 @@
-"""Hold the project to `budgets.toml`: lines of code, prose, files per folder, lines per file, circles, string imports.
+"""Hold the project to `budgets.toml`: lines of code, prose, files per folder, lines per file and function, circles.
 
     python tools/budgets.py              # exceeded budgets
     python tools/budgets.py --tighten    # lower each budget to the measured value
@@ -27,10 +27,11 @@ RULES = {
     "findings": "sentences to rewrite (tools/prose.py --list FOLDER)",
     "folders": "source files of a folder",
     "files": "lines of a file",
+    "functions": "lines of a function of Python or Rust, without its docstring",
     "strings": "modules that are imported by a string (import_module)",
 }
 # A key that is not in the file has this budget; a rule that is not here has none.
-DEFAULTS = {"circular": 0, "folders": 20, "files": 500, "strings": 0}
+DEFAULTS = {"circular": 0, "folders": 20, "files": 500, "functions": 60, "strings": 0}
 PROSE_SHARE = 0.04
 SOURCES = {".py", ".rs", ".ts", ".tsx"}
 
@@ -68,6 +69,26 @@ def code_lines(path: Path) -> int:
     return sum(bool(line.strip()) for line in COMMENT.sub("", path.read_text("utf-8")).splitlines())
 
 
+def function_lines(path: Path) -> dict[str, int]:
+    """Return the lines of each function of a Python or Rust file; of equal names the largest."""
+    text, found = path.read_text("utf-8"), Counter[str]()
+    if path.suffix == ".py":
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                doc = len((ast.get_docstring(node, clean=False) or "").splitlines())
+                found[node.name] = max(found[node.name], node.end_lineno - node.lineno + 1 - doc)
+    elif path.suffix == ".rs":  # as rustfmt indents: a body ends at a brace below the first letter of its function
+        lines = text.splitlines()
+        for first, line in enumerate(lines):
+            if not (head := re.match(r"( *)[\w :(\"]*?(?:\) )?\bfn (\w+)", line)):
+                continue
+            opens = next(i for i in range(first, len(lines)) if lines[i].endswith(("{", "}", ";")))
+            if lines[opens].endswith("{"):
+                last = next(i for i in range(opens, len(lines)) if lines[i] == f"{head[1]}}}")
+                found[head[2]] = max(found[head[2]], last - first + 1)
+    return dict(found)
+
+
 def string_imports(path: Path) -> int:
     """Return how often a file imports a module of the package that a string names."""
     text = path.read_text("utf-8")
@@ -102,6 +123,9 @@ def measured(python: dict[str, int]) -> dict[str, dict[str, int]]:
         "findings": {folder: flagged for folder, (flagged, _) in PROSE.items()},
         "folders": dict(Counter(str(Path(name).parent) for name in shipped if not name.endswith("__init__.py"))),
         "files": sizes,
+        "functions": {
+            f"{name}::{function}": lines for name in shipped for function, lines in function_lines(ROOT / name).items()
+        },
         "strings": strings,
     }
 

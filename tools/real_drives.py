@@ -22,6 +22,7 @@ from pneudrive.identify.follow.regulator import RegulatorFit, identify_regulator
 from pneudrive.numbers import plain
 from pneudrive.report import style
 from pneudrive.report.recording.motion import over_time_figure
+from pneudrive.validate.closure import Closure
 from pneudrive.validate.motion import MotionValidation, validate_motion
 
 ROOT = Path(__file__).parents[1]
@@ -190,13 +191,29 @@ def page(
 ) -> str:
     """Return the page."""
     charged, vented = ({c.name: c for c in check.closures}[n] for n in ("charged", "vented"))
+    run_off = [abs(one - three) / np.hypot(u1, u3) for _, one, u1, three, u3 in seals]
+    shares = 100 * charged.share, 100 * vented.share
+    lines = [
+        *summary(fit, shares, halves, joints, run_off),
+        *spring_lines(fit, halves, delays),
+        *balance_lines(charged, vented),
+        *friction_lines(friction),
+        *differ,
+        *joint_lines(joints),
+        *seal_lines(seals, run_off),
+    ]
+    return "\n".join(lines)
+
+
+def summary(
+    fit: FollowFit, shares: tuple[float, float], halves: list, joints: dict[str, RegulatorFit], run_off: list[float]
+) -> list[str]:
+    """Return the table of all comparisons."""
     a, b = (100 * v for v in fit.records[0].rms)
     predicted = max(100 * float(v.max()) for *_, v in halves)
-    late = max(abs(found - added) for added, found, _ in delays)
-    run_off = [abs(one - three) / np.hypot(u1, u3) for _, one, u1, three, u3 in seals]
     inside = sum(value <= 1.0 for value in run_off)
     worst_joint = max(100 * f.predicted for f in joints.values())
-    lines = [
+    return [
         "# How well does it hold?",
         "",
         "This page compares models with real recordings. `make real` writes it again from `data/measurements`.",
@@ -206,15 +223,22 @@ def page(
         "| --- | --- | --- | --- | --- | --- |",
         f"| gas spring, chambers | charged recording | each half by the other | fit {a:.2f} and {b:.2f} %, "
         f"predicted {predicted:.2f} % | spread of models | 2 to 5 % at reversals |",
-        f"| gas spring, forces | declared areas | balance of both recordings | {100 * charged.share:.2f} and "
-        f"{100 * vented.share:.2f} % | gain of the ram below | friction over speed depends on the ram |",
+        f"| gas spring, forces | declared areas | balance of both recordings | {shares[0]:.2f} and "
+        f"{shares[1]:.2f} % | gain of the ram below | friction over speed depends on the ram |",
         f"| joints | five runs | the sixth run | {worst_joint:.2f} % | spread of six runs | the moving joint |",
-        f"| seals | run 1 | run 3 of the same seal | {inside} of {len(seals)} inside U | U (k = 2) of each run | "
+        f"| seals | run 1 | run 3 of the same seal | {inside} of {len(run_off)} inside U | U (k = 2) of each run | "
         "differences between runs |",
         "",
         "The project has one charged recording. Predictions are therefore tested on its halves.",
         "Tanks and tubes are tested on synthetic recordings only.",
         "",
+    ]
+
+
+def spring_lines(fit: FollowFit, halves: list, delays: list) -> list[str]:
+    """Return the values of the gas spring, its predicted halves, and rival models."""
+    late = max(abs(found - added) for added, found, _ in delays)
+    lines = [
         "## Gas spring",
         "",
         "A test machine drags a double-acting spring of 2 m with nitrogen [SOURCE.md in `mbari-2022-gas-spring`].",
@@ -249,6 +273,13 @@ def page(
         "",
         *(f"- {rival.verdict[0].upper()}{rival.verdict[1:]}." for rival in fit.rivals),
         "",
+    ]
+    return lines
+
+
+def balance_lines(charged: Closure, vented: Closure) -> list[str]:
+    """Return the balance of forces of both recordings."""
+    lines = [
         "**Friction over speed depends on the area of the ram.** Its gain and the viscous friction correlate at "
         f"{charged.correlation:.2f}.",
         "",
@@ -259,9 +290,14 @@ def page(
         gain, v = next(iter(c.gains.values())), c.viscous
         lines.append(f"| {c.name.partition('.')[0]} | {c.rms_n:.0f} | {100 * c.share:.2f} | {gain.value:.3f} "
                      f"[{gain.low:.3f}, {gain.high:.3f}] | {v.value:.0f} [{v.low:.0f}, {v.high:.0f}] |")  # fmt: skip
+    return lines
+
+
+def friction_lines(friction: list[Level]) -> list[str]:
+    """Return the friction of the levels in extension, beside an independent balance."""
     out = [one for one in friction if one.direction > 0]
     off = [abs(one.independent_n / one.friction_n - 1.0) for one in out]
-    lines += [
+    lines = [
         "",
         "| recording | extension speed, m/s | friction, N | U (k = 2), N | independent balance, N | difference, % |",
         "| --- | ---: | ---: | ---: | ---: | ---: |",
@@ -287,7 +323,13 @@ def page(
         "The stated area of the ram has a standard uncertainty of 5 %, so U contains an error of 10 %.",
         "This dominates U at high speed. U also contains a delay of 30 ms between the loggers.",
         "",
-        *differ,
+    ]
+    return lines
+
+
+def joint_lines(joints: dict[str, RegulatorFit]) -> list[str]:
+    """Return the lags of the joints."""
+    lines = [
         "",
         "## Joints",
         "",
@@ -317,6 +359,13 @@ def page(
         "",
         "![Pressures of a joint](../figures/real-joints.png)",
         "",
+    ]
+    return lines
+
+
+def seal_lines(seals: list, run_off: list[float]) -> list[str]:
+    """Return the two runs of each seal."""
+    return [
         "## Seals",
         "",
         "One O-ring was measured twice at four pressures [SOURCE.md in `zillen-2021-pneumatic-piston`].",
@@ -329,7 +378,6 @@ def page(
         "![Friction of one seal in two runs](../figures/real-seals.png)",
         "",
     ]  # fmt: skip
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":

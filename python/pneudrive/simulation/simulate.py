@@ -249,14 +249,25 @@ def run(
         warn(message)
     by_numbers = None
     if sensitivities:
-        from pneudrive.free.derivatives import Differentiator
-
-        differentiator = Differentiator(drive, sensitivities, command, initial, rtol)
-        values = [parameter.value for parameter in differentiator.parameters]
-        columns = [name for name in result["columns"] if name not in UNDIFFERENTIATED]
-        by_numbers = differentiator.run(values, result["columns"]["time_s"], columns, watch=watch)
+        by_numbers = _derivatives(drive, sensitivities, (command, initial, rtol), result["columns"], watch)
     known = {} if drive.system.names is None else _steps(*plans[0][1])
     return Run(result["columns"], _provenance(drive, result, rtol) | known, drive.meanings, by_numbers)
+
+
+def _derivatives(
+    drive: Drive | Circuit,
+    names: Sequence[str],
+    conditions: tuple[Any, Any, float],
+    columns: Mapping[str, Any],
+    watch: Watch,
+) -> Sensitivities:
+    """Return the derivatives of the columns of a run, made under the same command, start state and tolerance."""
+    from pneudrive.free.derivatives import Differentiator
+
+    differentiator = Differentiator(drive, names, *conditions)
+    values = [parameter.value for parameter in differentiator.parameters]
+    differentiated = [name for name in columns if name not in UNDIFFERENTIATED]
+    return differentiator.run(values, columns["time_s"], differentiated, watch=watch)
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
