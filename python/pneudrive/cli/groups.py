@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import re
 import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -12,14 +10,13 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from pneudrive.cli.examples import EXAMPLES
+from pneudrive.documented import parts_of
 from pneudrive.errors import CommandError, PneudriveWarning, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 
-#: Heading of a docstring below which a command describes its parameters.
-PARAMETERS = "\n\nParameters\n----------\n"
 #: Options under their old names, which are accepted for one release.
 RENAMED_OPTIONS = {"--into": "--out", "--beside": "--compare-with", "--patience": "--timeout", "--pace": "--speed"}
 RENAMED_OPTIONS |= {"--least": "--min-candidates", "--draws": "--samples"}
@@ -69,13 +66,15 @@ class LazyGroup(TyperGroup):
             group = typer.main.get_command(found)
             group.name, group.hidden = cmd_name, hidden
             return group
-        text, _, documented = inspect.cleandoc(found.__doc__).partition(PARAMETERS)
+        text, described = parts_of(found, "Options")
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
         lines = EXAMPLES.get(f"{ctx.command_path} {cmd_name}".removeprefix("pneudrive "), ())
         epilog = "\n  ".join(("\b\nExamples:", *lines)) if lines else None  # \b: click keeps the lines
         single.command(name=cmd_name, cls=RenamedOptions, hidden=hidden, epilog=epilog, help=text)(found)
         command = typer.main.get_command(single)
-        _document(command, documented)
+        own = {parameter.name: parameter for parameter in command.params}
+        for name, (form, words) in described.items():
+            own[name].help, own[name].metavar = words, form or own[name].metavar
         return command
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401
@@ -103,16 +102,6 @@ class LazyGroup(TyperGroup):
             path = f"{ctx.command_path} {args[0]}".removeprefix("pneudrive ")
             raise CommandError(f"there is no command '{path}'", remedy=nearest(args[0], shown))
         return super().resolve_command(ctx, args)
-
-
-def _document(command: Any, text: str) -> None:  # noqa: ANN401
-    """Give the parameters of a command the texts of its docstring: ``name : FORM``, and indented what it is."""
-    own = {parameter.name: parameter for parameter in command.params}
-    for block in re.split(r"\n(?=\S)", text) if text else ():
-        head, *lines = block.splitlines()
-        name, _, form = head.partition(" : ")
-        own[name].help = " ".join(line.strip() for line in lines)
-        own[name].metavar = form or own[name].metavar
 
 
 def command_paths(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> Iterator[tuple[str, ...]]:

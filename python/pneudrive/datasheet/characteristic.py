@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, field
+from inspect import signature
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.documented import parts_of
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from types import ModuleType
 
     import xarray as xr
 
     from pneudrive.datasheet.plant import HeldDrive
+
+    Found = tuple[dict[str, "Axis"], dict[str, "ResultValue"]]
+    Find = Callable[..., Found]
 
 
 class ResultValue(NamedTuple):
@@ -22,6 +30,18 @@ class ResultValue(NamedTuple):
     values: Any
     unit: str
     meaning: str
+
+
+class Axis(NamedTuple):
+    """One axis of results: its values, unit and meaning."""
+
+    values: Any
+    unit: str
+    meaning: str
+
+
+#: Axis of results for both strokes.
+DIRECTIONS = Axis(["out", "back"], "1", "towards the end of chamber b, of chamber a")
 
 
 def number(value: float, unit: str, meaning: str) -> ResultValue:
@@ -64,7 +84,7 @@ class Characteristic:
     title: str
     definition: str
     algorithm: str
-    find: Callable[..., tuple[dict[str, ResultValue], dict[str, ResultValue]]]
+    find: Find
     standard: str = ""
     cites: tuple[str, ...] = ()
     x: str = ""
@@ -78,14 +98,13 @@ class Characteristic:
         """Return the characteristic for one drive, without intervals."""
         import xarray as xr
 
-        defaults = {name: default for name, (default, _) in self.settings.items()}
-        axes, found = self.find(plant, **defaults | settings)
+        axes, found = self.find(plant, **settings)
         labelled = {
             name: (one.dims, np.asarray(one.values, dtype=float), {"units": one.unit, "long_name": one.meaning})
             for name, one in found.items()
         }
         coordinates = {
-            name: (one.dims, np.asarray(one.values), {"units": one.unit, "long_name": one.meaning})
+            name: (name, np.asarray(one.values), {"units": one.unit, "long_name": one.meaning})
             for name, one in axes.items()
         }
         return xr.Dataset(labelled, coordinates, self.about(plant))
@@ -102,3 +121,37 @@ class Characteristic:
             "description_hash": plant.described.description_hash,
             "assumed": plant.described.assumed(),
         }
+
+
+_of_module: dict[str, list[Characteristic]] = defaultdict(list)
+
+
+def characteristic(name: str, *, algorithm: str, definition: str = "", **more: Any) -> Callable[[Find], Find]:  # noqa: ANN401
+    """Make a function a characteristic; its docstring gives title, definition and settings.
+
+    Parameters
+    ----------
+    name, algorithm
+        See `Characteristic`.
+    definition : str
+        Definition that is not in the docstring.
+    **more
+        Other fields of `Characteristic`.
+    """
+
+    def add(find: Find) -> Find:
+        text, described = parts_of(find, "Settings")
+        title, _, meaning = text.partition("\n\n")
+        defaults = {key: one.default for key, one in list(signature(find).parameters.items())[1:]}
+        settings = {key: (default, described[key][1]) for key, default in defaults.items()}
+        words = definition or " ".join(meaning.split())
+        made = Characteristic(name, title.rstrip("."), words, algorithm, find, settings=settings, **more)
+        _of_module[find.__module__].append(made)
+        return find
+
+    return add
+
+
+def characteristics_in(module: ModuleType) -> list[Characteristic]:
+    """Return the characteristics of a module in their order."""
+    return _of_module[module.__name__]

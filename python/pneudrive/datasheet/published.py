@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue
+from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic
 from pneudrive.datasheet.characteristics.threshold import least_pressure
 from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
@@ -19,10 +19,9 @@ from pneudrive.errors import CommandError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.files.catalogue import Entry
-
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 
 BEFORE_PA, RATIO = 7e5, 6.0 / 7.0  # nominal flow: from 6 to 5 bar above the 100 kPa of the reference atmosphere
 SLOW = 0.05  # m/s: an effective force is one in slow motion
@@ -100,7 +99,17 @@ def _printed(text: str, unit: str) -> float:
     return units.parse(text, unit) if unit else units.parse_pressure(text).value_pa
 
 
+@characteristic(
+    "published",
+    definition="Published figures of the parts of this drive, and the figures of the drive: "
+    + "; ".join(f"{key.replace('_', ' ')}: {one.meaning}" for key, one in FIGURES.items())
+    + ".",
+    algorithm="the characteristics of this list, under the conditions of the print",
+    slow=True,
+    held=False,
+)
 def _published(plant: HeldDrive) -> Found:
+    """Printed figures of the parts."""  # noqa: D401 - a title
     drive: Any = plant.described
     rows = []
     for part in parts_of(drive) if hasattr(drive, "origins") else ():
@@ -113,23 +122,8 @@ def _published(plant: HeldDrive) -> Found:
         raise CommandError(f"{plant.name}: no part of the catalogue with a printed figure is in this drive")
     printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])
     along = ("figure",)
-    return {"figure": ResultValue(along, [row[0] for row in rows], "1", "part, figure and source")}, {
+    return {"figure": Axis([row[0] for row in rows], "1", "part, figure and source")}, {
         "printed": ResultValue(along, printed, "SI", "value printed by the maker, in SI"),
         "computed": ResultValue(along, computed, "SI", "of this drive, in SI"),
         "difference": ResultValue(along, computed / printed - 1.0, "1", "computed over printed value, minus 1"),
     }
-
-
-CHARACTERISTICS = (
-    Characteristic(
-        name="published",
-        title="Printed figures of the parts",
-        definition="Published figures of the parts of this drive, and the figures of the drive: "
-        + "; ".join(f"{key.replace('_', ' ')}: {one.meaning}" for key, one in FIGURES.items())
-        + ".",
-        algorithm="the characteristics of this list, under the conditions of the print",
-        find=_published,
-        slow=True,
-        held=False,
-    ),
-)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.datasheet.characteristic import characteristics_in
 from pneudrive.datasheet.equilibrium import number_of
 from pneudrive.datasheet.intervals import with_intervals
 from pneudrive.datasheet.plant import HeldDrive
@@ -42,7 +43,7 @@ def characteristics() -> dict[str, Characteristic]:
     # in the order of the datasheet
     families = (steady, stiffness, threshold, response, air, stands)
     families += (cushion, frequency, tornado, line_study, valve_times, published)
-    return {one.name: one for family in families for one in family.CHARACTERISTICS}
+    return {one.name: one for family in families for one in characteristics_in(family)}
 
 
 def drive_characteristic(

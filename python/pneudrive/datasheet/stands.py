@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive import _core, units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.datasheet.actuation import path_of
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue
+from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic
 from pneudrive.datasheet.linear import gas_at
 from pneudrive.describe import Ambient
 from pneudrive.errors import CommandError
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
 
     Array = NDArray[np.float64]
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+    from pneudrive.datasheet.characteristic import Found
 
 RATIOS = (1e-4, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of the pressures behind and before
 SETTLED_S = 5.0  # after that the flow through a line is steady
@@ -104,7 +104,27 @@ def _fed(plant: HeldDrive) -> list[str]:
     return fed
 
 
+@characteristic(
+    "flow",
+    algorithm="virtual test stand: reservoirs at both ends of the path; least squares by the core's flow law",
+    standard="ISO 6358-1; with lines ISO 6358-3",
+    cites=("iso6358-2013",),
+    x="ratio",
+    y="flow",
+    slow=True,
+    held=False,
+)
 def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
+    """Flow of the paths (C and b).
+
+    Sonic conductance and critical pressure ratio of each path between valve port and chamber, lines included. They
+    follow from steady flows over the pressure ratio at constant pressure before the path.
+
+    Settings
+    --------
+    upstream
+        absolute pressure before the path, Pa; default: that of the supply
+    """
     before = plant.supply_pa if upstream is None else float(gas_at(plant, upstream)[0, 0])
     ratios, density = np.array(RATIOS), plant.circuit.gas.anr_density_kg_m3
     index = float(getattr(plant.circuit.components[plant.valve], "subsonic_index", 0.5))
@@ -116,8 +136,8 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
             rows.append(reduce_flow(before, ratios, flows[-1], index, density))
     values = np.array(rows)
     axes = {
-        "path": ResultValue(("path",), named, "1", "valve edge with the lines to the chamber"),
-        "ratio": ResultValue(("ratio",), ratios, "1", "ratio of absolute pressures after and before the path"),
+        "path": Axis(named, "1", "valve edge with the lines to the chamber"),
+        "ratio": Axis(ratios, "1", "ratio of absolute pressures after and before the path"),
     }
     return axes, {
         "flow": ResultValue(
@@ -134,10 +154,26 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
     }
 
 
+@characteristic(
+    "leakage",
+    algorithm="simulated with the valve shut",
+    standard="form of ISO 10099",
+    x="time",
+    y="pressure",
+    held=False,
+)
 def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMAL_S) -> Found:  # noqa: ANN401
-    """Shut one chamber under pressure, with the other one at ambient pressure.
+    """Leakage of shut chambers.
 
-    The piston is held by friction or by the end stop.
+    Fall of the pressure of a chamber filled and shut, piston at its end, the other chamber at ambient pressure; gas at
+    ambient temperature at the beginning.
+
+    Settings
+    --------
+    pressure
+        absolute; default: that of the supply
+    duration
+        s
     """
     filled = plant.supply_pa if pressure is None else float(gas_at(plant, pressure)[0, 0])
     ambient, kelvin = plant.ambient
@@ -156,10 +192,8 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
     half = times.size // 2  # until then the gas and the piston have settled
     rate = np.log(values[:, half] / values[:, -1]) / (times[-1] - times[half])
     axes = {
-        "chamber": ResultValue(
-            ("chamber",), list(plant.sides), "1", "the filled chamber; the other one is at ambient pressure"
-        ),
-        "time": ResultValue(("time",), times, "s", "time from shutting the valve"),
+        "chamber": Axis(list(plant.sides), "1", "the filled chamber; the other one is at ambient pressure"),
+        "time": Axis(times, "s", "time from shutting the valve"),
     }
     return axes, {
         "pressure": ResultValue(("chamber", "time"), values, "Pa", "absolute pressure of the shut chamber"),
@@ -168,35 +202,3 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
             ("chamber",), values[:, 0] - values[:, -1], "Pa", f"fall of the pressure in {duration:g} s"
         ),
     }
-
-
-CHARACTERISTICS = (
-    Characteristic(
-        name="flow",
-        title="Flow of the paths (C and b)",
-        definition="Sonic conductance and critical pressure ratio of each path between valve port and chamber, "
-        "lines included, from steady flows over the pressure ratio at constant pressure before the path.",
-        algorithm="virtual test stand: reservoirs at both ends of the path; least squares by the core's flow law",
-        find=_flows,
-        standard="ISO 6358-1; with lines ISO 6358-3",
-        cites=("iso6358-2013",),
-        x="ratio",
-        y="flow",
-        settings={"upstream": (None, "absolute pressure before the path, Pa; default: that of the supply")},
-        slow=True,
-        held=False,
-    ),
-    Characteristic(
-        name="leakage",
-        title="Leakage of shut chambers",
-        definition="Fall of the pressure of a chamber filled and shut, piston at its end, the other chamber at ambient "
-        "pressure; gas at ambient temperature at the beginning.",
-        algorithm="simulated with the valve shut",
-        find=_leakage,
-        standard="form of ISO 10099",
-        x="time",
-        y="pressure",
-        settings={"pressure": (None, "absolute; default: that of the supply"), "duration": (ISOTHERMAL_S, "s")},
-        held=False,
-    ),
-)

@@ -76,8 +76,8 @@ def tune(
 
     Print the rule and limits of each gain, and a simulated result.
 
-    Parameters
-    ----------
+    Options
+    -------
     out
         Controller file (TOML) with all gains.
     """
@@ -159,8 +159,8 @@ def run(
 ) -> None:
     """Run a drive or a platform under control along a reference, and score it.
 
-    Parameters
-    ----------
+    Options
+    -------
     controller : FILE|LAW
         TOML file or name; default: nmpc.
     law : LAW
@@ -236,8 +236,8 @@ def benchmark(
 ) -> None:
     """Compare controllers along references, with several seeds or a spread of drives.
 
-    Parameters
-    ----------
+    Options
+    -------
     out
         Folder for scores, runs and report; a started one is resumed.
     laws : all|A,B
@@ -299,8 +299,8 @@ def reference(
 ) -> None:
     """Check a reference against a drive: stroke, load of valve, force and speed, and the necessary slowdown.
 
-    Parameters
-    ----------
+    Options
+    -------
     along : REF
         Reference, as for run.
     drive
@@ -336,8 +336,8 @@ def export(
 ) -> None:
     """Write a controller as source code, or as an FMU with its source code (nmpc: as a library).
 
-    Parameters
-    ----------
+    Options
+    -------
     controller : FILE|LAW
         Controller file (TOML), or a name.
     to : c|st|fmu
@@ -372,8 +372,8 @@ def header(
 ) -> None:
     """Write the C header of compiled controllers.
 
-    Parameters
-    ----------
+    Options
+    -------
     out
         File; default: print the header.
     """

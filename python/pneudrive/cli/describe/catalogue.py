@@ -27,8 +27,8 @@ def catalogue(
 ) -> None:
     """List parts and drives, or the values and sources of one of them.
 
-    Parameters
-    ----------
+    Options
+    -------
     name : NAME
         Part or drive to show.
     out

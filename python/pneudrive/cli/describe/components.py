@@ -17,8 +17,8 @@ def components(
 ) -> None:
     """List the components of circuits, or the parameters of one kind.
 
-    Parameters
-    ----------
+    Options
+    -------
     kind : KIND
         Kind to show.
     """

@@ -17,8 +17,8 @@ def draw(
 ) -> None:
     """Draw a drive or a circuit with symbols after ISO 1219.
 
-    Parameters
-    ----------
+    Options
+    -------
     out
         Picture: .svg, .png or .pdf.
     """

@@ -22,8 +22,8 @@ def schema(
 ) -> None:
     """Print the JSON schema of drive files, circuit files, or protocols.
 
-    Parameters
-    ----------
+    Options
+    -------
     kind
         Kind of file: drive, circuit, or protocol of a campaign.
     """

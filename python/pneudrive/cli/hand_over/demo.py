@@ -18,8 +18,8 @@ def demo(
 ) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report.
 
-    Parameters
-    ----------
+    Options
+    -------
     out
         Folder for the results.
     measurements

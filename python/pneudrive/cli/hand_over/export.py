@@ -37,8 +37,8 @@ def export(
 ) -> None:
     """Write a drive as an FMU or for C, or friction for another tool.
 
-    Parameters
-    ----------
+    Options
+    -------
     source : FIT|DRIVE
         Fit (fit.toml), or drive file.
     to : TOOL

@@ -21,8 +21,8 @@ def apply(
 
     Each value keeps its interval and its recordings.
 
-    Parameters
-    ----------
+    Options
+    -------
     fit : FIT.toml
         Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.
     drive : [DRIVE]

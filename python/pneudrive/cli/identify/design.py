@@ -36,8 +36,8 @@ def design(
 
     The file is a protocol for pneudrive campaign plan. The expected intervals are printed.
 
-    Parameters
-    ----------
+    Options
+    -------
     fit : FIT
         Fit of `pneudrive fit` or `characterise`.
     rig

@@ -43,8 +43,8 @@ def fit(
 
     Laws are compared by AICc, BIC and cross-validation over conditions. The cross-validation decides.
 
-    Parameters
-    ----------
+    Options
+    -------
     source : MAP|RECORDING...
         Friction maps (map.parquet, map.csv) or campaigns, one or several; or recordings.
     laws : LAW,...

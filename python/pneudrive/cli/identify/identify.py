@@ -35,8 +35,8 @@ def identify(
     transfer and leak follow from its pressure. A file with a table [regulator] describes a pressure
     regulator, whose gain and lag follow from command and pressure.
 
-    Parameters
-    ----------
+    Options
+    -------
     drive : DRIVE
         Drive file (TOML), catalogue:NAME, or tank file, with the start values.
     recordings : RECORDING...

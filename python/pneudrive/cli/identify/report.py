@@ -21,8 +21,8 @@ def report(
     Residuals need the data: use --map for the fit of a friction map, and `pneudrive identify --report` for the fit of a
     drive.
 
-    Parameters
-    ----------
+    Options
+    -------
     fit : FIT.toml
         Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.
     friction_map : MAP

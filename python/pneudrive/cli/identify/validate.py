@@ -28,8 +28,8 @@ def validate(
 
     A friction map (map.parquet, map.csv) or a campaign folder is compared with the drive's friction law.
 
-    Parameters
-    ----------
+    Options
+    -------
     drive : DRIVE|FIT
         Drive file (TOML), catalogue:NAME, or fit of `pneudrive identify --out` with the zeros of its sensors.
     recordings : RECORDING...|MAP|CAMPAIGN

@@ -35,8 +35,8 @@ def plan(
 ) -> None:
     """Show the plan of a protocol on a rig (cycles, time, data), and check it against the limits of the rig.
 
-    Parameters
-    ----------
+    Options
+    -------
     fraction : FILE
         Write a protocol that runs the proposed fraction.
     """

@@ -52,8 +52,8 @@ def run(
 
     Ctrl-C pauses after the cycle. A second Ctrl-C stops the axis now.
 
-    Parameters
-    ----------
+    Options
+    -------
     into : DIR
         Campaign folder.
     label : KEY=VALUE
@@ -80,8 +80,8 @@ def resume(
 ) -> None:
     """Resume a campaign that another process has paused, or whose process has ended.
 
-    Parameters
-    ----------
+    Options
+    -------
     rig : RIG
         Rig; may be left out for a simulated rig or a replay, which the folder names.
     allow_code : SHA256
@@ -134,8 +134,8 @@ def pause(
 ) -> None:
     """Pause a campaign in another process, after its cycle or now.
 
-    Parameters
-    ----------
+    Options
+    -------
     now
         Stop the axis now; the running cycle is repeated later.
     """

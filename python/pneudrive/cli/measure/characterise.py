@@ -37,8 +37,8 @@ def characterise(
     Also writes curves.parquet, effects.toml, and statements on the data.
     Each seal and mounting has its own curves and fit.
 
-    Parameters
-    ----------
+    Options
+    -------
     recordings : RECORDING...|FOLDER|CAMPAIGN
         Recordings, also compressed (.gz, .xz, .bz2); their folder with layout.toml; or a campaign folder.
     layout

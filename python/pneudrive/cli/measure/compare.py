@@ -28,8 +28,8 @@ def compare(
     For two campaigns (new and worn, two seals), it writes report.html and comparison.toml.
     Two drive files, or two fits of one kind, are compared value by value, without any file.
 
-    Parameters
-    ----------
+    Options
+    -------
     first : A
         Folder of campaign A; or a drive, or a fit.
     second : B

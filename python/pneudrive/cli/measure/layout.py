@@ -15,8 +15,8 @@ def layout(
 ) -> None:
     """Propose how to read a foreign recording, with a picture.
 
-    Parameters
-    ----------
+    Options
+    -------
     file : FILE
         Recording in any supported format.
     out

@@ -19,8 +19,8 @@ def measure(
 
     The table has value, difference and slope of each channel. Faulty samples are counted.
 
-    Parameters
-    ----------
+    Options
+    -------
     recording : RECORDING
         Recording in any supported format.
     at

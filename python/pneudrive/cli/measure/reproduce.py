@@ -14,8 +14,8 @@ def reproduce(
 ) -> None:
     """Reproduce figures 1 to 9 of the source paper on simulated rigs.
 
-    Parameters
-    ----------
+    Options
+    -------
     out
         Folder for the report and its figures.
     seed

@@ -39,8 +39,8 @@ def serve(
 ) -> None:
     """Serve a rig over OPC UA, with the nodes of a map, until Ctrl-C.
 
-    Parameters
-    ----------
+    Options
+    -------
     rig
         Ready rig, rig file, or own code as own_rig.py:make_rig.
     port
@@ -109,8 +109,8 @@ def certificate(
 ) -> None:
     """Make a self-signed certificate and its key for an OPC UA client or server.
 
-    Parameters
-    ----------
+    Options
+    -------
     name
         Name of the files and of the application: NAME.pem, NAME.key.
     out
@@ -132,8 +132,8 @@ def user(
 ) -> None:
     """Add a user, or change a password. The command asks for the password, or reads it from standard input.
 
-    Parameters
-    ----------
+    Options
+    -------
     name
         Name of the user.
     user_file

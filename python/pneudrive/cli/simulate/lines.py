@@ -37,8 +37,8 @@ def lines(
 ) -> None:
     """Show speed and stroke time over length and bore of the tubes.
 
-    Parameters
-    ----------
+    Options
+    -------
     drive : DRIVE
         Drive file (TOML), or catalogue:NAME.
     length : LENGTHS

@@ -30,8 +30,8 @@ def platform(
 ) -> None:
     """Show ranges, singular values and loads of a platform on legs, or draw it, at rest or during a run.
 
-    Parameters
-    ----------
+    Options
+    -------
     circuit : CIRCUIT
         Circuit file (TOML) with a platform.
     name

@@ -38,8 +38,8 @@ def simulate(
 ) -> None:
     """Simulate a drive or a circuit, and write or plot the run.
 
-    Parameters
-    ----------
+    Options
+    -------
     duration
         Duration, e.g. "2 s"; not with --motion.
     command : STEPS

@@ -45,8 +45,8 @@ def sweep(
 
     Finished chunks are kept. The same command continues after an interruption.
 
-    Parameters
-    ----------
+    Options
+    -------
     duration
         Duration, such as "2 s".
     vary : NAME=VALUES|FILE

@@ -35,8 +35,8 @@ def web(
 
     The server answers this machine only. From another machine, use ssh -L.
 
-    Parameters
-    ----------
+    Options
+    -------
     folder
         Folder of drives, circuits and recordings.
     port

@@ -33,8 +33,8 @@ def characteristic(
 ) -> None:
     """Show a characteristic of a drive, with definition and standard.
 
-    Parameters
-    ----------
+    Options
+    -------
     name : NAME
         Name; without a name, all are listed.
     setting : NAME=VALUE

@@ -21,8 +21,8 @@ def datasheet(
 ) -> None:
     """Write a data sheet of a drive, with standards and sources.
 
-    Parameters
-    ----------
+    Options
+    -------
     drive : DRIVE|CIRCUIT
         Drive or circuit file (TOML), or catalogue:NAME.
     recordings : [RECORDING|MAP|CAMPAIGN]...

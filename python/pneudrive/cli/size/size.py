@@ -24,8 +24,8 @@ def size(
     A provisional answer by nominal runs comes first. Ctrl-C ends the search and keeps its results; the same command
     with --out continues. If no drive does the task, the nearest feasible value of each quantity is shown.
 
-    Parameters
-    ----------
+    Options
+    -------
     task : TASK
         Task file (TOML).
     out : DIR

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
 from pneudrive.datasheet.characteristics.motion import cycle
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.system import compiled
 
 if TYPE_CHECKING:
+    from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
-
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 
 FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall
 REPEATS, RTOL = 3, 1e-8  # cycles before the one that counts, and tolerance
@@ -119,7 +118,28 @@ def losses(accounts: dict[str, float], ambient_k: float) -> dict[str, float]:
     return dict(sorted(out.items(), key=lambda one: -one[1]))
 
 
+@characteristic(
+    "air",
+    algorithm="flow out of the supply integrated along the solver's steps, one cycle of several",
+    standard="volumes by ISO 8778",
+    cites=("iso8778-2003",),
+    slow=True,
+    held=False,
+)
 def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = None) -> Found:
+    """Air per cycle.
+
+    Mass drawn from the supply in one periodic cycle out and back, as volume at the standard reference atmosphere.
+    One value is that of chambers that fill and vent completely, the other that of the cycle of the square
+    response.
+
+    Settings
+    --------
+    command
+        size of the command
+    half_period
+        of the second cycle, s; default: that of the square response
+    """
     full = drawn_mass(plant, command, FULL_S)
     half = cycle(plant, command).half_s if half_period is None else half_period
     own, gas = drawn_mass(plant, command, half), plant.circuit.gas
@@ -140,7 +160,28 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
     }
 
 
+@characteristic(
+    "exergy",
+    algorithm="ledger of the run (accounts of energy and entropy), one cycle of several",
+    cites=("bejan2016",),
+    x="loss",
+    y="lost",
+    slow=True,
+    held=False,
+)
 def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S) -> Found:
+    """Exergy and its losses.
+
+    Exergy of the air drawn in one periodic cycle against ambient, and what each component loses: ambient temperature
+    times the entropy that it produces.
+
+    Settings
+    --------
+    command
+        size of the command
+    half_period
+        s
+    """
     found = accounts_of(plant, command, half_period)
     t_0 = plant.ambient[1]
     supply_k = plant.session(command, 0.5 * plant.stroke_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
@@ -152,7 +193,7 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
     wall = _sum(found.values, "wall heat [J]") - t_0 * _sum(found.values, "wall heat over wall temperature [J/K]")
     work = _sum(found.values, "external work [J]") + _sum(found.values, "ambient work [J]")
     rest = entered + wall + work - sum(lost.values())
-    return {"loss": ResultValue(("loss",), list(lost), "1", "component and cause")}, {
+    return {"loss": Axis(list(lost), "1", "component and cause")}, {
         "lost": ResultValue(
             ("loss",), list(lost.values()), "J", "exergy lost: ambient temperature times entropy produced"
         ),
@@ -165,32 +206,3 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
 
 
 _SETTINGS: dict[str, tuple[Any, str]] = {"command": (1.0, "size of the command")}
-CHARACTERISTICS = (
-    Characteristic(
-        name="air",
-        title="Air per cycle",
-        definition="Mass drawn from the supply in one periodic cycle out and back, as volume at the standard reference "
-        "atmosphere; with chambers that fill and vent completely, and at the cycle of the square response.",
-        algorithm="flow out of the supply integrated along the solver's steps, one cycle of several",
-        find=_air,
-        standard="volumes by ISO 8778",
-        cites=("iso8778-2003",),
-        settings=_SETTINGS | {"half_period": (None, "of the second cycle, s; default: that of the square response")},
-        slow=True,
-        held=False,
-    ),
-    Characteristic(
-        name="exergy",
-        title="Exergy and its losses",
-        definition="Exergy of the air drawn in one periodic cycle against ambient, and what each component loses: "
-        "ambient temperature times the entropy that it produces.",
-        algorithm="ledger of the run (accounts of energy and entropy), one cycle of several",
-        find=_exergy,
-        cites=("bejan2016",),
-        x="loss",
-        y="lost",
-        settings=_SETTINGS | {"half_period": (FULL_S, "s")},
-        slow=True,
-        held=False,
-    ),
-)

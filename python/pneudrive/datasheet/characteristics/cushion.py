@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
 from pneudrive.datasheet.characteristics.frequency import moving_pressures
 from pneudrive.datasheet.characteristics.motion import simulate_plant
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
+    from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
-
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 
 END_SPEED, PRESSURE_SHARE = 0.1, 2.0  # m/s; times the supply (assumed limits)
 BEFORE_M = 1e-3  # ahead of the cushion
@@ -24,9 +23,31 @@ NEEDLES = tuple(float(share) for share in np.geomspace(0.1, 10.0, 13))  # times 
 LASTING_S, RATE_HZ = 1.0, 5e3
 
 
+@characteristic(
+    "cushion",
+    algorithm="one simulated stroke into the cushion for each point",
+    x="speed",
+    y="end_speed",
+    slow=True,
+    held=False,
+)
 def _cushion(
     plant: HeldDrive, end_speed: float = END_SPEED, pressure: float | None = None, speed: float = 1.0
 ) -> Found:
+    """Capacity of the cushion.
+
+    Speed at the end and peak pressure of a piston that enters its cushion with a speed, over mass, speed, and the
+    opening of the needle. The command is full, and the pressures are those of slow steady motion.
+
+    Settings
+    --------
+    end_speed
+        largest admissible, m/s (assumed)
+    pressure
+        largest admissible pressure, Pa; default: twice the supply (assumed)
+    speed
+        at which the needle is varied, m/s
+    """
     table = plant.circuit.components[plant.piston].plain()
     side = next((side for side in "ba" if f"cushion_{side}_length" in table), "")
     if not side:
@@ -37,9 +58,9 @@ def _cushion(
     needles = np.array([_end(_with(plant, needle=(side, share)), side, speed) for share in NEEDLES])
     best = int(np.argmin(needles[:, 0]))
     axes = {
-        "mass": ResultValue(("mass",), masses, "kg", "moving mass"),
-        "speed": ResultValue(("speed",), speeds, "m/s", "speed at the beginning of the cushion"),
-        "needle": ResultValue(("needle",), list(NEEDLES), "1", "opening of the needle, relative to its description"),
+        "mass": Axis(masses, "kg", "moving mass"),
+        "speed": Axis(speeds, "m/s", "speed at the beginning of the cushion"),
+        "needle": Axis(list(NEEDLES), "1", "opening of the needle, relative to its description"),
     }
     over = ("mass", "speed")
     allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
@@ -84,24 +105,3 @@ def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
     hit = next((one for one in run.attrs["impacts"] if one["end"] == side), None)
     peak = float(run[f"{own}.{side}.pressure"].max())
     return (hit["speed_m_s"] if hit is not None else 0.0), peak if math.isfinite(peak) else math.nan
-
-
-CHARACTERISTICS = (
-    Characteristic(
-        name="cushion",
-        title="Capacity of the cushion",
-        definition="Speed at the end and peak pressure of a piston that enters its cushion with a speed, full "
-        "command, pressures of slow steady motion; over mass, speed, and the opening of the needle.",
-        algorithm="one simulated stroke into the cushion for each point",
-        find=_cushion,
-        x="speed",
-        y="end_speed",
-        settings={
-            "end_speed": (END_SPEED, "largest admissible, m/s (assumed)"),
-            "pressure": (None, "largest admissible pressure, Pa; default: twice the supply (assumed)"),
-            "speed": (1.0, "at which the needle is varied, m/s"),
-        },
-        slow=True,
-        held=False,
-    ),
-)

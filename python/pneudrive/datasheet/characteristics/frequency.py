@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
 from pneudrive.datasheet.characteristics.motion import short_columns, simulate_plant, start_of
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pneudrive.simulation.session import Linear
 
     Array = NDArray[np.float64]
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+    from pneudrive.datasheet.characteristic import Found
 
 FREQUENCIES = tuple(float(f) for f in np.geomspace(0.1, 100.0, 91))  # Hz
 SLOW = 1e-4  # of the linear model's slowest pole that counts: where the velocity gain is read, Hz
@@ -44,6 +44,13 @@ def response(linear: Linear, output: str, frequencies: Array) -> Array:
     return np.array([c @ np.linalg.solve(2j * math.pi * f * unity - linear.A, b) + d for f in frequencies])
 
 
+@characteristic(
+    "bode",
+    algorithm="exact linearisation by the core, evaluated at frequencies",
+    x="frequency",
+    y="velocity_response",
+    needs_shares=True,
+)
 def _bode(
     plant: HeldDrive,
     command: float = 0.0,
@@ -51,6 +58,22 @@ def _bode(
     pressures: Any = None,  # noqa: ANN401
     friction: str = "sliding",
 ) -> Found:
+    """Frequency response.
+
+    Response of velocity, position and pressures to a small command about an operating point. It is mid stroke with
+    the pressures of slow steady motion, the slopes of the valve for small positive commands, and viscous friction.
+
+    Settings
+    --------
+    command
+        command at the operating point
+    position
+        m; default: mid stroke
+    pressures
+        of both chambers; default: those of slow steady motion
+    friction
+        presliding, sliding or none
+    """
     x = 0.5 * plant.stroke_m if position is None else position
     at = moving_pressures(plant, x) if pressures is None else pressures
     linear = linear_model(plant, command or SIDE, x, gas_at(plant, at), 0.0, friction)
@@ -58,7 +81,7 @@ def _bode(
     velocity = response(linear, f"{plant.piston}.velocity_m_s", f)
     a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
     gain = abs(response(linear, f"{plant.piston}.velocity_m_s", np.array([SLOW]))[0])
-    axes = {"frequency": ResultValue(("frequency",), f, "Hz", "frequency")}
+    axes = {"frequency": Axis(f, "Hz", "frequency")}
     over = ("frequency",)
     return axes, {
         "velocity_response": ResultValue(over, np.abs(velocity), "m/s", "velocity over command, size"),
@@ -72,12 +95,33 @@ def _bode(
     }
 
 
+@characteristic(
+    "describing-function",
+    algorithm="simulated, command in 200 steps a period; two periods by Fourier transform after four of settling",
+    x="frequency",
+    y="gain",
+    slow=True,
+    held=False,
+    needs_shares=True,
+)
 def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any = SINE_HZ) -> Found:  # noqa: ANN401
+    """Response to large sines.
+
+    First harmonic of the velocity over a sinusoidal command, for amplitudes and frequencies, and the other
+    harmonics over it. The piston starts at mid stroke and does not meet an end.
+
+    Settings
+    --------
+    amplitudes
+        of the command
+    frequencies
+        Hz
+    """
     grid = np.array([[_harmonics(plant, float(a), float(f)) for f in frequencies] for a in amplitudes])
     over = ("amplitude", "frequency")
     axes = {
-        "amplitude": ResultValue(("amplitude",), list(map(float, amplitudes)), "1", "amplitude of the command"),
-        "frequency": ResultValue(("frequency",), list(map(float, frequencies)), "Hz", "frequency"),
+        "amplitude": Axis(list(map(float, amplitudes)), "1", "amplitude of the command"),
+        "frequency": Axis(list(map(float, frequencies)), "Hz", "frequency"),
     }
     return axes, {
         "gain": ResultValue(over, grid[:, :, 0], "m/s", "first harmonic of the velocity over the amplitude"),
@@ -117,12 +161,33 @@ def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
     return abs(first) / amplitude, math.degrees(np.angle(first)), distortion
 
 
+@characteristic(
+    "load-describing-function",
+    algorithm="simulated, load in 200 steps a period; two periods by Fourier transform after four of settling",
+    x="frequency",
+    y="compliance",
+    slow=True,
+)
 def _load_describing(
     plant: HeldDrive,
     amplitudes: Any = None,  # noqa: ANN401
     frequencies: Any = SINE_HZ,  # noqa: ANN401
     pressures: Any = None,  # noqa: ANN401
 ) -> Found:
+    """Response to large sines of the load.
+
+    First harmonic of the position over a sinusoidal load with the valve shut, for amplitudes and frequencies, and
+    the other harmonics over it. The piston starts at mid stroke and does not meet an end.
+
+    Settings
+    --------
+    amplitudes
+        of the load, N; default: 20, 30 and 40 % of the blocked force at full command
+    frequencies
+        Hz
+    pressures
+        of both chambers; default: half way from ambient to supply
+    """
     from pneudrive.datasheet.characteristics.steady import full_force
 
     if amplitudes is None:
@@ -132,8 +197,8 @@ def _load_describing(
     grid = np.array([[_load_harmonics(plant, float(a), float(f), gas) for f in frequencies] for a in amplitudes])
     over = ("amplitude", "frequency")
     axes = {
-        "amplitude": ResultValue(("amplitude",), list(map(float, amplitudes)), "N", "amplitude of the load"),
-        "frequency": ResultValue(("frequency",), list(map(float, frequencies)), "Hz", "frequency"),
+        "amplitude": Axis(list(map(float, amplitudes)), "N", "amplitude of the load"),
+        "frequency": Axis(list(map(float, frequencies)), "Hz", "frequency"),
     }
     return axes, {
         "compliance": ResultValue(over, grid[:, :, 0], "m/N", "first harmonic of the position over the amplitude"),
@@ -159,54 +224,3 @@ def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: A
     if min(positions) <= 0.0 or max(positions) >= plant.stroke_m:
         return math.nan, math.nan, math.nan
     return _over_sine(np.array(positions), amplitude)
-
-
-CHARACTERISTICS = (
-    Characteristic(
-        name="bode",
-        title="Frequency response",
-        definition="Response of velocity, position, pressures to a small command about an operating point: mid stroke, "
-        "pressures of slow steady motion, slopes of the valve for small positive commands, viscous friction.",
-        algorithm="exact linearisation by the core, evaluated at frequencies",
-        find=_bode,
-        x="frequency",
-        y="velocity_response",
-        settings={
-            "command": (0.0, "command at the operating point"),
-            "position": (None, "m; default: mid stroke"),
-            "pressures": (None, "of both chambers; default: those of slow steady motion"),
-            "friction": ("sliding", "presliding, sliding or none"),
-        },
-        needs_shares=True,
-    ),
-    Characteristic(
-        name="describing-function",
-        title="Response to large sines",
-        definition="First harmonic of the velocity over a sinusoidal command, for amplitudes and frequencies, and the "
-        "other harmonics over it; from mid stroke, where the piston does not meet an end.",
-        algorithm="simulated, command in 200 steps a period; two periods by Fourier transform after four of settling",
-        find=_describing,
-        x="frequency",
-        y="gain",
-        settings={"amplitudes": (AMPLITUDES, "of the command"), "frequencies": (SINE_HZ, "Hz")},
-        slow=True,
-        held=False,
-        needs_shares=True,
-    ),
-    Characteristic(
-        name="load-describing-function",
-        title="Response to large sines of the load",
-        definition="First harmonic of the position over a sinusoidal load with the valve shut, for amplitudes and "
-        "frequencies, and the other harmonics over it; from mid stroke, where the piston does not meet an end.",
-        algorithm="simulated, load in 200 steps a period; two periods by Fourier transform after four of settling",
-        find=_load_describing,
-        x="frequency",
-        y="compliance",
-        settings={
-            "amplitudes": (None, "of the load, N; default: 20, 30 and 40 % of the blocked force at full command"),
-            "frequencies": (SINE_HZ, "Hz"),
-            "pressures": (None, "of both chambers; default: half way from ambient to supply"),
-        },
-        slow=True,
-    ),
-)

@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.characteristic import DIRECTIONS, Axis, ResultValue, characteristic, number
 from pneudrive.datasheet.characteristics.motion import StrokeRun, cycle, one_stroke
 from pneudrive.datasheet.linear import gas_at
 from pneudrive.datasheet.strokes import STROKE_MEANING
 
 if TYPE_CHECKING:
+    from pneudrive.datasheet.characteristic import DIRECTIONS, Found
     from pneudrive.datasheet.plant import HeldDrive
 
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
-
-DIRECTIONS = ResultValue(("direction",), ["out", "back"], "1", "towards the end of chamber b, of chamber a")
 COMMANDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 SHOWN = 400  # samples of a trace
 _TRACE = {
@@ -28,7 +26,7 @@ _TRACE = {
 }
 
 
-def trace(motion: StrokeRun) -> tuple[dict[str, ResultValue], dict[str, ResultValue]]:
+def trace(motion: StrokeRun) -> Found:
     """Return position, velocity and pressures over time, thinned for a figure."""
     time = motion.columns["time_s"]
     shown = np.linspace(time[0], time[-1], SHOWN)
@@ -36,7 +34,7 @@ def trace(motion: StrokeRun) -> tuple[dict[str, ResultValue], dict[str, ResultVa
         name: ResultValue(("time",), np.interp(shown, time, motion.columns[column]), unit, meaning)
         for name, (column, unit, meaning) in _TRACE.items()
     }
-    return {"time": ResultValue(("time",), shown, "s", "time from the command")}, values
+    return {"time": Axis(shown, "s", "time from the command")}, values
 
 
 def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]:
@@ -45,7 +43,30 @@ def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]
     return {name: ResultValue(dims, pick(name), unit, meaning) for name, (unit, meaning) in STROKE_MEANING.items()}
 
 
+@characteristic(
+    "step-response",
+    algorithm="simulated with default tolerance; contacts located by the solver",
+    cites=("iso6358-2013", "steinebach2023"),
+    x="time",
+    y="position",
+    held=False,
+)
 def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None, pressures: Any = None) -> Found:  # noqa: ANN401
+    """Response to a step.
+
+    One stroke from rest. The stroke time runs from the command to the first contact with the end, the dead time
+    until 0.2 % of the way. The rise time runs from 10 % to 90 % of the way. The settling time ends where the
+    position stays within 1 % of the way.
+
+    Settings
+    --------
+    command
+        of the valve
+    position
+        start position, m; default: the end from which the piston moves away
+    pressures
+        start pressures; default: ambient, and supply in the emptying chamber
+    """
     x = (0.0 if command > 0.0 else plant.stroke_m) if position is None else position
     at_rest = plant.before(command) if pressures is None else plant.pressures(gas_at(plant, pressures))
     motion = one_stroke(plant, command, x, at_rest)
@@ -53,7 +74,26 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
     return axes, values | _numbers(motion, ())
 
 
+@characteristic(
+    "square-response",
+    algorithm="three simulated cycles, of which the last is evaluated; half a period suffices for a stroke",
+    cites=("iso6358-2013", "steinebach2023"),
+    x="time",
+    y="position",
+    held=False,
+)
 def _square(plant: HeldDrive, command: float = 1.0, half_period: float | None = None) -> Found:
+    """Response to a square command.
+
+    Periodic strokes out and back under a square command. Results as for a step.
+
+    Settings
+    --------
+    command
+        size of the command
+    half_period
+        half period, s; default: long enough to reach both ends
+    """
     motion = cycle(plant, command, half_period)
     axes, values = trace(motion)
     cycle_time = number(sum(stroke.stroke_time for stroke in motion.strokes), "s", "both stroke times")
@@ -64,7 +104,20 @@ def _square(plant: HeldDrive, command: float = 1.0, half_period: float | None = 
     }
 
 
+@characteristic(
+    "impact",
+    algorithm="one simulated stroke for each command and direction, with ledger",
+    x="command",
+    y="end_energy",
+    slow=True,
+    held=False,
+)
 def _impact(plant: HeldDrive) -> Found:
+    """Impact at the ends.
+
+    Speed and kinetic energy of the moving mass at the first contact with the end, and the total energy that the
+    end stop absorbs. Each is that of a full stroke from rest with the emptying chamber at supply pressure.
+    """
     rows, commands = [], plant.sizes(COMMANDS)
     for command in commands:
         out = one_stroke(plant, command, 0.0, plant.before(1.0), ledger=True)
@@ -100,7 +153,7 @@ def _impact(plant: HeldDrive) -> Found:
     found["end_over_mean_speed"] = ResultValue(
         over, ratio, "1", "end speed divided by mean speed (makers assume 1.4 to 1.5)"
     )
-    return {"command": ResultValue(("command",), commands, "1", "size of the command"), "direction": DIRECTIONS}, found
+    return {"command": Axis(commands, "1", "size of the command"), "direction": DIRECTIONS}, found
 
 
 def _hit(motion: StrokeRun) -> dict[str, float]:
@@ -114,51 +167,3 @@ def _hit(motion: StrokeRun) -> dict[str, float]:
         nothing = dict.fromkeys(("peak_force_n", "depth_m"), math.nan)
         return nothing | {"speed_m_s": stroke.end_speed, "energy_j": stroke.end_energy, "absorbed_j": taken}
     return {**first, "absorbed_j": taken}
-
-
-CHARACTERISTICS = (
-    Characteristic(
-        name="step-response",
-        title="Response to a step",
-        definition="One stroke from rest. Stroke time: from the command to the first contact with the end; dead time: "
-        "until 0.2 % of the way; rise time: 10 % to 90 %; settling: within 1 % of the way.",
-        algorithm="simulated with default tolerance; contacts located by the solver",
-        find=_step,
-        cites=("iso6358-2013", "steinebach2023"),
-        x="time",
-        y="position",
-        settings={
-            "command": (1.0, "of the valve"),
-            "position": (None, "start position, m; default: the end from which the piston moves away"),
-            "pressures": (None, "start pressures; default: ambient, and supply in the emptying chamber"),
-        },
-        held=False,
-    ),
-    Characteristic(
-        name="square-response",
-        title="Response to a square command",
-        definition="Periodic strokes out and back under a square command. Results as for a step.",
-        algorithm="three simulated cycles, of which the last is evaluated; half a period suffices for a stroke",
-        find=_square,
-        cites=("iso6358-2013", "steinebach2023"),
-        x="time",
-        y="position",
-        settings={
-            "command": (1.0, "size of the command"),
-            "half_period": (None, "half period, s; default: long enough to reach both ends"),
-        },
-        held=False,
-    ),
-    Characteristic(
-        name="impact",
-        title="Impact at the ends",
-        definition="Speed and kinetic energy of the moving mass at the first contact with the end after a full stroke "
-        "from rest, emptying chamber at supply pressure; and the total energy that the end stop absorbs.",
-        algorithm="one simulated stroke for each command and direction, with ledger",
-        find=_impact,
-        x="command",
-        y="end_energy",
-        slow=True,
-        held=False,
-    ),
-)

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.characteristic import DIRECTIONS, Axis, ResultValue, characteristic, number
 from pneudrive.datasheet.equilibrium import at_velocity, under_load
 from pneudrive.errors import SimulationError
 
 if TYPE_CHECKING:
+    from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
-
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 
 SMALL = (0.05, 0.1)  # commands between which the velocity gain is taken
 SHARES = (0.0, 0.25, 0.5)  # of the stall force: loads against the motion
@@ -37,7 +36,24 @@ def full_force(plant: HeldDrive, direction: float) -> tuple[float, float]:
     return blocked, blocked - abs(plant.sliding(direction * LEAST_VELOCITY, pressures, x))
 
 
+@characteristic(
+    "velocity",
+    algorithm="all rates of the core are zero, by implicit steps that become Newton steps; steady friction",
+    cites=("iso6358-2013",),
+    x="command",
+    y="velocity",
+)
 def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a sequence of numbers
+    """Steady velocity against command and load.
+
+    Velocity at which pressures, temperatures and velocity are constant, at mid stroke; load against the motion.
+    Velocity gain and dead zone: line through commands 0.05 and 0.1 without load.
+
+    Settings
+    --------
+    loads
+        forces against the motion, N; default: 0, 25 and 50 % of the stall force
+    """
     x = 0.5 * plant.stroke_m
     sizes = plant.sizes(COMMANDS)
     commands = np.array([*(-u for u in reversed(sizes)), *sizes])
@@ -47,9 +63,9 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
     has_shares = len(sizes) > 1
     gains = [velocity_gain(plant, u, x) if has_shares else (math.nan, math.nan) for u in (1.0, -1.0)]
     axes = {
-        "command": ResultValue(("command",), commands, "1", "command of the valve"),
-        "load_force": ResultValue(("load_force",), against, "N", "constant force against the motion"),
-        "direction": ResultValue(("direction",), ["out", "back"], "1", "towards the end of chamber b, of chamber a"),
+        "command": Axis(commands, "1", "command of the valve"),
+        "load_force": Axis(against, "N", "constant force against the motion"),
+        "direction": DIRECTIONS,
     }
     over = ("command", "load_force")
     return axes, {
@@ -85,7 +101,24 @@ def velocity_gain(plant: HeldDrive, direction: float, position: float) -> tuple[
     return slope, low - slow / slope
 
 
+@characteristic(
+    "force-speed",
+    algorithm="as for velocity",
+    cites=("iso6358-2013",),
+    x="load_force",
+    y="speed",
+)
 def _force(plant: HeldDrive, points: int = 12) -> Found:
+    """Force against speed at full command.
+
+    Load against which a steady speed is reached at command 1 and -1. Blocked force: of gas, weight, springs and the
+    described load on a pinned piston. Stall force: blocked force less breakaway.
+
+    Settings
+    --------
+    points
+        number of loads in each direction
+    """
     x = 0.5 * plant.stroke_m
     directions = (1.0, -1.0)
     blocked, stall = zip(*(full_force(plant, direction) for direction in directions), strict=True)
@@ -98,8 +131,8 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
         ]
     )
     axes = {
-        "direction": ResultValue(("direction",), ["out", "back"], "1", "towards the end of chamber b, of chamber a"),
-        "share": ResultValue(("share",), shares, "1", "load as a fraction of the stall force"),
+        "direction": DIRECTIONS,
+        "share": Axis(shares, "1", "load as a fraction of the stall force"),
     }
     return axes, {
         "load_force": ResultValue(("direction", "share"), loads, "N", "constant force against the motion"),
@@ -120,7 +153,25 @@ def _blocked(plant: HeldDrive, command: float, position: float) -> float:
     return found.pressure_a_pa - found.pressure_b_pa
 
 
+@characteristic(
+    "pressure-gain",
+    algorithm="pressures and temperatures at which the rates of the core are zero, piston pinned at mid stroke",
+    standard="form of ISO 10041",
+    cites=("iso6358-2013",),
+    x="command",
+    y="pressure_difference",
+    needs_shares=True,
+)
 def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
+    """Pressure gain.
+
+    Pressure difference of the chambers against the command with a blocked piston, and its slope at the centre.
+
+    Settings
+    --------
+    position
+        of the blocked piston, m; default: mid stroke
+    """
     x = 0.5 * plant.stroke_m if position is None else position
     commands = np.array([*(-u for u in reversed(BLOCKED)), *BLOCKED])
     difference = np.array([_blocked(plant, u, x) for u in commands])
@@ -130,7 +181,7 @@ def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
         slope = (_blocked(plant, TINY, x) - _blocked(plant, -TINY, x)) / (2.0 * TINY)
     except SimulationError:  # no leak: any pressure holds at a shut valve
         centre, slope = (math.nan, math.nan), math.inf
-    axes = {"command": ResultValue(("command",), commands, "1", "command of the valve")}
+    axes = {"command": Axis(commands, "1", "command of the valve")}
     return axes, {
         "pressure_difference": ResultValue(
             ("command",), difference, "Pa", "pressure a less pressure b, piston blocked"
@@ -139,45 +190,3 @@ def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
         "centre_pressure_a": number(centre[0], "Pa", "absolute pressure in chamber a at the centre"),
         "centre_pressure_b": number(centre[1], "Pa", "absolute pressure in chamber b at the centre"),
     }
-
-
-CHARACTERISTICS = (
-    Characteristic(
-        name="velocity",
-        title="Steady velocity against command and load",
-        definition="Velocity at which pressures, temperatures and velocity are constant, at mid stroke; "
-        "load against the motion. Velocity gain and dead zone: line through commands 0.05 and 0.1 without load.",
-        algorithm="all rates of the core are zero, by implicit steps that become Newton steps; steady friction",
-        find=_velocity,
-        cites=("iso6358-2013",),
-        x="command",
-        y="velocity",
-        settings={"loads": (None, "forces against the motion, N; default: 0, 25 and 50 % of the stall force")},
-    ),
-    Characteristic(
-        name="force-speed",
-        title="Force against speed at full command",
-        definition="Load against which a steady speed is reached at command 1 and -1. Blocked force: of gas, "
-        "weight, springs and the described load on a pinned piston. Stall force: blocked force less breakaway.",
-        algorithm="as for velocity",
-        find=_force,
-        cites=("iso6358-2013",),
-        x="load_force",
-        y="speed",
-        settings={"points": (12, "number of loads in each direction")},
-    ),
-    Characteristic(
-        name="pressure-gain",
-        title="Pressure gain",
-        definition="Pressure difference of the chambers against the command with a blocked piston, and its slope at "
-        "the centre.",
-        algorithm="pressures and temperatures at which the rates of the core are zero, piston pinned at mid stroke",
-        find=_pressure_gain,
-        standard="form of ISO 10041",
-        cites=("iso6358-2013",),
-        x="command",
-        y="pressure_difference",
-        settings={"position": (None, "of the blocked piston, m; default: mid stroke")},
-        needs_shares=True,
-    ),
-)

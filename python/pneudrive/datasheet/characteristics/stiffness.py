@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
 from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pneudrive.simulation.session import Linear
 
     Array = NDArray[np.float64]
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+    from pneudrive.datasheet.characteristic import Found
 
 FAST, SLOW = 1e6, 1e-5  # rad/s: heat does not follow, heat follows
 SHARES = (0.0, 0.02, 0.05, 0.1, 0.175, 0.25, 0.375, 0.5, 0.625, 0.75, 0.825, 0.9, 0.95, 0.98, 1.0)  # of the stroke
@@ -67,7 +67,24 @@ def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 
     return [1e5 * p for p in LEVELS if low < 1e5 * p < high] or [0.5 * (low + high)]
 
 
+@characteristic(
+    "stiffness",
+    algorithm="exact linearisation by the core without friction; states of the chambers eliminated at a frequency",
+    cites=("bejan2016",),
+    x="position",
+    y="adiabatic_stiffness",
+)
 def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
+    """Stiffness of the air spring.
+
+    Force over displacement of the piston with a shut valve, both chambers at one pressure and at wall temperature.
+    A fast motion is without heat exchange, a slow one at the temperature of the wall.
+
+    Settings
+    --------
+    pressures
+        absolute pressures; default: 2, 3, 4, 5 bar abs below the supply
+    """
     positions = [share * plant.stroke_m for share in SHARES]
     levels = levels_of(plant, pressures)
     models = [[_at(plant, x, p) for p in levels] for x in positions]
@@ -77,9 +94,9 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     over = np.asarray([dynamic_stiffness(middle, plant.piston, 2j * math.pi * f) for f in FREQUENCIES])
     loss = np.imag(over) / np.real(over)
     axes = {
-        "position": ResultValue(("position",), positions, "m", "position of the piston"),
-        "pressure": ResultValue(("pressure",), levels, "Pa", "absolute pressure in both chambers"),
-        "frequency": ResultValue(("frequency",), FREQUENCIES, "Hz", "frequency"),
+        "position": Axis(positions, "m", "position of the piston"),
+        "pressure": Axis(levels, "Pa", "absolute pressure in both chambers"),
+        "frequency": Axis(FREQUENCIES, "Hz", "frequency"),
     }
     grid = ("position", "pressure")
     return axes, {
@@ -97,7 +114,24 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     }
 
 
+@characteristic(
+    "natural-frequency",
+    algorithm="square root of adiabatic stiffness over mass; eigenvalues of the exact linearisation",
+    x="position",
+    y="natural_frequency",
+)
 def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
+    """Natural frequency and damping.
+
+    The moving mass is on the air spring with the valve shut and both chambers at one pressure. The damping
+    includes the viscous part of the friction and the heat of the wall. Below breakaway the bristles add their
+    stiffness.
+
+    Settings
+    --------
+    pressures
+        absolute pressures; default: 2, 3, 4, 5 bar abs below the supply
+    """
     positions = [share * plant.stroke_m for share in SHARES]
     levels = levels_of(plant, pressures)
     bare = np.array([[adiabatic_stiffness(plant, x, p) for p in levels] for x in positions])
@@ -105,9 +139,9 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
         [[_mode(linear_model(plant, SIDE, x, gas_at(plant, p), friction="sliding")) for p in levels] for x in positions]
     )
     axes = {
-        "position": ResultValue(("position",), positions, "m", "position of the piston"),
-        "pressure": ResultValue(("pressure",), levels, "Pa", "absolute pressure in both chambers"),
-        "mass": ResultValue(("mass",), [k * plant.mass for k in MASSES], "kg", "moving mass"),
+        "position": Axis(positions, "m", "position of the piston"),
+        "pressure": Axis(levels, "Pa", "absolute pressure in both chambers"),
+        "mass": Axis([k * plant.mass for k in MASSES], "kg", "moving mass"),
     }
     grid = ("position", "pressure")
     half = 0.5 * plant.stroke_m
@@ -142,28 +176,3 @@ def _mode(linear: Linear) -> tuple[float, float]:
 
 
 _PRESSURES = {"pressures": (None, "absolute pressures; default: 2, 3, 4, 5 bar abs below the supply")}
-CHARACTERISTICS = (
-    Characteristic(
-        name="stiffness",
-        title="Stiffness of the air spring",
-        definition="Force over displacement of the piston with a shut valve, both chambers at one pressure and at wall "
-        "temperature; fast: without heat exchange; slow: at the temperature of the wall.",
-        algorithm="exact linearisation by the core without friction; states of the chambers eliminated at a frequency",
-        find=_stiffness,
-        cites=("bejan2016",),
-        x="position",
-        y="adiabatic_stiffness",
-        settings=_PRESSURES,
-    ),
-    Characteristic(
-        name="natural-frequency",
-        title="Natural frequency and damping",
-        definition="Of the moving mass on the air spring, valve shut, both chambers at one pressure; damping with the "
-        "viscous part of the friction and the heat of the wall. Below breakaway the bristles add their stiffness.",
-        algorithm="square root of adiabatic stiffness over mass; eigenvalues of the exact linearisation",
-        find=_frequency,
-        x="position",
-        y="natural_frequency",
-        settings=_PRESSURES,
-    ),
-)

@@ -6,17 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue
-from pneudrive.datasheet.characteristics.response import DIRECTIONS
+from pneudrive.datasheet.characteristic import DIRECTIONS, ResultValue, characteristic
 from pneudrive.datasheet.characteristics.steady import LEAST_VELOCITY
 from pneudrive.datasheet.plant import RTOL
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
+    from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
-
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 
 # The pressure rises so slowly that bristles neither oscillate nor slide: in 10 s they deflect 1.1 % below breakaway, in
 # 100 s 0.2 %.
@@ -60,7 +58,19 @@ def least_pressure(plant: HeldDrive, direction: float, share: float = DONE) -> f
     return high
 
 
+@characteristic(
+    "minimum-pressure",
+    algorithm="bisection on simulated runs to 0.002 % of the span from ambient to supply",
+    standard="form of ISO 10099",
+    slow=True,
+    held=False,
+)
 def _minimum(plant: HeldDrive) -> Found:
+    """Minimum pressure and breakaway.
+
+    Least supply pressure, above ambient, at which the piston, with its load, covers 99 % of its stroke within 660
+    s from rest at full command. The pressure rises from ambient over 600 s and is then held.
+    """
     if plant.supply_pa <= plant.ambient[0]:
         raise CommandError(f"{plant.name}: the supply is not above ambient pressure")
     rows = []
@@ -83,18 +93,3 @@ def _minimum(plant: HeldDrive) -> Found:
             "steady friction at the onset of sliding, both chambers at ambient pressure",
         ),
     }
-
-
-CHARACTERISTICS = (
-    Characteristic(
-        name="minimum-pressure",
-        title="Minimum pressure and breakaway",
-        definition="Least supply pressure, above ambient, at which the piston, with its load, covers 99 % of its "
-        "stroke within 660 s from rest at full command; the pressure rises from ambient over 600 s and is then held.",
-        algorithm="bisection on simulated runs to 0.002 % of the span from ambient to supply",
-        find=_minimum,
-        standard="form of ISO 10099",
-        slow=True,
-        held=False,
-    ),
-)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import units
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue
+from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic
 from pneudrive.datasheet.characteristics.motion import one_stroke
 from pneudrive.datasheet.characteristics.steady import full_force
 from pneudrive.datasheet.characteristics.stiffness import adiabatic_stiffness
@@ -19,9 +19,8 @@ from pneudrive.describe.quantities import StatedPressure
 from pneudrive.errors import CommandError, PneudriveError, nearest
 
 if TYPE_CHECKING:
+    from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe.drive import Drive
-
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
 
 SHARE = 1e-3  # of a number, to both sides
 _RESULTS = {
@@ -66,7 +65,24 @@ def _of(plant: HeldDrive) -> dict[str, float]:
     }
 
 
+@characteristic(
+    "sensitivity",
+    algorithm="central differences of 0.1 % of the number",
+    x="parameter",
+    y="stroke_time_sensitivity",
+    slow=True,
+    held=False,
+)
 def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - a sequence of names
+    """Sensitivity to each number of the drive.
+
+    Relative change of a result over the relative change of one number of the drive file.
+
+    Settings
+    --------
+    numbers
+        of the drive file; default: all
+    """
     drive: Any = plant.described
     if not hasattr(drive, "cylinder"):
         raise CommandError(f"{plant.name} is a circuit", rule="sensitivities are those of a drive file")
@@ -87,26 +103,10 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
         rows.append([math.log(high[key] / low[key]) / width for key in _RESULTS])
     table = np.array(rows)
     order = np.argsort(-np.nanmax(np.abs(table), axis=1))
-    axes = {"parameter": ResultValue(("parameter",), [names[k] for k in order], "1", "number of the drive file")}
+    axes = {"parameter": Axis([names[k] for k in order], "1", "number of the drive file")}
     return axes, {
         f"{key}_sensitivity": ResultValue(
             ("parameter",), table[order, number], "1", f"relative change of the {what}, over that of the number"
         )
         for number, (key, what) in enumerate(_RESULTS.items())
     }
-
-
-CHARACTERISTICS = (
-    Characteristic(
-        name="sensitivity",
-        title="Sensitivity to each number of the drive",
-        definition="Relative change of a result over the relative change of one number of the drive file.",
-        algorithm="central differences of 0.1 % of the number",
-        find=_tornado,
-        x="parameter",
-        y="stroke_time_sensitivity",
-        settings={"numbers": (None, "of the drive file; default: all")},
-        slow=True,
-        held=False,
-    ),
-)

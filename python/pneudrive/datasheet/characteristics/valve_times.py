@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import Characteristic, ResultValue, number
+from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
 from pneudrive.datasheet.strokes import first_passage
 from pneudrive.errors import CommandError
 
@@ -16,14 +16,33 @@ if TYPE_CHECKING:
     from pneudrive.datasheet.plant import HeldDrive
 
     Array = NDArray[np.float64]
-    Found = tuple[dict[str, ResultValue], dict[str, ResultValue]]
+    from pneudrive.datasheet.characteristic import Found
 
 SHARE = 0.1  # of the change of the pressure at the outlet
 VOLUME_M3 = 1e-5
 REST_S, RATE_HZ = 0.5, 1e5  # between the commands; samples
 
 
+@characteristic(
+    "valve-times",
+    algorithm="virtual test stand: reservoir, valve, volume",
+    standard="form of ISO 12238",
+    x="time",
+    y="outlet_pressure",
+    held=False,
+)
 def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) -> Found:
+    """Times of the valve.
+
+    From the command on, and off, until the pressure of 10 cm3 at the outlet has changed by 10 % of its way to the end.
+
+    Settings
+    --------
+    share
+        of the change
+    volume
+        at the outlet, m3
+    """  # noqa: D401 - a title
     table = plant.circuit.components[plant.valve].plain()
     if "time_on" not in table:
         raise CommandError(
@@ -37,7 +56,7 @@ def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) ->
     up = first_passage(time[on], rise, rise[0] + share * (rise[-1] - rise[0]))
     down = first_passage(time[off], -fall, -fall[0] + share * (fall[0] - fall[-1])) - REST_S
     shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
-    axes = {"time": ResultValue(("time",), time[shown], "s", "time from the command on")}
+    axes = {"time": Axis(time[shown], "s", "time from the command on")}
     return axes, {
         "outlet_pressure": ResultValue(("time",), pressure[shown], "Pa", "absolute pressure at the outlet"),
         "time_on": number(up, "s", f"from the command on to {100.0 * share:g} % of the rise at the outlet"),
@@ -65,20 +84,3 @@ def _run(plant: HeldDrive, table: dict[str, Any], volume: float) -> tuple[Array,
     )
     run = circuit.simulate({"valve": f"0 s: 1, {REST_S} s: 0"}, 2.0 * REST_S, sample_rate=RATE_HZ)
     return run.time.to_numpy(), run["volume.pressure"].to_numpy()
-
-
-CHARACTERISTICS = (
-    Characteristic(
-        name="valve-times",
-        title="Times of the valve",
-        definition="From the command on, and off, until the pressure of 10 cm3 at the outlet has changed by 10 % "
-        "of its way to the end.",
-        algorithm="virtual test stand: reservoir, valve, volume",
-        find=_times,
-        standard="form of ISO 12238",
-        x="time",
-        y="outlet_pressure",
-        settings={"share": (SHARE, "of the change"), "volume": (VOLUME_M3, "at the outlet, m3")},
-        held=False,
-    ),
-)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.control.measures import written
 from pneudrive.report import style
@@ -75,7 +75,7 @@ def _method(found: ControlComparison) -> Section:
 def _reference(found: ControlComparison, number: int) -> Section:
     """Show the scores along one reference; of a spread the fractions of its members, and a box for each law."""
     topic, name = Topic("control", "reference"), list(found.references)[number]
-    said = {"called": _called(name, found.references[name].text), "spread": found.spread}
+    said: dict[str, Any] = {"called": _called(name, found.references[name].text), "spread": found.spread}
     pictures = []
     if found.spread:
         pictures.append(Picture(f"boxes-{number + 1}", topic.say("boxes", **said), boxes(found, name)))

@@ -1,0 +1,32 @@
+"""Parts of a docstring that a program shows to its user."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable
+from typing import Any
+
+
+def parts_of(function: Callable[..., Any], heading: str) -> tuple[str, dict[str, tuple[str, str]]]:
+    """Return the text of a docstring, and name -> form and meaning of what stands below a heading.
+
+    Parameters
+    ----------
+    function : callable
+    heading : str
+        ``Options`` of a command, ``Settings`` of a characteristic.
+
+    Examples
+    --------
+    >>> parts_of(parts_of, "Parameters")[1]["heading"]
+    ('str', '``Options`` of a command, ``Settings`` of a characteristic.')
+    """
+    text, _, described = inspect.cleandoc(function.__doc__ or "").partition(f"\n\n{heading}\n{'-' * len(heading)}\n")
+    described = described.partition("\n\n")[0]
+    parameters = {}
+    for block in re.split(r"\n(?=\S)", described) if described else ():
+        head, *lines = block.splitlines()
+        name, _, form = head.partition(" : ")
+        parameters[name] = (form, " ".join(line.strip() for line in lines))
+    return text, parameters
