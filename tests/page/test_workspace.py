@@ -187,9 +187,17 @@ CUT = """() => {
     if (one.childElementCount || !/^[\\w.-]{1,24}$/.test(words) || !one.checkVisibility()) continue;
     const range = document.createRange();
     range.selectNodeContents(one);
-    if (new Set([...range.getClientRects()].map((rect) => Math.round(rect.top))).size > 2) out.push(words);
+    if (new Set([...range.getClientRects()].map((rect) => Math.round(rect.top))).size > 1) out.push(words);
   }
   return out;
+}"""
+
+
+#: What a pointer can press and a keyboard cannot. Points of a sizing are rows of its table too.
+MOUSE_ONLY = """() => {
+  const keyed = "a[href], button, input, select, textarea, summary, label, [tabindex], [contenteditable], .candidates";
+  const pressed = [...document.querySelectorAll("body *")].filter((one) => getComputedStyle(one).cursor === "pointer");
+  return pressed.filter((one) => !one.closest(keyed)).map((one) => one.outerHTML.slice(0, 80));
 }"""
 
 
@@ -207,6 +215,7 @@ def test_nothing_is_cut_off_in_any_view(server: Server, open_tab: Open, made: Pa
             page.set_viewport_size({"width": width, "height": 900})
             page.wait_for_timeout(50)
             assert page.evaluate(CUT) == [], (address, width)
+        assert page.evaluate(MOUSE_ONLY) == [], address
     tab.check()
 
 
@@ -241,6 +250,7 @@ def test_no_view_is_empty(server: Server, open_tab: Open) -> None:
         "sizing",
         "campaign",
         "control",
+        "datasheet",
         "handover",
     ):
         go(page, view)

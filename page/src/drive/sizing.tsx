@@ -370,7 +370,7 @@ function DataSheet({ folder }: { folder: string }) {
 
 const WIDTH = 520;
 const HEIGHT = 300;
-const EDGE = { left: 56, right: 12, top: 10, bottom: 40 };
+const EDGE = { left: 64, right: 12, top: 10, bottom: 40 };
 
 function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
   const timed = (one: Candidate) => (way === "out" ? one.time_out : one.time_back);

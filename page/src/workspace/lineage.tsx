@@ -39,6 +39,8 @@ const STATES: Record<Made["state"], string> = {
   unread: "not checked: too long, or no longer readable",
 };
 
+/** What the files hold, in a line each. */
+export const headlines = signal<Record<string, string>>({});
 export const stale = signal<Stale>({ stale: {}, unchecked: 0 });
 const shown = signal<Lineage | null>(null);
 const wrong = signal<Problem[]>([]);
@@ -55,6 +57,7 @@ export function lookForStale(): void {
 
 async function checkAll(): Promise<void> {
   try {
+    headlines.value = await read<Record<string, string>>("/api/headlines");
     stale.value = await read<Stale>("/api/stale");
     if (shown.value) await trace(shown.value.path);
   } catch (error) {

@@ -213,8 +213,12 @@ export function Tiles({ of, label }: { of: { key: string; title: string; text: s
   );
 }
 
-/** Return a time of the file system as text. */
-export const day = (seconds: number): string => new Date(1000 * seconds).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" });
+/** Return a time of the file system as text, with its year unless it is the present one. */
+export function day(seconds: number): string {
+  const at = new Date(1000 * seconds);
+  const year = at.getFullYear() === new Date().getFullYear() ? {} : ({ year: "numeric" } as const);
+  return at.toLocaleString("en-GB", { day: "numeric", month: "short", ...year, hour: "2-digit", minute: "2-digit" });
+}
 
 /** Note in a view that reads the file of a description while the page has unsaved changes of this file. */
 export function Unsaved({ path }: { path: string }) {

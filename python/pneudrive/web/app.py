@@ -58,6 +58,7 @@ BUILD_FILE, FRAME = "build.json", "application/octet-stream"
 ANSWERS: dict[str, tuple[str, ...]] = {
     "/api/lineage": ("GET", "lineage:shown_lineage", "path"),
     "/api/stale": ("GET", "lineage:stale_results"),
+    "/api/headlines": ("GET", "headlines:headlines"),
     "/api/rename": ("POST", "drop:rename", "path", "to"),
     "/api/own-layout": ("POST", "drop:with_own_layout", "path", "text"),
     "/api/example": ("POST", "drop:add_example"),

@@ -116,8 +116,13 @@ def shown_result(workspace: Workspace, path: str) -> dict[str, Any]:
     kind = next((one.kind for one in workspace.files() if one.path == path), "")
     if kind not in SHOWN:
         raise CommandError(f"{path[:200]} has no values to show", rule=f"a {', '.join(SHOWN)}")
+    return sent(view_at(workspace, path, kind))
+
+
+def view_at(workspace: Workspace, path: str, kind: str) -> View:
+    """Return the view of a result of a kind in `SHOWN`."""
     module, _, function = SHOWN[kind].partition(":")
-    return sent(getattr(import_module(module), function)(workspace, path))
+    return getattr(import_module(module), function)(workspace, path)  # type: ignore[no-any-return]
 
 
 def view_of_comparison(workspace: Workspace, path: str) -> View:
