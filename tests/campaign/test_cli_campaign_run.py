@@ -65,8 +65,8 @@ def test_run_and_status(folder, asked, capsys):
     [
         (["run", "nothing.toml", "--out", "c"], "nothing.toml"),
         (["run", "quick-look", "--out", "c", "--rig", "nothing"], "'nothing' is not a rig"),
-        (["run", "quick-look", "--out", "c", "--label", "seal"], "--label seal has no value"),
-        (["run", "quick-look", "--out", "c", "--timeout", "long"], "--timeout long is not a time"),
+        (["run", "quick-look", "--out", "c", "--label", "seal"], '--label "seal" is not key = value'),
+        (["run", "quick-look", "--out", "c", "--timeout", "long"], "--timeout: "),
         (["resume", "c"], "this is not a campaign folder"),
         (["status", "c"], "this is not a campaign folder"),
         (["pause", "c"], "no process works in this campaign folder"),

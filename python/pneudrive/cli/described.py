@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pneudrive.cli.options import pair_in
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
@@ -57,9 +58,7 @@ def changes_of(given: list[str]) -> dict[str, str | float]:
     """
     out: dict[str, str | float] = {}
     for text in given:
-        key, equals, value = (part.strip() for part in text.partition("="))
-        if not (key and equals and value):
-            raise CommandError(f'--set "{text}" is not key = value', remedy='For instance "friction.coulomb = 31 N".')
+        key, value = pair_in("--set", text, "friction.coulomb = 31 N")
         if key in out:
             raise CommandError(f"--set gives {key} twice", remedy="Keep one of them.")
         try:

@@ -72,7 +72,7 @@ class LazyGroup(TyperGroup):
         epilog = "\n  ".join(("\b\nExamples:", *lines)) if lines else None  # \b: click keeps the lines
         single.command(name=cmd_name, cls=RenamedOptions, hidden=hidden, epilog=epilog, help=text)(found)
         command = typer.main.get_command(single)
-        own = {parameter.name: parameter for parameter in command.params}
+        own: dict[str, Any] = {parameter.name: parameter for parameter in command.params}
         for name, (form, words) in described.items():
             own[name].help, own[name].metavar = words, form or own[name].metavar
         return command

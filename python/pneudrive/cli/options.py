@@ -46,6 +46,24 @@ BenchRig = Annotated[str, typer.Option("--rig", help="Rig file, ready rig, or ad
 Layout = Annotated[
     Path | None, typer.Option("--layout", help="Layout of foreign files; default: layout.toml in their folder.")
 ]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Picture: .png, .svg or .pdf.")]
+FitFile = Annotated[
+    Path,
+    typer.Argument(help="Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.", metavar="FIT.toml"),
+]
+Steps = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--command",
+        help='Valve command, -1 to 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. In a circuit: "VALVE: 0 s: 1".',
+        metavar="STEPS",
+    ),
+]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option("--set", help='Value, "friction.coulomb = 31 N"; repeatable.', metavar="KEY=VALUE"),
+]
+Rtol = Annotated[float, typer.Option("--rtol", help="Relative tolerance of the solver.")]
 Results = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
 Profile = Annotated[bool, typer.Option(help="Also compute intervals by profile likelihood.")]
 Page = Annotated[Path | None, typer.Option("--report", help="Folder for a report with residuals.", metavar="FOLDER")]
@@ -126,15 +144,24 @@ def option(name: str) -> Iterator[None]:
         raise CommandError(f"{name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
 
+def pair_in(option: str, text: str, example: str) -> tuple[str, str]:
+    """Return key and value of ``key = value``.
+
+    Raises
+    ------
+    CommandError
+        The text is not of this form.
+    """
+    key, equals, value = (part.strip() for part in text.partition("="))
+    if not (key and equals and value):
+        raise CommandError(f'{option} "{text}" is not key = value', remedy=f'For instance "{example}".')
+    return key, value
+
+
 def sensor_option(text: str) -> tuple[str, dict[str, str]]:
     """Read ``position: noise = 2 um, offset = free``."""
     channel, colon, rest = text.partition(":")
-    entries: dict[str, str] = {}
-    for entry in filter(None, map(str.strip, rest.split(","))):
-        key, equals, value = (part.strip() for part in entry.partition("="))
-        if not equals or not value:
-            raise CommandError(f'"{entry}" in --sensor is not key = value', remedy='For instance "noise = 2 um".')
-        entries[key] = value
+    entries = dict(pair_in("--sensor", entry, "noise = 2 um") for entry in names_in(rest))
     if not colon or not entries:
         raise CommandError(f'--sensor "{text}" has no key = value', remedy='For instance "position: noise = 2 um".')
     return channel.strip(), entries

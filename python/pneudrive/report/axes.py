@@ -57,6 +57,30 @@ def grid(
     return figure, axes
 
 
+def stack(height_in: float, ratios: Sequence[float], x: str = "time / s") -> tuple[Figure, list[Axes]]:
+    """Make a figure of panels below each other on one axis.
+
+    Parameters
+    ----------
+    height_in : float
+    ratios : sequence of float
+        Heights of the panels relative to each other.
+    x : str
+        Label of their axis.
+    """
+    figure = style.new_figure(height_in)
+    axes = list(figure.subplots(len(ratios), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0])
+    for axis in axes:
+        axis.margins(x=0)
+    axes[-1].set_xlabel(x)
+    return figure, axes
+
+
+def legend_over(axis: Axes, columns: int, **more: Any) -> None:  # noqa: ANN401 - of matplotlib
+    """Put the legend of a panel above its right end."""
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=columns, borderaxespad=0.0, **more)
+
+
 def band(
     axis: Axes,
     x: ArrayLike,

@@ -7,6 +7,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.report import style
+from pneudrive.report.axes import legend_over, stack
 from pneudrive.report.written import PICTURES, drawn, write_picture
 from pneudrive.simulation.trajectory import attributes, check_si, columns, whole
 
@@ -83,8 +84,7 @@ def draw(run: xr.Dataset) -> Figure:
     """Draw one panel for each kind of variable, on one time axis."""
     check_si(run)
     shown = _panels(run)
-    figure = style.new_figure(1.15 * len(shown) + 0.5)
-    axes = figure.subplots(max(len(shown), 1), 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = stack(1.15 * len(shown) + 0.5, [1] * max(len(shown), 1))
     part = style.thin(run.time, 20_000)
     time = run.time.to_numpy()[part]
     for axis, (label, factor, variables) in zip(axes, shown, strict=False):
@@ -93,11 +93,8 @@ def draw(run: xr.Dataset) -> Figure:
             steps = "steps-post" if label == "command" else "default"
             axis.plot(time, values, **look, lw=1.0, drawstyle=steps, label=words or None)
         if len(variables) > 1:
-            wide = min(len(variables), MOST_IN_A_ROW)
-            axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=wide, borderaxespad=0.0)
+            legend_over(axis, min(len(variables), MOST_IN_A_ROW))
         axis.set_ylabel(label)
-        axis.margins(x=0)
-    axes[-1].set_xlabel("time / s")
     title = run.attrs.get("title")
     if title:
         figure.suptitle(fill(f"{title} (simulated)", TITLE_LETTERS), fontsize=9, x=0.01, ha="left")

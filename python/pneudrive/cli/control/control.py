@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from pneudrive.cli.groups import group
-from pneudrive.cli.options import CatalogueFolders, Described, check_used, names_in
+from pneudrive.cli.options import CatalogueFolders, Described, Plot, Rtol, check_used, names_in
 from pneudrive.cli.output import check_outputs, show_events, show_table, tell, write_outputs, write_text
 from pneudrive.repr_tables import aligned
 
@@ -34,9 +34,6 @@ SetupOption = Annotated[
         "--setup",
         help="Instrumentation: ideal, real, cheap (assumed values), or a TOML file.",
     ),
-]
-Law = Annotated[
-    str, typer.Option("--law", help="Controller: pid, fuzzy, sliding-mode, super-twisting, inversion or nmpc.")
 ]
 Along = Annotated[
     str,
@@ -67,7 +64,7 @@ def _control() -> None:
 
 def tune(
     drive: Described,
-    law: Law = "nmpc",
+    law: str = "nmpc",
     setup: SetupOption = "real",
     out: Path | None = None,
     catalogue: CatalogueFolders = None,
@@ -78,6 +75,8 @@ def tune(
 
     Options
     -------
+    law
+        Controller: pid, fuzzy, sliding-mode, super-twisting, inversion or nmpc.
     out
         Controller file (TOML) with all gains.
     """
@@ -151,9 +150,9 @@ def run(
     initial: str | None = None,
     payload: str | None = None,
     dynamics: Literal["full", "constant"] = "full",
-    rtol: float = 1e-5,
+    rtol: Rtol = 1e-5,
     out: Path | None = None,
-    plot: Path | None = None,
+    plot: Plot = None,
     allow_code: AllowCode = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
@@ -175,12 +174,8 @@ def run(
         Platform: mass that no controller knows, "2 kg"; the spread of several: "0 kg, 2 kg".
     dynamics
         Platform: mass and load of the legs along the path, or those at its start.
-    rtol
-        Relative tolerance of the solver.
     out
         File .parquet, .csv, .nc; platform: folder.
-    plot
-        Picture: .png, .svg or .pdf.
     """
     from pneudrive.cli.progress import on_terminal
     from pneudrive.control.loop import prepare, run_prepared
@@ -294,7 +289,7 @@ def _members(found: ControlComparison) -> int:
 def reference(
     along: str,
     drive: Annotated[str, typer.Option()],
-    plot: Path | None = None,
+    plot: Plot = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Check a reference against a drive: stroke, load of valve, force and speed, and the necessary slowdown.
@@ -305,8 +300,6 @@ def reference(
         Reference, as for run.
     drive
         Drive or circuit file (TOML), or catalogue:NAME.
-    plot
-        Picture: .png, .svg or .pdf.
     """
     from pneudrive.control.demand import feasibility
     from pneudrive.control.references import check_reach

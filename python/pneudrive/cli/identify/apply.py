@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders
+from pneudrive.cli.options import CatalogueFolders, FitFile
 from pneudrive.cli.output import check_outputs, write_text
 
 
 def apply(
-    fit: Path,
+    fit: FitFile,
     drive: Annotated[str | None, typer.Argument()] = None,
     out: Path | None = None,
     catalogue: CatalogueFolders = None,
@@ -23,8 +23,6 @@ def apply(
 
     Options
     -------
-    fit : FIT.toml
-        Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.
     drive : [DRIVE]
         Drive file, catalogue:NAME, or tank file; default: the one with which `pneudrive identify` started.
     out

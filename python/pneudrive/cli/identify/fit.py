@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from pneudrive.cli.options import Page, Profile, names_in, option
+from pneudrive.cli.options import Layout, Page, Profile, names_in, option
 from pneudrive.cli.output import file_name, tell_fit
 from pneudrive.cli.progress import on_terminal
 
@@ -34,7 +34,7 @@ def fit(
     by: str = "",
     loss: str = "huber",
     ambient: str = "",
-    layout: Path | None = None,
+    layout: Layout = None,
     profile: Profile = False,
     report: Page = None,
     out: Path = Path("fit.toml"),
@@ -61,8 +61,6 @@ def fit(
         huber, soft-l1, tukey, or linear (not robust).
     ambient
         Ambient pressure, if the map lacks it.
-    layout
-        Layout of recordings; default: layout.toml in their folder.
     out
         Fit file to write; with --by one file for each value.
     """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, Page, Profile, names_in, one_of, sensor_option
+from pneudrive.cli.options import CatalogueFolders, Layout, Page, Profile, names_in, one_of, sensor_option
 from pneudrive.cli.output import check_outputs, tell, tell_fit, writable_folder
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def identify(
     follow: str | None = None,
     profile: Profile = False,
     report: Page = None,
-    layout: Path | None = None,
+    layout: Layout = None,
     out: Path | None = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
@@ -53,8 +53,6 @@ def identify(
     follow : motion
         A circuit follows the recorded position. Free: volumes, heat, wall, leak, leak_a, leak_b, barrel, or names
         such as upper.volume.
-    layout
-        Layout of foreign files.
     out
         Fit file to write (TOML).
     """

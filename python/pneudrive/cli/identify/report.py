@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from pneudrive.cli.options import Results
+from pneudrive.cli.options import FitFile, Results
 from pneudrive.cli.output import tell
 
 
 def report(
-    fit: Path,
+    fit: FitFile,
     friction_map: Annotated[Path | None, typer.Option("--map")] = None,
     out: Results = Path("report"),
 ) -> None:
@@ -23,8 +23,6 @@ def report(
 
     Options
     -------
-    fit : FIT.toml
-        Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.
     friction_map : MAP
         The fitted friction map, for the residuals.
     """

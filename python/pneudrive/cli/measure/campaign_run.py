@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import BenchRig, Protocol
+from pneudrive.cli.options import BenchRig, Protocol, pair_in, quantity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,7 +61,7 @@ def run(
     """
     from pneudrive.campaign.run import run_campaign
 
-    labels = _labels(label or [])
+    labels = dict(pair_in("--label", text, "seal = NAPN") for text in label or ())
     options = _options(operator, yes, patience)
     again = _again(into, rig)
     with _running(again):
@@ -163,27 +163,11 @@ def abort(folder: Folder) -> None:
     typer.echo("The campaign has ended. Finished cycles are kept.")
 
 
-def _labels(given: list[str]) -> dict[str, str]:
+def _options(operator: str, yes: bool, patience: str) -> Options:
+    from pneudrive.campaign.options import Options
     from pneudrive.errors import CommandError
 
-    labels = {}
-    for one in given:
-        name, equals, value = one.partition("=")
-        if not (name.strip() and equals):
-            raise CommandError(f"--label {one} has no value", rule="KEY=VALUE")
-        labels[name.strip()] = value.strip()
-    return labels
-
-
-def _options(operator: str, yes: bool, patience: str) -> Options:
-    from pneudrive import units
-    from pneudrive.campaign.options import Options
-    from pneudrive.errors import CommandError, PneudriveError
-
-    try:
-        seconds = units.parse(patience, "s")
-    except PneudriveError as error:
-        raise CommandError(f"--timeout {patience} is not a time", value=str(error)) from None
+    seconds = quantity("--timeout", patience, "s")
     if seconds < 0.0:
         raise CommandError(f"--timeout {patience} is out of bounds", rule="zero or more")
     return Options(operator=operator, yes=yes, patience_s=seconds)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.cli.options import Results, Samples, one_of
+from pneudrive.cli.options import Layout, Results, Samples, one_of
 from pneudrive.cli.output import file_name, show_lines, show_view, tell, writable_folder
 from pneudrive.cli.progress import on_terminal
 from pneudrive.errors import Cancelled
@@ -25,7 +25,7 @@ Fits = dict[str, dict[str, "FrictionFit"]]
 
 def characterise(
     recordings: list[Path],
-    layout: Path | None = None,
+    layout: Layout = None,
     out: Results = Path("characterisation"),
     protocol: Samples = "settled",
     law: str = "stribeck",
@@ -41,8 +41,6 @@ def characterise(
     -------
     recordings : RECORDING...|FOLDER|CAMPAIGN
         Recordings, also compressed (.gz, .xz, .bz2); their folder with layout.toml; or a campaign folder.
-    layout
-        Layout of the files; default: layout.toml in their folder.
     law
         Friction law of fit.toml: coulomb or stribeck.
     """

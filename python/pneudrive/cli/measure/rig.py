@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from pneudrive.cli.groups import group
-from pneudrive.cli.options import option
+from pneudrive.cli.options import quantity
 
 rig = group(dict.fromkeys(("serve", "certificate", "user"), "pneudrive.cli.measure.rig"))
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -73,7 +73,6 @@ def serve(
     from pneudrive.rig.opcua.access import Protection
     from pneudrive.rig.opcua.nodes import load_map
     from pneudrive.rig.opcua.server import RigServer
-    from pneudrive.units import parse
 
     protection = Protection.of(certificate, key, trust, user_file, trust_user)
     if bind not in LOOPBACK and certificate is None and not unprotected:
@@ -84,8 +83,7 @@ def serve(
         )
     if pace < 0.0 or 0.0 < pace < 1.0:
         raise CommandError(f"--speed {pace:g} is out of bounds", rule="0, or at least 1")
-    with option("--heartbeat"):
-        heartbeat_s = parse(heartbeat, "s") if heartbeat else None
+    heartbeat_s = quantity("--heartbeat", heartbeat, "s") if heartbeat else None
     if heartbeat_s is not None and heartbeat_s <= 0.0:
         raise CommandError(f"--heartbeat {heartbeat} is out of bounds", rule="greater than zero")
     bench = load_rig(rig, seed, pace or None)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, names_in
+from pneudrive.cli.options import CatalogueFolders, Plot, names_in
 from pneudrive.cli.output import check_outputs, write_outputs
 from pneudrive.repr_tables import aligned
 
@@ -32,7 +32,7 @@ def lines(
     length: str = "0.5 m, 1 m, 2 m, 5 m",
     diameter: str = "4 mm, 6 mm, 8 mm",
     out: Path | None = None,
-    plot: Path | None = None,
+    plot: Plot = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
     """Show speed and stroke time over length and bore of the tubes.
@@ -47,8 +47,6 @@ def lines(
         Inner diameters of the tubes.
     out
         Table: .csv or .parquet.
-    plot
-        Picture: .png, .svg or .pdf.
     """
     from pneudrive.cli.progress import on_terminal
     from pneudrive.describe.files.load import load_described

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, Described
+from pneudrive.cli.options import CatalogueFolders, Changes, Described, Rtol, Steps
 from pneudrive.cli.output import check_outputs, tell, write_outputs
 from pneudrive.errors import CommandError
 
@@ -23,13 +23,13 @@ MOST_IMPACTS = 5  # printed impacts; the file has all of them
 def simulate(
     drive: Described,
     duration: str = "",
-    command: list[str] | None = None,
+    command: Steps = None,
     initial: str | None = None,
-    set: list[str] | None = None,  # noqa: A002 - the name of the option
+    set: Changes = None,  # noqa: A002 - the name of the option
     motion: Path | None = None,
     layout: Path | None = None,
     sample_rate: str = "1 kHz",
-    rtol: float = 1e-6,
+    rtol: Rtol = 1e-6,
     budget: int | None = None,
     out: Path | None = None,
     plot: Path | None = None,
@@ -42,21 +42,14 @@ def simulate(
     -------
     duration
         Duration, e.g. "2 s"; not with --motion.
-    command : STEPS
-        Valve command in -1 .. 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file (time_s,command). For a circuit with
-        the name of the valve in front, repeatable: "valve_l: 0 s: 1, 0.5 s: -1".
     initial
         Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs"; for a circuit "left.position = 50 mm".
-    set : KEY = VALUE
-        Changed value, "friction.coulomb = 31 N"; repeatable.
     motion : RECORDING
         Recording whose position the piston of a circuit follows.
     layout
         Layout of that recording.
     sample_rate
         Samples per second.
-    rtol
-        Relative tolerance of the solver.
     budget : ATTEMPTS
         Attempted steps after which the run fails.
     out

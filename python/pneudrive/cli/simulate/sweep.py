@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, Described
+from pneudrive.cli.options import CatalogueFolders, Changes, Described, Rtol, Steps
 from pneudrive.cli.output import check_outputs, show_table, tell
 from pneudrive.errors import CommandError
 
@@ -29,15 +29,15 @@ def sweep(
     duration: Annotated[str, typer.Option()],
     vary: Annotated[list[str], typer.Option()],
     out: Annotated[Path, typer.Option()],
-    command: list[str] | None = None,
+    command: Steps = None,
     members: int | None = None,
     design: str = "sobol",
     seed: int = 0,
     correlation: list[str] | None = None,
     output: list[str] | None = None,
-    set: list[str] | None = None,  # noqa: A002 - the name of the option
+    set: Changes = None,  # noqa: A002 - the name of the option
     initial: str | None = None,
-    rtol: float = 1e-6,
+    rtol: Rtol = 1e-6,
     chunk: int | None = None,
     catalogue: CatalogueFolders = None,
 ) -> None:
@@ -54,8 +54,6 @@ def sweep(
         32 mm, 7)", "20 mm, 25 mm". Or a table (.csv, .parquet) in SI, or a fit.toml.
     out
         Table (.parquet, .csv, .nc) or folder.
-    command : STEPS
-        Valve command, -1 to 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. In a circuit: "VALVE: 0 s: 1".
     members : N
         Number of members of distributions or of a fit.
     design
@@ -68,12 +66,8 @@ def sweep(
         Output of each run, repeatable: final(position), max(velocity), min, mean, integral, "time_when(position >
         0.45 m)", "settling(position, 0.5 mm)", stroke_time, "samples(position, 100 Hz)". Default: final state,
         stroke time.
-    set : KEY=VALUE
-        Value, "friction.coulomb = 31 N"; repeatable.
     initial
         Start, such as "position = 50 mm".
-    rtol
-        Relative tolerance.
     chunk : N
         Size of a chunk.
     """

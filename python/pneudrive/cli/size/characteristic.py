@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneudrive.cli.options import CatalogueFolders, Described
+from pneudrive.cli.options import CatalogueFolders, Described, Plot, pair_in
 from pneudrive.cli.output import check_outputs, console, show_table, write_outputs
 from pneudrive.errors import CommandError, nearest
 
@@ -27,7 +27,7 @@ def characteristic(
     name: Annotated[str, typer.Argument()] = "",
     setting: Annotated[list[str] | None, typer.Option("--set")] = None,
     out: Path | None = None,
-    plot: Path | None = None,
+    plot: Plot = None,
     intervals: bool = True,
     catalogue: CatalogueFolders = None,
 ) -> None:
@@ -41,8 +41,6 @@ def characteristic(
         A setting, "command = 0.6"; repeatable.
     out
         All results: .csv or .nc (netCDF).
-    plot
-        Picture: .png, .svg or .pdf.
     intervals
         Propagate intervals of identified values.
     """
@@ -69,9 +67,7 @@ def characteristic(
 
 def _setting(text: str, one: Characteristic) -> tuple[str, Any]:
     """Read ``name = value``; several values are separated by commas."""
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not equals or not value:
-        raise CommandError(f'--set "{text}" is not name = value')
+    name, value = pair_in("--set", text, "command = 0.6")
     if name not in one.settings:
         raise CommandError(f"{one.name} has no setting {name!r}", remedy=nearest(name, one.settings))
     values = [_number(part.strip()) for part in value.split(",")]

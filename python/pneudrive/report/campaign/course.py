@@ -103,8 +103,8 @@ def draw_drift(found: CampaignCharacteristics) -> Figure:
     d, zero = found.drift, found.zero
     assert d is not None
     two = zero.time_s.size > 1
-    figure = style.new_figure(2.6 if not two else 3.8)
-    axes = figure.subplots(1 + two, 1, sharex=True, squeeze=False, height_ratios=[2, 1] if two else [1])[:, 0]
+    figure, axes = draw.stack(3.8 if two else 2.6, [2, 1] if two else [1], "time / h")
+    axes[0].margins(x=0.02)  # room for markers
     order = np.argsort(d.time_s)
     hours = d.time_s[order] / HOUR_S
     draw.tinted(axes[0], hours, (d.low_n[order], d.high_n[order]))
@@ -119,7 +119,6 @@ def draw_drift(found: CampaignCharacteristics) -> Figure:
         black = {"fmt": "s", "color": style.BLACK, "mfc": "white", "ms": 3.5}
         axes[1].errorbar(zero.time_s / HOUR_S, zero.zero_n, yerr=2 * zero.stderr_n, **black)
         axes[1].set_ylabel("sensor zero / N")
-    axes[-1].set_xlabel("time / h")
     return figure
 
 

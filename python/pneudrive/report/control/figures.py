@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.report import style
-from pneudrive.report.axes import zero_line
+from pneudrive.report.axes import legend_over, stack, zero_line
 from pneudrive.report.written import drawn
 from pneudrive.simulation.trajectory import check_si
 
@@ -67,13 +67,8 @@ def plot_reference(reference: Reference, plant: Plant, path: str | Path | None =
 
 
 def panels(count: int) -> tuple[Figure, list[Axes]]:
-    """Return a figure of panels below each other, on one time axis."""
-    figure = style.new_figure(1.2 * count + 0.5)
-    axes = list(figure.subplots(count, 1, sharex=True))
-    for axis in axes:
-        axis.margins(x=0)
-    axes[-1].set_xlabel("time / s")
-    return figure, axes
+    """Return a figure of equal panels below each other, on one time axis."""
+    return stack(1.2 * count + 0.5, [1] * count)
 
 
 def _error_unit(errors_m: Sequence[Any]) -> tuple[float, str]:
@@ -104,7 +99,7 @@ def _run(run: xr.Dataset) -> Figure:
     force.plot(time, known["disturbance"], color=style.BLACK, lw=0.8)
     force.set_ylabel("disturbance / N")
     for axis in (track, pressure):
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2, borderaxespad=0.0)
+        legend_over(axis, 2)
     figure.align_ylabels()
     style.finish(figure, synthetic=True)
     track.set_title(f"a   {run.attrs.get('law', '')} on {run.attrs.get('title', 'a drive')}", loc="left")
@@ -133,8 +128,7 @@ def _reference(reference: Reference, plant: Plant) -> Figure:
 
 def tracks(found: ControlComparison, along: str) -> Figure:
     """Draw the laws' tracks over each other, and their errors, along one reference; the first seed of each law."""
-    figure = style.new_figure(4.2)
-    track, error = figure.subplots(2, 1, sharex=True)
+    figure, (track, error) = stack(4.2, [1, 1])
     curves = []
     for number, law in enumerate(found.tunings):
         run = next((one for one in found.of(law, along) if one.score is not None), None)
@@ -152,9 +146,7 @@ def tracks(found: ControlComparison, along: str) -> Figure:
         one = curves[0][2]
         track.plot(one["time_s"], 1e3 * one["reference_m"], color="#c0392b", lw=0.6, label="reference")
     track.set_ylabel("position / mm")
-    error.set(xlabel="time / s", ylabel=f"error / {unit}")
-    for axis in (track, error):
-        axis.margins(x=0)
+    error.set_ylabel(f"error / {unit}")
     zero_line(error)
     _show_all(error, factor, errors)
     handles, labels = track.get_legend_handles_labels()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.report import style
-from pneudrive.report.axes import zero_line
+from pneudrive.report.axes import legend_over, zero_line
 from pneudrive.report.control.figures import MOST_DRAWN, panels
 from pneudrive.report.written import drawn
 from pneudrive.simulation.trajectory import check_si
@@ -70,7 +70,7 @@ def _pose(run: xr.Dataset) -> Figure:
     position.set_ylabel("leg / mm")
     force.set_ylabel("required\nforce / N")
     for axis in (*axes[: len(units)], position):
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=6, borderaxespad=0.0)
+        legend_over(axis, 6)
     figure.align_ylabels()
     style.finish(figure, synthetic=True)
     axes[0].set_title(f"a   {run.attrs.get('law', '')} on {run.attrs.get('title', 'a platform')}", loc="left")

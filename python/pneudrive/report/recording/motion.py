@@ -8,6 +8,7 @@ import numpy as np
 
 from pneudrive.numbers import plain
 from pneudrive.report import style
+from pneudrive.report.axes import stack
 from pneudrive.report.page import Picture, Report
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import sentence
@@ -88,8 +89,7 @@ def over_time_figure(solution: FollowSolution, at: int) -> Figure:
     """Draw measured and simulated pressures over time, with their residuals in % of the range."""
     record = solution.problem.records[at]
     shown = solution.problem.shown(at, solution.raws[at], float(solution.point.local[at, 4]))
-    figure = style.new_figure(5.6)
-    axes = figure.subplots(4, 1, sharex=True, height_ratios=(2, 1, 2, 1))
+    figure, axes = stack(5.6, (2, 1, 2, 1))
     for side, measured, model, size, above, below in zip(
         "ab", record.pressures_pa, shown, record.ranges_pa, axes[::2], axes[1::2], strict=True
     ):
@@ -99,7 +99,6 @@ def over_time_figure(solution: FollowSolution, at: int) -> Figure:
         below.plot(record.grid_s, 100 * (measured - model) / size, color=style.BLUE, lw=0.7)
         below.set_ylabel("residual / %")
     axes[0].legend(loc="upper right")
-    axes[-1].set_xlabel("time / s")
     return figure
 
 

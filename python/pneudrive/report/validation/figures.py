@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.report import style
+from pneudrive.report.axes import legend_over, stack
 from pneudrive.report.tables import quantity
 from pneudrive.validate.balance import moving_mass
 from pneudrive.validate.residuals import BALANCES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from pneudrive.describe.drive import Drive
@@ -36,8 +33,7 @@ def _name(column: str) -> str:
 
 def channels(r: RecordResult) -> Figure:
     """Draw measured and modelled channels, each over its residual."""
-    figure = style.new_figure(7.2)
-    axes = figure.subplots(6, 1, sharex=True, height_ratios=(2, 1, 2, 1, 2, 1))
+    figure, axes = stack(7.2, (2, 1, 2, 1, 2, 1))
     s, part = r.signals, style.thin(r.signals.time_s)
     t = s.time_s[part]
     for column, axis, below in zip(r.channels, axes[::2], axes[1::2], strict=True):
@@ -49,7 +45,8 @@ def channels(r: RecordResult) -> Figure:
         below.plot(t, factor * (measured - again)[part], "-", color=style.BLUE, lw=0.7, label="from measured states")
         below.plot(t, factor * (measured - free)[part], "--", color=style.ORANGE, label="free run")
         below.set_ylabel(f"residual / {unit}")
-    _over_time(figure, list(axes), t, [*axes[0].get_lines(), axes[1].get_lines()[0]])
+    legend_over(axes[0], 3, handles=[*axes[0].get_lines(), axes[1].get_lines()[0]])
+    figure.align_ylabels()
     return figure
 
 
@@ -72,8 +69,7 @@ def correlation(r: RecordResult, window_s: float) -> Figure:
 
 def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
     """Draw terms of the force balance, and residuals of all three balances."""
-    figure = style.new_figure(5.2)
-    axes = figure.subplots(4, 1, sharex=True, height_ratios=(2, 1, 1, 1))
+    figure, axes = stack(5.2, (2, 1, 1, 1))
     part = style.thin(signals.time_s)
     t, terms = signals.time_s[part], found.terms
     lines = (
@@ -94,12 +90,6 @@ def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
         axis.fill_between(found.time_s[some], -band, band, color=style.BAND)
         axis.plot(found.time_s[some], shown[some], color=style.BLACK, lw=0.8)
         axis.set_ylabel(f"residual of\n{name} / ({unit})" if "/" in unit else f"residual of\n{name} / {unit}")
-    _over_time(figure, list(axes), t, axes[0].get_lines())
-    return figure
-
-
-def _over_time(figure: Figure, axes: Sequence[Axes], time_s: np.ndarray, lines: Sequence[Artist]) -> None:
-    """Put the legend above the panels and the time below them."""
-    axes[0].legend(handles=lines, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    axes[-1].set(xlabel="time / s", xlim=(0.0, float(time_s[-1])))
+    legend_over(axes[0], 3)
     figure.align_ylabels()
+    return figure
