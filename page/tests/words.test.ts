@@ -14,5 +14,5 @@ test("messages and units as people write them", () => {
   expect(sentence("the gas cools")).toBe("The gas cools.");
   expect(sentence("leg_1: this set is not passive")).toBe("leg_1: this set is not passive.");
   expect([count(1, "impact"), count(3, "impact")]).toEqual(["1 impact", "3 impacts"]);
-  expect(["19.7 um", "dm3/(s bar)", "m^3/(s Pa)", "number", "drum3"].map(pretty)).toEqual(["19.7 µm", "dm³/(s bar)", "m³/(s Pa)", "number", "drum3"]);
+  expect(["19.7 um", "3 us", "dm3/(s bar)", "m^3/(s Pa)", "number", "drum3"].map(pretty)).toEqual(["19.7 µm", "3 µs", "dm³/(s bar)", "m³/(s Pa)", "number", "drum3"]);
 });

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from page.conftest import Server
 from page.test_journeys import Open, violations
-from page.test_nothing_lost import go
 
 #: The module of the view.
 TOY = """
@@ -51,8 +50,7 @@ def test_a_toy_view_is_one_module_and_one_line(tmp_path: Path, open_tab: Open) -
     try:
         tab = open_tab(server.address)
         page = tab.page
-        page.wait_for_selector(".tree .files")
-        go(page, "result", "cheap.toml")
+        page.click(".tree >> text=cheap.toml")
         page.wait_for_selector("td[data-value=reach][data-si='0.25']")
         assert page.inner_text("td[data-value=reach]") == "250 ± 10"
         page.wait_for_selector("figure[data-plot='friction over speed'][data-points='3'] canvas")

@@ -246,8 +246,8 @@ function TaskView() {
           <h2>{meant.value?.name ?? "What the task says"}</h2>
           <Table
             label="Values of the task"
-            heads={["Key", "Value", "Given or default", "Meaning"]}
-            rows={(meant.value?.values ?? []).map((one) => [one.key, one.text, <span class="kind">{one.given ? "given" : "default"}</span>, one.meaning])}
+            heads={["Key", "Value", "Meaning"]}
+            rows={(meant.value?.values ?? []).map((one) => [one.key, <span>{one.text} <span class="kind">{one.given ? "" : "default"}</span></span>, one.meaning])}
           />
           <ul>{meant.value?.follows?.map((one) => <li key={one.what}>{one.what}: {digits(one.value)} {one.unit}</li>)}</ul>
         </section>

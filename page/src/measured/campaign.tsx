@@ -184,8 +184,8 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
       )}
       {now.problems.map((one) => <p class="note" key={one}>{one}</p>)}
       {Object.entries(now.flags).map(([flag, count]) => <p class="note" key={flag}>flag {flag}: {count}</p>)}
-      <h2>Journal</h2>
-      <pre class="journal" tabIndex={0} aria-label="Journal">{now.log.map(dated).join("\n")}</pre>
+      <h2>Journal, newest first</h2>
+      <pre class="journal" tabIndex={0} aria-label="Journal">{now.log.map(dated).reverse().join("\n")}</pre>
     </>
   );
 }
@@ -258,20 +258,22 @@ function Start() {
   return (
     <>
       <p>Run a protocol on the simulated rig. A real rig is started in a terminal: pneudrive campaign run.</p>
-      <p class="row">
-        <label>
+      <div class="fieldset">
+        <label class="choice">
           Protocol{" "}
           <select value={protocol.value} onChange={(event) => ([protocol.value, plan.value] = [event.currentTarget.value, null])}>
             {protocols.map((one) => <option key={one}>{one}</option>)}
           </select>
         </label>
-        <label>
+        <label class="choice">
           Into campaigns/ <input value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
         </label>
-        <label>
-          Times real time <input size={6} value={pace.value} placeholder="fastest" onInput={(event) => (pace.value = event.currentTarget.value)} />
+        <label class="choice">
+          Times real time <input value={pace.value} placeholder="fastest" onInput={(event) => (pace.value = event.currentTarget.value)} />
         </label>
-        <button type="button" onClick={() => void attempt(async () => void (plan.value = await ask<Plan>("/api/plan", asked())))}>Plan and check</button>
+      </div>
+      <p class="row">
+        <button type="button" class="primary" onClick={() => void attempt(async () => void (plan.value = await ask<Plan>("/api/plan", asked())))}>Plan and check</button>
         <button type="button" onClick={() => void start()}>Run</button>
       </p>
       {plan.value && (

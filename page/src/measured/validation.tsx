@@ -346,12 +346,12 @@ function Suspect({ now }: { now: Validation }) {
           Value{" "}
           <select value={key.value} onChange={(event) => ((key.value = event.currentTarget.value), (number.value = null))}>
             <option value="">choose</option>
-            {fields.value.map((each) => <option key={each.key} value={each.key}>{each.key} = {each.text}</option>)}
+            {fields.value.map((each) => <option key={each.key} value={each.key}>{each.key} = {digits(each.number, 4)} {each.unit}</option>)}
           </select>
         </label>
       </p>
       {one && (
-        <SliderRow id="suspect" label={one.key} name={one.key} value={value} ends={[low, high]} unit={one.unit} kind={value === one.number ? one.kind : "changed"} state={value === one.number ? KINDS[one.kind]! : "changed"} put={put} />
+        <SliderRow id="suspect" label={one.key} name={one.key} value={value} shown={value === one.number ? digits(value, 4) : value} ends={[low, high]} unit={one.unit} kind={value === one.number ? one.kind : "changed"} state={value === one.number ? KINDS[one.kind]! : "changed"} put={put} />
       )}
       {key.value && <Refit now={now} folder={folder} />}
     </section>

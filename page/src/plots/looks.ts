@@ -85,4 +85,4 @@ export const sentence = (words: string): string => `${/^[a-z]+[ ,]/.test(words) 
 const RAISED: Record<string, string> = { 2: "²", 3: "³" };
 
 /** Units as people write them: µm, cm³. In fields they stay as files write them. */
-export const pretty = (words: string): string => words.replace(/\bum\b/g, "µm").replace(/\b([cdm]?m)\^?([23])\b/g, (_, unit: string, power: string) => unit + RAISED[power]);
+export const pretty = (words: string): string => words.replace(/\bu([ms])\b/g, "µ$1").replace(/\b([cdm]?m)\^?([23])\b/g, (_, unit: string, power: string) => unit + RAISED[power]);

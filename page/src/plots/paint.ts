@@ -230,9 +230,11 @@ export function flag(u: uPlot, events: Event[]): void {
   u.ctx.save();
   u.ctx.fillStyle = u.ctx.strokeStyle = isDark() ? "#ffc27a" : "#a34a00";
   u.ctx.lineWidth = devicePixelRatio;
+  let last = -Infinity;
   for (const one of events) {
     const at = u.valToPos(one.at, "x", true);
-    if (at < left || at > left + width) continue;
+    if (at < left || at > left + width || at - last < size) continue; // it would cover the one before
+    last = at;
     u.ctx.globalAlpha = 1;
     u.ctx.beginPath();
     u.ctx.moveTo(at - size, top);

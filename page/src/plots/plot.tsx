@@ -166,6 +166,11 @@ export const axes = (x: Partial<uPlot.Axis>, y: Partial<uPlot.Axis> = {}): uPlot
   return [{ ...axis, space, ...x }, { ...axis, size: 62, ...y }];
 };
 
+const FLAT = 1e-9; // of a unit: a curve that varies less is drawn as a straight line
+
+/** The ends of an axis of values, with some room. */
+const reach = (low: number, high: number): [number, number] => (high - low < FLAT && Math.abs(high) < FLAT ? [-1, 1] : (uPlot.rangeNum(low, high, 0.1, true) as [number, number]));
+
 export function Plot(props: PlotProps) {
   const place = useRef<HTMLDivElement>(null);
   const title = useRef<HTMLElement>(null);
@@ -192,7 +197,7 @@ export function Plot(props: PlotProps) {
         cursor: { ...(!props.log && { sync: { key: "time" } }), drag: { x: true, y: false, setScale: !props.onZoom } },
         scales: {
           x: { time: false, ...(props.log ? { distr: 3 } : { range: (_: uPlot, low: number, high: number) => latest.current.range ?? [low, high] }) },
-          y: props.log ? { distr: 3 } : { range: (_, low, high) => (low === null ? [low, high] : uPlot.rangeNum(...within(latest.current, low, high), 0.1, true)) },
+          y: props.log ? { distr: 3 } : { range: (_, low, high) => (low === null ? [low, high] : reach(...within(latest.current, low, high))) },
         },
         legend: { show: false },
         axes: axes(props.bare ? { size: 0, values: () => [] } : { size: AXIS - 16, label: `${over}, ${xUnit}` }),

@@ -302,6 +302,9 @@ function PanelPlot({ panel, isLast }: { panel: Panel; isLast: boolean }) {
   return <Plot title={panel.title} unit={panel.unit} size={panel.size} curves={curves} bands={bands} events={events} bare={!isLast} {...zooming(zoom)} cursors={timeCursor.value} onHover={pointAt} />;
 }
 
+const REST = 1e-4; // of a unit: rounding of the solver
+const settled = (value: number): number => (Math.abs(value) < REST ? 0 : value);
+
 /** Last value of each curve as a number, for screen readers and tests. */
 function Ends() {
   const head = answer.value?.head;
@@ -316,7 +319,7 @@ function Ends() {
               <tr key={one.column}>
                 <th scope="row">{one.label}</th>
                 <td data-end={one.column} data-si={head.ends![one.column]}>
-                  {digits((head.ends![one.column] ?? Number.NaN) / panel.size)} {panel.unit}
+                  {digits(settled((head.ends![one.column] ?? Number.NaN) / panel.size))} {panel.unit}
                 </td>
               </tr>
             )),
@@ -371,7 +374,7 @@ function Slider({ field }: { field: Field }) {
   const unit = field.unit ?? "";
   const kind = isChanged ? "changed" : field.kind;
   return (
-    <SliderRow id={`slider-${field.key}`} label={field.key} name={field.key} title={field.origin} value={value} ends={[low, high]} unit={unit} kind={kind} state={isChanged ? "changed" : KINDS[field.kind]!} put={put}>
+    <SliderRow id={`slider-${field.key}`} label={field.key.replace(/^components\./, "")} name={field.key} title={field.origin} value={value} ends={[low, high]} unit={unit} kind={kind} state={isChanged ? "changed" : KINDS[field.kind]!} put={put}>
       <button
         type="button"
         class="icon"
@@ -431,7 +434,12 @@ function Run() {
           <input value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
         )}
       </label>
-      {(isCircuit ? Object.keys(valves) : [""]).map((valve) => <FileCommand key={valve} valve={valve} />)}
+      {isCircuit ? (
+        <details>
+          <summary>Commands from files</summary>
+          {Object.keys(valves).map((valve) => <FileCommand key={valve} valve={valve} />)}
+        </details>
+      ) : <FileCommand valve="" />}
       <label>
         Duration
         <input value={duration.value} onInput={(event) => (duration.value = event.currentTarget.value)} />

@@ -2,6 +2,7 @@
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { day, Problems } from "./parts";
+import { useHeadlines } from "./lineage";
 import { link } from "../routes";
 import { ask, attempting, Refused, write, type Problem } from "../server/server";
 import { list, studies, take, taking } from "./studies";
@@ -87,6 +88,7 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
 /** Files that a view opens; `example` comes first. */
 export function Choose({ title, hint, view, kinds, catalogue = false, recordings = false }: { title: string; hint: string; view: string; kinds: string[]; catalogue?: boolean; recordings?: boolean }) {
   const files = filesOf(...kinds);
+  const lines = useHeadlines();
   return (
     <section class="choose" aria-label={title}>
       <h2>{title}</h2>
@@ -105,7 +107,8 @@ export function Choose({ title, hint, view, kinds, catalogue = false, recordings
               <li key={one.path}>
                 <a class="panel" href={link(view, one.path)}>
                   <b><PathName path={one.path} /></b>
-                  <span class="note">{one.kind}, {day(one.changed)}</span>
+                  <span class="note">{lines[one.path] ?? one.kind}</span>
+                  <span class="note">{day(one.changed)}</span>
                 </a>
               </li>
             ))}

@@ -1,11 +1,12 @@
 /** Lineage of a file: its inputs by the hashes that the file carries, and the files made from it. */
 import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 import { follow } from "./jobs";
 import { Problems, useCopied } from "./parts";
 import { link, route } from "../routes";
 import { viewOf } from "../views";
 import { ask, attempting, read, Refused, type Listed, type Problem } from "../server/server";
-import { list } from "./studies";
+import { list, studies } from "./studies";
 
 interface Made {
   kind: string;
@@ -40,7 +41,24 @@ const STATES: Record<Made["state"], string> = {
 };
 
 /** What the files hold, in a line each. */
-export const headlines = signal<Record<string, string>>({});
+const headlines = signal<Record<string, string>>({});
+let told: unknown = null; // the list whose lines are read
+
+/** Read the lines of the present list, while a view shows them. */
+export function useHeadlines(): Record<string, string> {
+  const now = studies.value;
+  useEffect(() => {
+    if (!now || now === told) return;
+    const timer = setTimeout(() => {
+      if (now === told) return; // another list of the view asked
+      told = now;
+      void attempt(async () => void (headlines.value = await read<Record<string, string>>("/api/headlines")));
+    }, QUIET_MS);
+    return () => clearTimeout(timer);
+  }, [now]);
+  return headlines.value;
+}
+
 export const stale = signal<Stale>({ stale: {}, unchecked: 0 });
 const shown = signal<Lineage | null>(null);
 const wrong = signal<Problem[]>([]);
@@ -57,7 +75,6 @@ export function lookForStale(): void {
 
 async function checkAll(): Promise<void> {
   try {
-    headlines.value = await read<Record<string, string>>("/api/headlines");
     stale.value = await read<Stale>("/api/stale");
     if (shown.value) await trace(shown.value.path);
   } catch (error) {

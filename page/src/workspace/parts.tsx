@@ -149,7 +149,7 @@ interface SliderProps {
 export function SliderRow({ id, label, title, value, shown = value, ends: [low, high], unit = "", name, kind, state, put, children }: SliderProps) {
   return (
     <div class="slider">
-      <label for={id}>{label}</label>
+      <label for={id}>{label.split(/(?<=\.)/).map((part) => <>{part}<wbr /></>)}</label>
       <input
         id={id}
         type="range"

@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Starts } from "./choose";
 import { Differences, type Compared } from "../measured/differences";
-import { Chain, headlines, lookForStale, stale, trace } from "./lineage";
+import { Chain, lookForStale, stale, trace, useHeadlines } from "./lineage";
 import { pretty } from "../plots/looks";
 import { isUnsaved } from "../drive/opened";
 import { Copied, day, Problems } from "./parts";
@@ -171,6 +171,7 @@ function Rename({ path }: { path: string }) {
 }
 
 function Files({ title, view, files }: { title: string; view: string; files: Listed[] }) {
+  const lines = useHeadlines();
   if (!files.length) return null;
   return (
     <section class="group">
@@ -179,7 +180,7 @@ function Files({ title, view, files }: { title: string; view: string; files: Lis
         {files.slice(0, MOST).map((one) => (
           <li key={one.path}>
             {viewOf(one.kind) ? <a href={link(viewOf(one.kind)!, one.path)}><PathName path={one.path} /></a> : <span><PathName path={one.path} /></span>}
-            <span class="holds">{pretty(headlines.value[one.path] ?? (one.kind === "recording" ? size(one.size) : ""))}</span>
+            <span class="holds">{pretty(lines[one.path] ?? (one.kind === "recording" ? size(one.size) : ""))}</span>
             <span class="note">
               {one.kind}, {day(one.changed)}
               {stale.value.stale[one.path] && <b class="missed" data-stale={one.path}> out of date: made from another {stale.value.stale[one.path]!.join(", ")}</b>}

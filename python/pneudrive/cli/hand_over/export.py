@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -123,3 +124,5 @@ def _export_whole(source: str, to: str, out: Path | None, fmi: str, actuator: bo
     typer.echo("inputs: " + ", ".join(f"{one.name} [{one.unit}]" for one in done.inputs))
     typer.echo("outputs: " + ", ".join(f"{one.name} [{one.unit}]" for one in done.outputs))
     typer.echo(f"parameters: {len(done.parameters)}, by the keys of the drive file; pressures are absolute")
+    system = f"{platform.system()} {platform.machine()}"
+    typer.echo(f"runs on {system} only, the system of this computer: for another one, export the drive there")
