@@ -13,6 +13,7 @@ from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.published import parts_of
 from pneudrive.datasheet.registry import characteristics, found_under
 from pneudrive.datasheet.words import written_value
+from pneudrive.describe.all_values import DescribedValue, leaves, values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.numbers import plain
@@ -44,14 +45,6 @@ class SheetNumber(NamedTuple):
     standard: str
 
 
-class SheetValue(NamedTuple):
-    """A value of the drive and its source."""
-
-    key: str
-    value: str
-    origin: str
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Datasheet(Shown):
     """All that a datasheet shows.
@@ -66,7 +59,7 @@ class Datasheet(Shown):
     failed : dict
         Characteristic -> why the drive does not have it.
     numbers : tuple of SheetNumber
-    values : tuple of SheetValue
+    values : tuple of DescribedValue
     assumed : tuple of str
     measured : MeasuredBeside or None
     """
@@ -77,7 +70,7 @@ class Datasheet(Shown):
     results: dict[str, xr.Dataset]
     failed: dict[str, str]
     numbers: tuple[SheetNumber, ...]
-    values: tuple[SheetValue, ...]
+    values: tuple[DescribedValue, ...]
     assumed: tuple[str, ...]
     measured: MeasuredBeside | None
 
@@ -180,7 +173,7 @@ def build(
             results,
             failed,
             (*_numbers(results), *_life(drive)),
-            tuple(values_of(drive)),
+            tuple(stated_values(drive)),
             tuple(_defaults(drive)),
         ),
         measured,
@@ -252,19 +245,19 @@ def shown(found: xr.Dataset, name: str, at: dict[str, int]) -> str:
     return written_value(value, found[name].attrs["units"], *ends)
 
 
-def values_of(drive: Drive | Circuit) -> list[SheetValue]:
+def stated_values(drive: Drive | Circuit) -> list[DescribedValue]:
     """Return each value that the drive states, as written, with its source."""
-    said = {key: one.said for key, one in drive.origin_of.items()}
+    written = {key for key, _ in leaves(drive.plain_tables)}
     identified: Any = getattr(drive, "provenance", None) or {}
     out = []
-    for key, text in _leaves(drive.plain_tables):
-        if key.partition(".")[0] in ("provenance", "labels", "name", "schema", "initial"):
-            continue
-        origin = said.get(key) or next((words for other, words in said.items() if key.startswith(f"{other}.")), "given")
-        if key in identified:
-            one = identified[key]
-            origin = f"identified: {one.interval.low} .. {one.interval.high} ({100 * one.confidence:g} %), {one.source}"
-        out.append(SheetValue(key, text, origin))
+    for one in values_of(drive):
+        if one.key in written:
+            origin, text = one.origin or "given", f"{one.value:g}" if isinstance(one.value, float) else str(one.value)
+            if one.key in identified:
+                known = identified[one.key]
+                ends = f"{known.interval.low} .. {known.interval.high} ({100 * known.confidence:g} %)"
+                origin = f"identified: {ends}, {known.source}"
+            out.append(one._replace(value="table" if isinstance(one.value, np.ndarray) else text, origin=origin))
     return out
 
 
@@ -272,10 +265,3 @@ def _defaults(drive: Drive | Circuit) -> list[str]:
     """Return the assumptions that are not in the drive file."""
     written = {key.removeprefix("components.") for key in drive.origin_of}
     return [line for line in drive.assumed() if line.partition(" = ")[0] not in written]
-
-
-def _leaves(table: Any, path: str = "") -> list[tuple[str, str]]:  # noqa: ANN401 - a tree of plain data
-    if isinstance(table, dict):
-        return [leaf for key, one in table.items() for leaf in _leaves(one, f"{path}.{key}" if path else str(key))]
-    text = f"{table:g}" if isinstance(table, float) else str(table)
-    return [(path, text if not isinstance(table, np.ndarray) else "table")]

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import __version__
 from pneudrive.campaign.cycle import KINDS
-from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.constants import ZERO_CELSIUS_K
-from pneudrive.errors import CampaignError
+from pneudrive.friction.campaign.compare.comparison import about_of
 from pneudrive.report.campaign.rig_diagram import rig_diagram
 from pneudrive.report.page import Paragraph
 from pneudrive.report.provenance import references, software
@@ -27,14 +26,6 @@ if TYPE_CHECKING:
 MOST_LINES = 120  # lines of a protocol that are shown
 MOST_SKIPPED = 40
 METHODS = ("gum2008", "patterson1971", "wahba1983", "burnham2002", "kato1972", "dieterich1979", "armstrong1994")
-
-
-def about_of(found: CampaignCharacteristics) -> dict[str, Any]:
-    """Return ``campaign.json`` of the campaign; empty if the folder cannot be opened."""
-    try:
-        return Campaign.open(found.folder).about
-    except CampaignError:
-        return {}
 
 
 def what(found: CampaignCharacteristics) -> Section:

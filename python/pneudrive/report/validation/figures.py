@@ -89,7 +89,7 @@ def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
         band = 2.0 * factor * scale[some]
         axis.fill_between(found.time_s[some], -band, band, color=style.BAND)
         axis.plot(found.time_s[some], shown[some], color=style.BLACK, lw=0.8)
-        axis.set_ylabel(f"residual of\n{name} / ({unit})" if "/" in unit else f"residual of\n{name} / {unit}")
+        axis.set_ylabel(f"residual of\n{name} /\n{f'({unit})' if '/' in unit else unit}")
     legend_over(axes[0], 3)
     figure.align_ylabels()
     return figure

@@ -128,7 +128,7 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     -------
     Comparison
     """
-    abouts = [_about(found) for found in (first, second)]
+    abouts = [about_of(found) for found in (first, second)]
     curves = compare_curves(first, second, _gain(first, second, abouts))
     pairs = tuple(_pairs(first, second))
     tests = _adjusted(
@@ -152,7 +152,8 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     return replace(found, statements=tuple(_statements(found, curves if isinstance(curves, str) else "")))
 
 
-def _about(found: CampaignCharacteristics) -> dict[str, Any]:
+def about_of(found: CampaignCharacteristics) -> dict[str, Any]:
+    """Return ``campaign.json`` of a campaign; empty if the folder cannot be opened."""
     try:
         return Campaign.open(found.folder).about
     except CampaignError:
