@@ -260,12 +260,10 @@ impl Adaptation {
     ///   F - F_fr - F_v v = theta M a,   each in the band of [`LEARN_BAND`]
     ///
     /// Friction is in phase with the velocity, a quarter of a period apart from the inertia. Errors of the friction
-    /// therefore
-    /// hardly move the mass. Slips of a creeping or resting drive would change the estimate. The `speed` of the
-    /// reference must
-    /// therefore exceed [`LEARN_SLIDES`]. A model with more mass than the drive makes predictive control swing, and the
-    /// swing
-    /// corrects the mass.
+    /// therefore hardly move the mass. Slips of a creeping or resting drive would change the estimate: while the `speed`
+    /// of the reference is below [`LEARN_SLIDES`], only an inertial force that exceeds the friction counts. A slip has
+    /// at most the difference between breakaway and Coulomb friction. A model with more mass than the drive makes
+    /// predictive control swing, and the swing corrects the mass.
     pub fn learn_mass(&mut self, model: &mut Model, state: &State, speed: f64, period: f64) {
         if !model.valve.arrangement.is_proportional() {
             return; // The pulses of valves that switch are in the same band.
@@ -276,7 +274,8 @@ impl Adaptation {
         let force = model.gas_force(state.pressures) - state.friction - viscous * v + growth;
         let [force, a] = self.band.follow([force, v], period);
         let inertia = self.described.mass * a;
-        if self.band.effective(inertia, period) < LEARN_SWINGS * level || speed < LEARN_SLIDES {
+        let least = LEARN_SWINGS[usize::from(speed < LEARN_SLIDES)];
+        if self.band.effective(inertia, period) < least * level {
             return;
         }
         let deviation = LEARN_SWING_DEVIATION * level;
