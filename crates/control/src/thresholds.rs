@@ -101,7 +101,7 @@ thresholds! {
     LEARN_CONDUCTANCE_WITHIN: [f64; 2] = [0.4, 2.5], "1", "bounds of the learned conductance, relative to the description", "assumed";
     LEARN_OVERLAP_WITHIN: [f64; 2] = [0.0, 0.1], "1", "bounds of the learned overlap", "assumed";
     LEARN_BAND: [f64; 2] = [3e-3, 0.02], "s", "lags of the band in which the mass is learned: fast, slow", "drives swing at 20 to 60 Hz";
-    LEARN_SWINGS: [f64; 2] = [0.1, 1.0], "1", "inertial force in this band above which the mass is learned, relative to Coulomb friction: while the reference moves, while it creeps or rests", "the inertial force of a slip is the difference between breakaway and Coulomb friction; assumed";
+    LEARN_SWINGS: [f64; 2] = [0.1, 2.0], "1", "inertial force in this band above which the mass is learned, relative to Coulomb friction: while the reference moves, while it creeps or rests", "the inertial force of a slip is the difference between breakaway and Coulomb friction, at most twice the latter; assumed";
     LEARN_SWING_DEVIATION: f64 = 0.25, "1", "deviation of the force balance in this band, relative to Coulomb friction", "assumed";
     LEARN_OPEN: f64 = 0.012, "1", "opening beyond the overlap above which the valve is learned", "assumed";
     LEARN_SPOOL_SPEED: f64 = 5.0, "1/s", "speed of the spool below which the valve is learned", "assumed";
