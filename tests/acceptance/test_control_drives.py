@@ -55,7 +55,7 @@ def test_what_is_learned_of_a_heavy_vertical_drive_stays_with_what_was_measured(
 
 
 def test_a_drive_of_half_the_described_mass_that_swings_before_its_reference_is_fast_is_not_lost():
-    """The mass was learned only above 25 mm/s of the reference: the swing grew for 0.4 s, and the drive missed 96 mm."""
+    """The mass was learned only above 25 mm/s of the reference: the swing grew for 0.4 s, and the drive was lost."""
     drive = axis(
         'bore = "63 mm"\nstroke = "160 mm"\ndead_volume_a = "59.5 cm3"\ndead_volume_b = "59.5 cm3"\n'
         'moving_mass = "40.9 kg"',
