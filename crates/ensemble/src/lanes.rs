@@ -2,7 +2,7 @@
 //! member makes room for the next. No member depends on its neighbours.
 
 use crate::reduction::Follower;
-use crate::run::{Came, Status, Worker};
+use crate::worker::{Came, Status, Worker};
 use circuit::{Circuit, failure_of};
 use math::Lane;
 use ode::{Output, Stepper};

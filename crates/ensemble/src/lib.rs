@@ -7,8 +7,12 @@
 #![warn(missing_docs)]
 
 mod lanes;
+mod plan;
 mod reduction;
 mod run;
+mod worker;
 
+pub use plan::{Asked, Column, Ensemble, Kernel, Plan};
 pub use reduction::{Follower, Reduction, What};
-pub use run::{Asked, Column, Ensemble, Kernel, Outcome, Plan, Status};
+pub use run::Outcome;
+pub use worker::Status;

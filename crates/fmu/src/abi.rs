@@ -2,8 +2,8 @@
 #![allow(unsafe_code)]
 
 use crate::instance::{Instance, Kept, Listener, Logger, Phase, Status, c_text};
-use crate::model::{Refusal, refuse};
 use crate::processor;
+use crate::refusal::{Refusal, refuse};
 use std::ffi::{CStr, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};

@@ -3,7 +3,7 @@
 
 use crate::abi::{ANY, fill, free, given, is_able, put, text, with};
 use crate::instance::{Instance, Listener, Logger, Status, c_text};
-use crate::model::{Refusal, refuse};
+use crate::refusal::{Refusal, refuse};
 use std::ffi::{CString, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;

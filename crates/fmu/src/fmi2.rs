@@ -6,7 +6,8 @@ use crate::abi::{
     with,
 };
 use crate::instance::{ALIVE, Instance, Kept, Logger, Phase, RUNNING, Status};
-use crate::model::{What, check_length, refuse};
+use crate::model::{What, check_length};
+use crate::refusal::refuse;
 use std::ffi::{c_char, c_int, c_uint, c_void};
 use std::ptr;
 
@@ -218,6 +219,6 @@ pub(crate) const EXCHANGE: &[Phase] =
     &[Phase::Initialisation, Phase::Event, Phase::Continuous, Phase::Terminated];
 
 /// All variables are real numbers.
-pub(crate) fn no(kind: &str, n: usize) -> Result<(), crate::model::Refusal> {
+pub(crate) fn no(kind: &str, n: usize) -> Result<(), crate::refusal::Refusal> {
     if n == 0 { Ok(()) } else { refuse(format!("there is no variable of type {kind}")) }
 }

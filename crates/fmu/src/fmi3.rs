@@ -7,7 +7,8 @@ use crate::abi::{
 };
 use crate::fmi2::{EXCHANGE, functions, no};
 use crate::instance::{ALIVE, Instance, Kept, Logger, Phase, RUNNING, Status};
-use crate::model::{What, check_length, refuse};
+use crate::model::{What, check_length};
+use crate::refusal::refuse;
 use std::ffi::{c_char, c_int, c_void};
 use std::ptr;
 

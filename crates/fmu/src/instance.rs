@@ -1,7 +1,8 @@
 //! An instance of an FMU: which calls are allowed in which phase, and which messages the tool receives.
 
-use crate::model::{Model, Refusal, refuse};
+use crate::model::Model;
 use crate::plan::Plan;
+use crate::refusal::{Refusal, refuse};
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;

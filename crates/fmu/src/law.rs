@@ -1,19 +1,9 @@
 //! A controller as a tool runs it: samples in, and a command out at each multiple of the period.
 
-use crate::model::{Refusal, SAME_INSTANT, refuse};
-use crate::plan::{Role, Variable};
+use crate::plan::{LawPlan, Role, Variable};
+use crate::refusal::{Refusal, SAME_INSTANT, refuse};
 use control::{Answer, Controller, Inputs, Reference, Sample};
-use serde::Deserialize;
-use servo::{Encoder, specification};
-
-/// A controller with its references.
-#[derive(Debug, Deserialize)]
-pub struct LawPlan {
-    pub controller: specification::Controller,
-    pub motion: specification::Motion,
-    /// Its position sensor.
-    pub position: specification::PositionSensor,
-}
+use servo::Encoder;
 
 /// Inputs by the names of their variables.
 const INPUTS: [&str; 5] = ["position", "pressure_a", "pressure_b", "enabled", "emergency_stop"];

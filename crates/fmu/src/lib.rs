@@ -13,3 +13,4 @@ mod law;
 pub mod model;
 pub mod plan;
 mod processor;
+pub mod refusal;

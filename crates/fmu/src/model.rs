@@ -2,15 +2,14 @@
 
 use crate::law::Law;
 use crate::plan::{Plan, Role};
+use crate::refusal::{Refusal, SAME_INSTANT, refuse};
 use circuit::specification::{self, FromJson};
-use circuit::{AxisId, Error, Look, Network, Session};
+use circuit::{AxisId, Look, Network, Session};
 use ode::Options;
 use std::sync::Arc;
 
 /// Relative tolerances that the solver accepts.
 const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-13..=1e-1;
-/// Relative difference by which two tools may round the same instant.
-pub const SAME_INSTANT: f64 = 1e-9;
 /// Fraction of the nominal values of states that the tool receives (assumed; measured in
 /// `docs/guide/fmu.md`). A tool's tolerance refers to state and nominal value together. Nominal values as
 /// large as the states would hide small changes.
@@ -22,25 +21,6 @@ const MOST_CHANGE: f64 = 10.0;
 const HALVINGS: i32 = 50;
 /// First bytes of a stored state.
 const MAGIC: &[u8; 8] = b"pnd-fmu\x02";
-
-/// Reason why an operation failed, and its severity.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Refusal {
-    pub message: String,
-    /// Whether a shorter step or other values may succeed.
-    pub discard: bool,
-}
-
-impl From<Error> for Refusal {
-    fn from(error: Error) -> Self {
-        Refusal { message: error.to_string(), discard: false }
-    }
-}
-
-/// Refuses with a reason.
-pub fn refuse<T>(message: impl Into<String>) -> Result<T, Refusal> {
-    Err(Refusal { message: message.into(), discard: false })
-}
 
 /// Place of a variable in the session.
 #[derive(Clone, Copy, Debug)]

@@ -1,9 +1,9 @@
 //! Description of a drive for a tool: the file `resources/drive.json` of an FMU, and the argument of
 //! `pneudrive_create`.
 
-use crate::law::LawPlan;
 use serde::Deserialize;
 use serde_json::Value;
+use servo::specification;
 use std::collections::BTreeMap;
 
 /// A circuit, its start, and its variables. The index of a variable is its value reference.
@@ -26,6 +26,15 @@ pub struct Plan {
     #[serde(default)]
     pub actuator: Option<String>,
     pub variables: Vec<Variable>,
+}
+
+/// A controller with its references.
+#[derive(Debug, Deserialize)]
+pub struct LawPlan {
+    pub controller: specification::Controller,
+    pub motion: specification::Motion,
+    /// Its position sensor.
+    pub position: specification::PositionSensor,
 }
 
 /// A variable of the FMU.

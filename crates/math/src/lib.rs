@@ -10,6 +10,7 @@ mod deps;
 mod dual;
 pub mod elementary;
 mod lanes;
+mod plain;
 mod real;
 #[cfg(target_feature = "avx2")]
 mod registers;

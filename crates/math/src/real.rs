@@ -1,6 +1,5 @@
 //! The scalar trait.
 
-use crate::elementary;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -285,82 +284,4 @@ pub fn field<'e, T, U>(each: &[&'e T], field: fn(&'e T) -> &'e U) -> Fields<'e, 
 #[inline(never)]
 pub fn power<S: Real>(base: S, exponent: S) -> S {
     base.pow(exponent)
-}
-
-impl Real for f64 {
-    type Mask = bool;
-
-    #[inline(always)]
-    fn c(x: f64) -> f64 {
-        x
-    }
-    #[inline(always)]
-    fn fma(self, a: f64, b: f64) -> f64 {
-        self.mul_add(a, b)
-    }
-    #[inline(always)]
-    fn sqrt(self) -> f64 {
-        f64::sqrt(self)
-    }
-    #[inline(always)]
-    fn exp(self) -> f64 {
-        elementary::exp(self)
-    }
-    #[inline(always)]
-    fn ln(self) -> f64 {
-        elementary::ln(self)
-    }
-    #[inline(always)]
-    fn pow(self, exponent: f64) -> f64 {
-        elementary::pow(self, exponent)
-    }
-    #[inline(always)]
-    fn sin(self) -> f64 {
-        elementary::sin(self)
-    }
-    #[inline(always)]
-    fn cos(self) -> f64 {
-        elementary::cos(self)
-    }
-    #[inline(always)]
-    fn tanh(self) -> f64 {
-        elementary::tanh(self)
-    }
-    #[inline(always)]
-    fn lt(self, other: f64) -> bool {
-        self < other
-    }
-    #[inline(always)]
-    fn is_zero(&self) -> bool {
-        *self == 0.0
-    }
-    #[inline(always)]
-    fn select(mask: bool, a: f64, b: f64) -> f64 {
-        if mask { a } else { b }
-    }
-}
-
-impl Lane for f64 {
-    type Plain = f64;
-    const L: usize = 1;
-    #[inline(always)]
-    fn plain(&self) -> f64 {
-        *self
-    }
-    #[inline(always)]
-    fn get(&self, _lane: usize) -> f64 {
-        *self
-    }
-    #[inline(always)]
-    fn put(&mut self, _lane: usize, value: f64) {
-        *self = value;
-    }
-    #[inline(always)]
-    fn mask_bits(mask: bool) -> u64 {
-        u64::from(mask)
-    }
-    #[inline(always)]
-    fn mask_of(bits: u64) -> bool {
-        bits != 0
-    }
 }

@@ -51,3 +51,12 @@ pub fn locate(
     }
     high
 }
+
+/// Result of the search for events in a step.
+pub(crate) enum Found {
+    Nothing,
+    /// The step ends on the event.
+    AtEnd(usize),
+    /// The event is at this fraction of the step.
+    Inside(f64, usize),
+}

@@ -7,11 +7,8 @@ pub use arrow::Dense;
 pub(crate) use arrow::V as VELOCITY;
 
 use crate::stages::{BLOCK, Block, zeros};
-use crate::structure::{Entry, Structure};
+use crate::structure::{Entry, SMALL, Structure};
 use math::{Lane, Real, Work};
-
-/// Largest number of states for which the inverse of W is formed.
-pub(crate) const SMALL: usize = 8;
 
 /// Returns the number of blocks for `n` states. A small system always fills its fixed array.
 pub(crate) fn blocks(n: usize) -> usize {

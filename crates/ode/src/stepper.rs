@@ -2,23 +2,22 @@
 
 mod attempt;
 mod memory;
-mod output;
 mod refusal;
 mod saltation;
+mod samples;
 mod search;
 
 use crate::approach::FAR_OFF;
 use crate::control::{Control, Failure, Options, Statistics, factor};
 use crate::dense::Step;
-use crate::event::LOOKOUTS;
+use crate::event::{Found, LOOKOUTS};
 use crate::linear::{Linear, blocks};
+use crate::output::{Accepted, Output};
 use crate::stages::{BLOCK, Block, MOST_STAGES, Method, zeros};
 use crate::structure::{DIRECTIONS, Structure};
 use crate::swing::Swing;
 use crate::system::System;
 use math::{Dual, Lane, Real, Work};
-pub use output::{Accepted, NoOutput, Output};
-use search::Found;
 use std::sync::Arc;
 
 /// Steps below this fraction of the present time (or of 1) do not advance the clock reliably.

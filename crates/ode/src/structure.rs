@@ -1,9 +1,10 @@
 //! Sparsity of a system, found once and shared: colouring of the Jacobian's columns, and the
 //! elimination of `W = I/(h gamma) - J` in a fixed order as flat lists of operations.
 
-use crate::linear::SMALL;
 use math::{Deps, Real};
 
+/// Largest number of states for which the inverse of W is formed.
+pub(crate) const SMALL: usize = 8;
 /// Number of directions of one pass of dual numbers.
 pub const DIRECTIONS: usize = 8;
 

@@ -1,7 +1,7 @@
 //! Interface between an integrator and a system of equations.
 
 use crate::linear::Dense;
-use crate::stepper::Accepted;
+use crate::output::Accepted;
 use crate::structure::Structure;
 use math::{Lane, Over, Real};
 use std::sync::Arc;

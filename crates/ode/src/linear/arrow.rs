@@ -11,7 +11,7 @@
 //!
 //! Every scalar type and every lane uses exactly these operations.
 
-use super::SMALL;
+use crate::structure::SMALL;
 use math::{Lane, Real};
 
 /// A Jacobian, row by row. One in the shape of an arrow has entries only where

@@ -5,8 +5,9 @@
 //! The value uses exactly the operations that it uses without derivatives.
 
 use super::arrow::CHANGING;
-use super::{Linear, SMALL, product};
+use super::{Linear, product};
 use crate::stages::BLOCK;
+use crate::structure::SMALL;
 use crate::structure::{Entry, Structure};
 use math::Lane;
 use std::array::from_fn;

@@ -1,18 +1,9 @@
 //! The search for events within an attempted step.
 
 use super::Stepper;
-use crate::event::{LOOKOUTS, locate};
+use crate::event::{Found, LOOKOUTS, locate};
 use crate::system::System;
 use math::{Lane, Real};
-
-/// Result of the search.
-pub(super) enum Found {
-    Nothing,
-    /// The step ends on the event.
-    AtEnd(usize),
-    /// The event is at this fraction of the step.
-    Inside(f64, usize),
-}
 
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// Computes the event functions of one lane at `t0 + theta h` of the present attempt, into `g_look`.

@@ -1,0 +1,25 @@
+//! Why a call of a tool fails.
+
+use circuit::Error;
+
+/// Relative difference by which two tools may round the same instant.
+pub const SAME_INSTANT: f64 = 1e-9;
+
+/// Reason why an operation failed, and its severity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refusal {
+    pub message: String,
+    /// Whether a shorter step or other values may succeed.
+    pub discard: bool,
+}
+
+impl From<Error> for Refusal {
+    fn from(error: Error) -> Self {
+        Refusal { message: error.to_string(), discard: false }
+    }
+}
+
+/// Refuses with a reason.
+pub fn refuse<T>(message: impl Into<String>) -> Result<T, Refusal> {
+    Err(Refusal { message: message.into(), discard: false })
+}
