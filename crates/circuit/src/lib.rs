@@ -1,7 +1,9 @@
 //! Volumes, restrictions, pistons and springs joined into one system of equations.
 //!
 //! A [`Circuit`] consists of parts and the nodes that join them. Gas nodes carry pressure, temperature, mass and
-//! enthalpy flow. Axes carry position, velocity and force. [`Drive`] and [`Tank`] are assemblies of public parts only.
+//! enthalpy flow. Axes carry position, velocity and force.
+//!
+//! The floors, from below: `ground`, `part`, `circuit`, `component`, `assembly`. Each uses only those below it.
 
 #![warn(missing_docs)]
 
@@ -11,34 +13,25 @@ pub use {math, ode, physics, specification};
 mod assembly;
 mod circuit;
 mod component;
-mod drawn;
-mod impacts;
-mod jobs;
-mod ledger;
-mod lifted;
-mod mechanism;
-mod net;
+mod ground;
 pub mod own;
 mod part;
-mod run;
 
 pub use assembly::{
-    ALONG, Assembly, ByStart, DIRECTIONS, Drive, Driven, Foresight, InputPlan, Linear, Mechanics, Members,
-    Names, Network, Prescribed, Quantity, Record, Restart, Servo, Session, Settable, Shooting, Shot,
-    Starting, Tank, Target, Variables, close, friction_law, own_law, steady_sensitivity, valve_openings,
+    ALONG, Assembly, ByStart, Drive, Driven, Foresight, InputPlan, Linear, Mechanics, Members, Names,
+    Network, Prescribed, Record, Restart, Run, Servo, Session, Settable, Shooting, Shot, Tank, Target,
+    Variables, close, friction_law, own_law, sample_times, steady_sensitivity, valve_openings,
 };
-pub use circuit::{AxisId, CarriageId, Circuit, GasId, Path, PistonSide};
+pub use circuit::{Balance, CarriageId, Circuit, Impact, Look, Path, advance, balance, budget, failure_of};
 pub use component::{
-    Choice, Extra, Holds, KINDS, Kind as ComponentKind, Points, Port, PortKind, Stroke, Symbol, formula_kind,
-    kinds, register,
+    Choice, Extra, Holds, KINDS, Kind as ComponentKind, Points, Port, PortKind, Quantity, Starting, Stroke,
+    Symbol, formula_kind, kinds, register,
 };
-pub use impacts::Impact;
-pub use jobs::run_jobs;
-pub use ledger::{Balance, Channel, Kind, balance};
-pub use mechanism::{Evaluated, Platform};
-pub use net::{AxisNode, GasNode, Net};
+pub use ground::{
+    AxisId, AxisNode, Channel, DIRECTIONS, Error, GasId, GasNode, Given, Input, Kind, Net, Part, run_jobs,
+};
+pub use part::mechanism::Evaluated;
 pub use part::{
-    Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, Given, Input, InputId, Link, Part, PartId,
+    Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, InputId, Link, PartId, PistonSide, Platform,
     Reservoir, Restriction, Spring, Volume,
 };
-pub use run::{Error, Look, Run, advance, budget, failure_of, sample_times};

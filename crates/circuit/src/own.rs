@@ -9,7 +9,6 @@ pub use crate::component::{
 };
 #[doc(hidden)]
 pub use crate::component::{count, join};
-pub use crate::part::{
-    Between, Common, Family, Given, Input, InputId, Member, Own, OwnMut, Part, PartId, State,
-};
+pub use crate::ground::{Between, Common, Given, Input, Own, OwnMut, Part, State};
+pub use crate::part::{Family, InputId, Member, PartId};
 pub use crate::{AxisId, GasId, Net, Path, Quantity};

@@ -1,29 +1,20 @@
-//! Parts of a circuit. A new part needs a file here and a line in `parts!`.
+//! Parts of a circuit: pieces with equations. A new part needs a file here and a line in `parts!`.
 
 pub(crate) mod flow;
-pub(crate) mod gas;
-pub(crate) mod mechanics;
-pub(crate) mod valves;
-#[macro_use]
-mod kinds;
 mod foreign;
+pub(crate) mod gas;
+mod kinds;
+pub(crate) mod mechanics;
+pub(crate) mod mechanism;
+mod names;
+pub(crate) mod valves;
 
-use crate::circuit::{AxisId, GasId};
-use crate::ledger::{Channel, Kind};
-use crate::net::Net;
-pub(crate) use kinds::Called;
-use kinds::{Brought, Names, side_by_side};
-use math::{Lane, Over, Real};
-use physics::{Bounds, Gas};
-
-pub use crate::mechanism::Platform;
 pub use flow::check_valve::CheckValve;
 pub use flow::cup::Cup;
 pub use flow::cushion::Cushion;
 pub use flow::edge::Edge;
 pub use flow::formula_path::FormulaPath;
 pub use flow::gap::Gap;
-pub use flow::path::Between;
 pub use flow::restriction::{OtherRestriction, Restriction};
 pub use flow::series::Series;
 pub use flow::table_edge::TableEdge;
@@ -35,6 +26,8 @@ pub use gas::pulsation::Pulsation;
 pub use gas::reservoir::Reservoir;
 pub use gas::volume::{ChamberLaw, Volume};
 pub use gas::wall::Wall;
+pub(crate) use kinds::{EventId, Kept, PartKind, Parts};
+pub use kinds::{InputId, PartId};
 pub use mechanics::axis::Axis;
 pub use mechanics::bumper::Bumper;
 pub use mechanics::carriage::Carriage;
@@ -43,7 +36,7 @@ pub use mechanics::cylinder::{Cylinder, OtherCylinder};
 pub use mechanics::damper::Meets;
 pub(crate) use mechanics::end_stops::Follows;
 pub use mechanics::end_stops::{Covers, EndStops};
-pub use mechanics::face::Face;
+pub use mechanics::face::{Face, PistonSide};
 pub use mechanics::formula_force::FormulaForce;
 pub use mechanics::link::Link;
 pub use mechanics::lock::Lock;
@@ -52,394 +45,10 @@ pub use mechanics::motor::Motor;
 pub use mechanics::shock_absorber::ShockAbsorber;
 pub use mechanics::spring::Spring;
 pub use mechanics::table_force::{Along, TableForce};
+pub use mechanism::Platform;
+pub(crate) use names::Called;
 pub use valves::latch::Latch;
 pub use valves::poppet::Poppet;
 pub use valves::regulator::Regulator;
 pub use valves::second_order::SecondOrder;
 pub use valves::signal::{Armature, Held, Spool, SpoolLeak};
-
-/// The owner of a state, which gives its name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Of {
-    Part,
-    /// A node of gas.
-    Gas(usize),
-    /// An axis.
-    Axis(usize),
-}
-
-/// A state of a part.
-#[derive(Clone, Copy, Debug)]
-pub struct State {
-    /// Name of a state. It ends with the unit, like the name of a column.
-    pub name: &'static str,
-    /// Its unit in SI: `-` or `1` for a pure number.
-    pub unit: &'static str,
-    /// Absolute error scale, in the unit.
-    pub scale: f64,
-    /// Its owner.
-    pub of: Of,
-}
-
-impl State {
-    /// Returns a state that belongs to the part itself.
-    pub fn own(name: &'static str, unit: &'static str, scale: f64) -> Self {
-        State { name, unit, scale, of: Of::Part }
-    }
-
-    /// Returns the same for a state with a separate name.
-    pub(crate) fn of(self, of: Of) -> Self {
-        State { of, ..self }
-    }
-}
-
-/// An input of a part: a number that may change at any time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Input {
-    /// Name that users see.
-    pub name: &'static str,
-    /// Its unit in SI; `1` for a pure number.
-    pub unit: &'static str,
-    /// Allowed values, in the unit.
-    pub bounds: Bounds,
-}
-
-/// An input of a circuit: the kind and index of its part, and the index of the input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct InputId {
-    pub(crate) kind: PartKind,
-    pub(crate) index: usize,
-    pub(crate) input: usize,
-}
-
-/// A part of a circuit: its kind and index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PartId {
-    pub(crate) kind: PartKind,
-    pub(crate) index: usize,
-}
-
-impl PartId {
-    /// One of its inputs.
-    pub fn input(self, input: usize) -> InputId {
-        InputId { kind: self.kind, index: self.index, input }
-    }
-}
-
-/// An event of a circuit: the kind and index of its part, and the index of the event.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct EventId {
-    kind: PartKind,
-    index: usize,
-    event: usize,
-}
-
-/// Start of a run by node. The default is zero.
-#[derive(Clone, Copy, Debug)]
-pub struct Given<'a, R> {
-    /// Pressure, Pa absolute, and temperature, K.
-    pub gas: &'a [(GasId, R, R)],
-    /// Position, m, and velocity, m/s.
-    pub axes: &'a [(AxisId, R, R)],
-    /// Time for which a contact has rested, s, for friction with an age.
-    pub ages: &'a [(AxisId, R)],
-    /// All inner states of friction.
-    pub inner: &'a [(AxisId, &'a [R])],
-    /// Start of a signal: the position of an armature.
-    pub signals: &'a [(usize, R)],
-}
-
-impl<R: Copy> Given<'_, R> {
-    pub(crate) fn gas(&self, node: usize) -> Option<[R; 2]> {
-        self.gas.iter().find(|(id, ..)| id.0 == node).map(|&(_, p, t)| [p, t])
-    }
-
-    pub(crate) fn signal(&self, place: usize) -> Option<R> {
-        self.signals.iter().find(|(own, _)| *own == place).map(|&(_, value)| value)
-    }
-
-    pub(crate) fn axis(&self, node: usize) -> Option<[R; 2]> {
-        self.axes.iter().find(|(id, ..)| id.0 == node).map(|&(_, x, v)| [x, v])
-    }
-}
-
-/// Data that all parts share.
-#[derive(Clone, Copy, Debug)]
-pub struct Common<P> {
-    /// The gas of the circuit.
-    pub gas: Gas<P>,
-    /// Ambient pressure, Pa absolute.
-    pub ambient_pressure: P,
-    /// Ambient temperature, K.
-    pub ambient_temperature: P,
-}
-
-/// A part's states within those of the circuit.
-#[derive(Clone, Copy)]
-pub struct Own<'y, S> {
-    y: &'y [S],
-    place: Place,
-}
-
-impl<'y, S: Copy> Own<'y, S> {
-    #[inline(always)]
-    pub(crate) fn of(y: &'y [S], place: Place) -> Self {
-        Own { y, place }
-    }
-
-    /// Returns the first `N` states of the part.
-    #[inline(always)]
-    pub fn first<const N: usize>(&self) -> [S; N] {
-        let own = &self.y[self.place.first..self.place.first + N];
-        std::array::from_fn(|i| own[i])
-    }
-
-    /// Returns the part's states from the `n`-th on.
-    #[inline(always)]
-    pub fn after(&self, n: usize) -> &'y [S] {
-        &self.y[self.place.first + n..self.place.first + self.place.count]
-    }
-}
-
-/// A part's states or their rates, for writing.
-pub struct OwnMut<'y, S> {
-    y: &'y mut [S],
-    place: Place,
-}
-
-impl<'y, S: Copy> OwnMut<'y, S> {
-    #[inline(always)]
-    pub(crate) fn of(y: &'y mut [S], place: Place) -> Self {
-        OwnMut { y, place }
-    }
-
-    /// Sets the first `N` of them.
-    #[inline(always)]
-    pub fn set<const N: usize>(&mut self, values: [S; N]) {
-        self.y[self.place.first..self.place.first + N].copy_from_slice(&values);
-    }
-
-    /// Returns the states from the `n`-th on.
-    #[inline(always)]
-    pub fn after(&mut self, n: usize) -> &mut [S] {
-        &mut self.y[self.place.first + n..self.place.first + self.place.count]
-    }
-
-    /// Returns the first `n` elements, and the remaining ones.
-    #[inline(always)]
-    pub fn split(self, n: usize) -> (&'y mut [S], &'y mut [S]) {
-        self.y[self.place.first..self.place.first + self.place.count].split_at_mut(n)
-    }
-}
-
-/// A part of a circuit. The right-hand side runs through all parts five times: positions, the volumes that they leave,
-/// pressures, exchange of gas and forces, rates. An omitted phase costs nothing.
-pub trait Part<P: Real> {
-    /// Returns names and scales of the part's states.
-    fn states(&self) -> Vec<State> {
-        Vec::new()
-    }
-    /// Returns the part's inputs.
-    fn inputs(&self) -> &'static [Input] {
-        &[]
-    }
-    /// Returns the value of an input.
-    fn input(&self, input: usize) -> P {
-        unreachable!("there is no input {input}")
-    }
-    /// Returns a mutable reference to an input.
-    fn input_mut(&mut self, input: usize) -> &mut P {
-        unreachable!("there is no input {input}")
-    }
-
-    /// First phase: quantities that follow from states without a pressure, such as positions, velocities and signals.
-    #[inline(always)]
-    fn place<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
-    /// Second phase: volumes that the pistons leave free.
-    #[inline(always)]
-    fn shape<S: Over<P>>(&self, _net: &mut Net<S>) {}
-    /// Third phase: pressures and temperatures.
-    #[inline(always)]
-    fn potential<S: Over<P>>(&self, _y: Own<S>, _net: &mut Net<S>, _common: &Common<P>) {}
-    /// Its flow paths. The circuit exchanges their flows and keeps their balances.
-    #[inline(always)]
-    fn paths(&self) -> &[Between] {
-        &[]
-    }
-    /// Returns the mass flow along a path, kg/s, and whether it goes backward.
-    #[inline(always)]
-    fn flow<S: Over<P>>(&self, path: usize, _net: &Net<S>) -> (S, S::Mask) {
-        unreachable!("there is no flow path {path}")
-    }
-
-    /// Returns the force that a part reports, N, if it has one.
-    fn force<S: Over<P>>(&self, _net: &Net<S>) -> S {
-        unreachable!("a part without a force of its own")
-    }
-
-    /// Fourth phase: gas and forces that pass between nodes. The default covers its flow paths.
-    #[inline(always)]
-    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        for (path, ends) in self.paths().iter().enumerate() {
-            flow::path::post(net, *ends, self.flow(path, net));
-        }
-    }
-    /// Fifth phase: the rates of its states.
-    #[inline(always)]
-    fn rate<S: Over<P>>(&self, _y: Own<S>, _dy: OwnMut<S>, _net: &mut Net<S>, _common: &Common<P>) {}
-
-    /// (mass kg, energy J, entropy of the gas J/K) stored in the part.
-    fn stored<S: Over<P>>(&self, _y: Own<S>, _net: &Net<S>, _common: &Common<P>) -> [S; 3] {
-        [S::zero(); 3]
-    }
-    /// Energy of each of its stores, J.
-    fn stores<S: Over<P>>(&self, y: Own<S>, net: &Net<S>, common: &Common<P>) -> Vec<S> {
-        vec![self.stored(y, net, common)[1]]
-    }
-    /// The part's balances.
-    fn channels(&self) -> Vec<(&'static str, Kind)> {
-        self.paths().iter().flat_map(|_| flow::path::CHANNELS).collect()
-    }
-    /// Whether its balances are constant in the present state.
-    fn rests(&self) -> bool {
-        false
-    }
-    /// Computes the rates of the balances. `dy` are the rates of the states.
-    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let own = out.chunks_exact_mut(flow::path::CHANNELS.len());
-        for ((path, ends), own) in self.paths().iter().enumerate().zip(own) {
-            flow::path::throttling(net, *ends, self.flow(path, net), common, own);
-        }
-    }
-    /// Sets the part's states to the given start of its nodes. It is called with unknown volumes in `net`, then with
-    /// those that follow from the positions.
-    fn begin(&self, _given: &Given<P>, _y: OwnMut<P>, _net: &Net<P>, _common: &Common<P>) {}
-
-    /// Number of surfaces at which its equations change.
-    fn n_obstacles(&self) -> usize {
-        0
-    }
-    /// Functions that are positive before each surface and negative after it.
-    fn obstacles(&self, _y: Own<P>, _net: &Net<P>, _out: &mut [P]) {}
-
-    /// Number of events of the part. Each has its own mode, with a number in each lane.
-    fn n_events(&self) -> usize {
-        0
-    }
-    /// The event function: positive while the present mode holds.
-    fn event(&self, event: usize, _y: Own<P>, _net: &Net<P>) -> P {
-        unreachable!("there is no event {event}")
-    }
-    /// Depth below zero at which the event may be located, in its unit.
-    fn event_tolerance(&self, _event: usize) -> f64 {
-        0.0
-    }
-    /// Changes the mode of one lane, and the states as the mode requires. The default changes the mode from zero to one
-    /// and back. The energy of this change goes into the part's balances, if the circuit keeps any.
-    fn switch(
-        &mut self,
-        event: usize,
-        lane: usize,
-        _y: OwnMut<P>,
-        _net: &Net<P>,
-        _common: &Common<P>,
-        _accounts: &mut [P],
-    ) where
-        P: Lane,
-    {
-        let mode = self.mode_mut(event);
-        mode.put(lane, 1.0 - mode.get(lane));
-    }
-    /// Returns the mode of an event.
-    fn mode_mut(&mut self, event: usize) -> &mut P {
-        unreachable!("there is no event {event}")
-    }
-    /// Sets the mode that belongs to the states, and the states that this mode prescribes.
-    fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, _net: &Net<P>)
-    where
-        P: Lane,
-    {
-    }
-    /// Moves a sample onto the side of the mode, if the error of a step has moved it away.
-    fn settle(&self, _event: usize, _y: OwnMut<P>)
-    where
-        P: Lane,
-    {
-    }
-
-    /// Adds the parts of balances that are functions of the state, in addition to the integrals. `out` is zero at
-    /// entry.
-    fn standing<S: Over<P>>(&self, _net: &Net<S>, _common: &Common<P>, _out: &mut [S]) {}
-}
-
-/// A part that a circuit keeps with those of its kind.
-pub(crate) trait Kept<P>: Part<P> + Sized
-where
-    P: Real,
-{
-    const KIND: PartKind;
-
-    fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)>;
-}
-
-/// Indices of a part's states and balances.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Place {
-    pub first: usize,
-    pub count: usize,
-    pub first_account: usize,
-    pub accounts: usize,
-    /// Owner of the part: an index from one on among the owners of a circuit, or zero without an owner.
-    pub owner: usize,
-}
-
-parts! {
-    usual:
-        cylinders: Cylinder,
-        reservoirs: Reservoir,
-        restrictions: Restriction;
-    others:
-        // First, because sums start with the usual parts.
-        other_restrictions: OtherRestriction,
-        other_cylinders: OtherCylinder,
-        axes: Axis,
-        platforms: Platform,
-        carriages: Carriage,
-        // Before the volumes, which receive the gas that it removes.
-        columns: Column,
-        volumes: Volume,
-        faces: Face,
-        end_stops: EndStops,
-        springs: Spring,
-        links: Link,
-        check_valves: CheckValve,
-        cups: Cup,
-        regulators: Regulator,
-        gaps: Gap,
-        latches: Latch,
-        second_orders: SecondOrder,
-        poppets: Poppet,
-        compressors: Compressor,
-        pulsations: Pulsation,
-        ejectors: Ejector,
-        held: Held,
-        spools: Spool,
-        armatures: Armature,
-        // After the spools, whose positions it reads.
-        spool_leaks: SpoolLeak,
-        edges: Edge,
-        table_edges: TableEdge,
-        cushions: Cushion,
-        bumpers: Bumper,
-        shock_absorbers: ShockAbsorber,
-        couplings: Coupling,
-        magnets: Magnet,
-        locks: Lock,
-        table_forces: TableForce,
-        walls: Wall,
-        motors: Motor,
-        series: Series,
-        formula_paths: FormulaPath,
-        formula_forces: FormulaForce,
-        foreign: Foreign,
-}

@@ -1,16 +1,16 @@
 use super::driven::{COMMAND, Driven, later};
-use super::end_stop::{Taken, impact_warning, stop_warning, through_warning};
 use super::friction::{contact, friction_law};
 use super::gas;
+use super::own_law::COLUMNS;
 use super::session::Session;
-use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use super::wiring::{self, Joint, Joints, wire};
-use crate::circuit::{AxisId, Circuit, GasId};
-use crate::component::{Acts, Instance, Node, Piston};
-use crate::impacts::Impact;
-use crate::lifted::Lifted;
-use crate::part::Given;
-use crate::run::{Error, Look, Recorder, Run, sample_times};
+use crate::assembly::recorder::{Recorder, Run, sample_times};
+use crate::assembly::variables::{Assembly, Settable, Variables};
+use crate::assembly::warnings::{impact_warning, stop_warning, through_warning};
+use crate::circuit::{Circuit, Impact, Look};
+use crate::component::mechanics::end_stop::Taken;
+use crate::component::{Acts, Instance, Node, Piston, Quantity, Starting};
+use crate::ground::{AxisId, Error, GasId, Given, Lifted};
 use crate::specification::{self, ChamberLawName, CylinderKind, Initial, Valve};
 use math::{Deps, Lane, Over};
 use ode::Options;
@@ -239,23 +239,6 @@ fn short(state: &str) -> String {
         None => name.into(),
     }
 }
-
-/// Columns of a trajectory, before the inner states of friction.
-pub(super) const COLUMNS: [&str; 13] = [
-    "time_s",
-    "position_m",
-    "velocity_m_s",
-    "acceleration_m_s2",
-    "pressure_a_pa",
-    "temperature_a_k",
-    "pressure_b_pa",
-    "temperature_b_k",
-    "friction_force_n",
-    "end_stop_force_n",
-    "command",
-    "mass_flow_a_kg_s",
-    "mass_flow_b_kg_s",
-];
 
 impl Drive {
     /// Names of the columns of a run.

@@ -1,10 +1,11 @@
 //! A piston between two chambers on the edges of a valve: runs and evaluations that need its states by name.
 
 use super::session::Session;
-use super::variables::{Assembly, Starting, Target};
-use crate::circuit::{AxisId, Circuit, GasId};
-use crate::part::Given;
-use crate::run::{Error, Look, States, sample_times};
+use crate::assembly::recorder::{States, sample_times};
+use crate::assembly::variables::{Assembly, Target};
+use crate::circuit::{Circuit, Look};
+use crate::component::Starting;
+use crate::ground::{AxisId, Error, GasId, Given};
 use ode::{Method, Statistics, System};
 use std::f64::consts::PI;
 

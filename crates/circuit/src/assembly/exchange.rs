@@ -2,9 +2,8 @@
 //! mode changes at accepted ones.
 
 use super::session::Session;
-use super::variables::Starting;
-use crate::circuit::AxisId;
-use crate::run::Error;
+use crate::component::Starting;
+use crate::ground::{AxisId, Error};
 use ode::System;
 
 /// Mode changes at one instant after which stick and slip count as alternating without end (assumed).

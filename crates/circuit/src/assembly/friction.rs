@@ -1,9 +1,7 @@
 //! The friction of a description: a law and its modifiers, with every value checked.
 
-use super::DIRECTIONS;
 use super::own_law::{check_levels, own_law};
-use crate::lifted::{Lifted, seeds};
-use crate::run::Error;
+use crate::ground::{DIRECTIONS, Error, Lifted, seeds};
 use crate::specification::{self, Growth, StribeckShape};
 use math::{Dual, Lane};
 use physics::Parameter;

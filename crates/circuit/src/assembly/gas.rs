@@ -1,6 +1,6 @@
 //! The gas of a description, and its warnings.
 
-use crate::lifted::Lifted;
+use crate::ground::Lifted;
 use crate::specification;
 use math::Lane;
 use physics::{Gas, IdealGas, Virial};

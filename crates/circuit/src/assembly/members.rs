@@ -1,7 +1,6 @@
 //! Circuits of one topology that differ in numbers. The topology is analysed once, and each member sets its numbers.
 
 use super::drive::{CYLINDER, Drive, Wired, components};
-use super::evaluate::shoot::{DIRECTIONS, Sensitive};
 use super::friction::{contact, meta, with_values};
 use super::gas::gas;
 use super::network::Network;
@@ -9,8 +8,7 @@ use super::numbers::{place, refuse, split, unfit};
 use super::variables::Assembly;
 use super::wiring::{Joints, wire};
 use crate::component::{Instance, check};
-use crate::lifted::{Lifted, Seeds, seeds};
-use crate::run::{Error, with_unit};
+use crate::ground::{DIRECTIONS, Error, Lifted, Seeds, Sensitive, seeds, with_unit};
 use crate::specification::{self, Friction, FromJson};
 use physics::Gas;
 use serde_json::Value;

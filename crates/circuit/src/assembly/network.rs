@@ -1,7 +1,6 @@
 //! A circuit of components as a user describes it: named components, and the joints of their ports.
 
 use super::driven::Driven;
-use super::end_stop::{Taken, impact_warning, stop_warning, through_warning};
 use super::friction::contact;
 use super::friction_law;
 use super::gas::{VIRIAL_SOURCE, gas, virial_warning};
@@ -9,11 +8,12 @@ use super::names::Names;
 use super::session::Session;
 use super::variables::Assembly;
 use super::wiring::{AMBIENT, Joint, Joints, one_of, refuse, wire};
-use crate::circuit::AxisId;
+use crate::assembly::recorder::{Recorder, Run, sample_times};
+use crate::assembly::warnings::{impact_warning, stop_warning, through_warning};
+use crate::circuit::{Impact, Look};
+use crate::component::mechanics::end_stop::Taken;
 use crate::component::{Given as Extra, Instance, Piston, PortId, PortKind, Row, check, kinds};
-use crate::impacts::Impact;
-use crate::lifted::Lifted;
-use crate::run::{Error, Look, Recorder, Run, sample_times, with_unit};
+use crate::ground::{AxisId, Error, Lifted, with_unit};
 use crate::specification;
 use ode::Options;
 use physics::above;
@@ -108,7 +108,7 @@ fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
     };
     let free = vec![false; table.parameters.len()];
     let name = name.clone();
-    let instance = Instance { name, kind, extra, numbers, free, choices, friction };
+    let instance = Instance { name, kind, table, extra, numbers, free, choices, friction };
     check(&instance)?;
     Ok(instance)
 }

@@ -7,8 +7,7 @@ use super::network::Network;
 use super::variables::{Assembly, Variables};
 use super::wiring::wire;
 use crate::component::Instance;
-use crate::lifted::{Lifted, seeds};
-use crate::run::Error;
+use crate::ground::{Error, Lifted, seeds};
 use crate::specification;
 use math::{Deps, Dual, Lane, Over};
 use serde_json::Value;
@@ -74,6 +73,7 @@ fn lift<P: Lane>(
     Ok(Instance {
         name: own.name.clone(),
         kind: own.kind,
+        table: own.table,
         extra: own.extra.lift(),
         numbers: numbers.collect(),
         free: free.collect(),

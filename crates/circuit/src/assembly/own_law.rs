@@ -1,11 +1,26 @@
 //! A custom friction law, from its description.
 
-use super::drive::COLUMNS;
-use crate::run::Error;
+use crate::ground::{Error, bounds, parameter_text};
 use crate::specification;
-use physics::Bounds;
 use physics::friction::COMPOSITION_STATES;
-use physics::friction::formula::{OwnLaw, ParameterText, Problem, Refusal, StateText, Text};
+use physics::friction::formula::{OwnLaw, Problem, Refusal, StateText, Text};
+
+/// Columns of the trajectory of a drive, before the inner states of friction.
+pub(super) const COLUMNS: [&str; 13] = [
+    "time_s",
+    "position_m",
+    "velocity_m_s",
+    "acceleration_m_s2",
+    "pressure_a_pa",
+    "temperature_a_k",
+    "pressure_b_pa",
+    "temperature_b_k",
+    "friction_force_n",
+    "end_stop_force_n",
+    "command",
+    "mass_flow_a_kg_s",
+    "mass_flow_b_kg_s",
+];
 
 /// Returns the law of a user's formulas.
 pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refusal> {
@@ -44,27 +59,6 @@ pub fn own_law(formula: &specification::Formula) -> Result<&'static OwnLaw, Refu
         steady: formula.steady.clone(),
         odd: formula.odd,
     })
-}
-
-/// A parameter in a custom law's description.
-pub(crate) fn parameter_text(p: &specification::FormulaParameter) -> ParameterText {
-    ParameterText {
-        key: p.key.clone(),
-        unit: p.unit.clone(),
-        bounds: bounds(&p.bounds),
-        default: p.default,
-        meaning: p.meaning.clone(),
-    }
-}
-
-/// Missing bounds are infinite and open.
-fn bounds(own: &specification::Bounds) -> Bounds {
-    Bounds {
-        lower: own.above.or(own.at_least).unwrap_or(f64::NEG_INFINITY),
-        upper: own.below.or(own.at_most).unwrap_or(f64::INFINITY),
-        open: own.at_least.is_none(),
-        open_above: own.at_most.is_none(),
-    }
 }
 
 /// Modifiers of force levels need a law that has levels.

@@ -1,11 +1,10 @@
 //! A session with an axis at a prescribed velocity (`platform/driven`): it returns the mean force over a step to a
 //! program that computes the motion.
 
-use super::evaluate::shoot::Sensitive;
 use super::session::Session;
 use super::variables::Target;
-use crate::circuit::Circuit;
-use crate::run::{Error, Look};
+use crate::circuit::{Circuit, Look};
+use crate::ground::{Error, Sensitive};
 use ode::{NoOutput, Options, Paused, Stepper, System};
 
 /// Ends of the names of the velocity among the inputs, and of the impulse among the states.

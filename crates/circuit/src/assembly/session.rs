@@ -1,44 +1,20 @@
 //! A running circuit: its inputs are set now or later, and it is advanced, read, saved, restored and linearised. All
 //! other runs of a circuit use a session.
 
-use super::timing::{Due, Timing, What};
-use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
-use crate::circuit::Circuit;
-use crate::drawn::Drawn;
-use crate::net::Net;
+mod linear;
+mod saved;
+mod timed;
+
+pub use linear::Linear;
+
+use crate::assembly::schedule::{Due, What};
+use crate::assembly::variables::{Assembly, Settable, Target};
+use crate::circuit::{Circuit, Drawn, Look, advance, budget, settled};
+use crate::component::{Starting, Timing};
+use crate::ground::{Error, Net, with_unit};
 use crate::part::InputId;
-use crate::run::{Error, Look, Recorder, Run, advance, budget, settled, with_unit};
-use math::{Dual, Lane, Real};
+use math::Lane;
 use ode::{Method, Options, Output, Statistics, Stepper, System, same_time};
-use std::sync::Arc;
-
-/// First bytes of a saved session, and the version of the format.
-const MAGIC: &[u8; 8] = b"pnd-ses\x05";
-
-/// Directions of one pass of a linearisation.
-const DIRECTIONS: usize = 8;
-type Seeded = Dual<f64, DIRECTIONS>;
-
-/// x' = A x + B u, y = C x + D u about the present state: rows one after the other.
-#[derive(Clone, Debug)]
-pub struct Linear {
-    /// A: derivatives of the rates by the states.
-    pub a: Vec<f64>,
-    /// B: derivatives of the rates by the inputs.
-    pub b: Vec<f64>,
-    /// C: derivatives of the outputs by the states.
-    pub c: Vec<f64>,
-    /// D: derivatives of the outputs by the inputs.
-    pub d: Vec<f64>,
-    /// Columns of the outputs.
-    pub columns: Vec<usize>,
-    /// State at the point of linearisation.
-    pub state: Vec<f64>,
-    /// Rates at this point.
-    pub rates: Vec<f64>,
-    /// Outputs at this point.
-    pub outputs: Vec<f64>,
-}
 
 /// A running circuit.
 #[derive(Clone)]
@@ -57,13 +33,6 @@ pub struct Session<R: Lane = f64> {
     mark: u64,
     /// Gas drawn from outside, if it is recorded.
     drawn: Option<Box<Drawn<R>>>,
-}
-
-/// FNV-1a hash.
-fn mark_of(bytes: impl IntoIterator<Item = u8>) -> u64 {
-    bytes
-        .into_iter()
-        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 /// Returns whether two times are equal within the resolution of the clock.
@@ -90,6 +59,11 @@ impl<R: Lane> Session<R> {
             mark: 0,
             drawn: None,
         }
+    }
+
+    /// Returns the circuit with its names.
+    pub(super) fn assembly(&self) -> &Assembly<R> {
+        &self.assembly
     }
 
     /// Returns the present time, s.
@@ -288,13 +262,6 @@ impl<R: Lane> Session<R> {
 }
 
 impl Session {
-    /// Does the same with saved bytes that only sessions of this description accept.
-    pub fn of_description(mut self, json: &str) -> Self {
-        let version = env!("CARGO_PKG_VERSION").bytes();
-        self.mark = mark_of(json.bytes().chain(self.rtol.to_bits().to_le_bytes()).chain(version));
-        self
-    }
-
     /// Returns the inputs.
     pub fn inputs(&self) -> &[Settable] {
         &self.assembly.variables.inputs
@@ -390,192 +357,8 @@ impl Session {
         self.drawn.as_ref().map(|own| own.mass())
     }
 
-    /// Does the same, and returns some columns at `times`, s, on the way. The times ascend from the present time.
-    pub fn record(
-        &mut self,
-        until: f64,
-        times: Vec<f64>,
-        columns: &[usize],
-        look: &mut Look<'_>,
-    ) -> Result<Run, Error> {
-        if !times.is_sorted() || times.first().is_some_and(|first| *first < self.time()) {
-            return refuse("the times of samples must ascend, and none may have passed");
-        }
-        if until.is_finite() {
-            self.allow_until(until);
-        }
-        let all = &self.assembly.variables;
-        let shown = Variables {
-            columns: columns.iter().map(|&column| all.columns[column].clone()).collect(),
-            quantities: columns.iter().map(|&column| all.quantities[column]).collect(),
-            ..Variables::default()
-        };
-        let assembly = Assembly { variables: Arc::new(shown), ..self.assembly.clone() };
-        let mut recorder = Recorder::new(&assembly, times);
-        self.advance(until, &mut recorder, look)?;
-        Ok(recorder.finish(self))
-    }
-
-    /// Returns the whole session as bytes, or `None` after a failure.
-    pub fn save(&self) -> Result<Vec<u8>, Error> {
-        self.alive()?;
-        let Some(stepper) = self.stepper.save() else { return refuse("the session cannot go on") };
-        let circuit = self.circuit();
-        let mut words = vec![self.mark, self.schedule.len() as u64, u64::from(circuit.has_met())];
-        words.push(circuit.stops_laid_out_for().unwrap_or(0.0).to_bits());
-        words.extend(circuit.inputs().iter().map(|(id, ..)| circuit.input(*id).to_bits()));
-        circuit.clone().change_modes(|mode| words.push(mode.to_bits()));
-        words.extend(stepper);
-        for &(time, what, value) in &self.schedule {
-            words.extend([time.to_bits(), what.code(self.inputs().len()), value.to_bits()]);
-        }
-        let mut bytes = MAGIC.to_vec();
-        bytes.extend(words.iter().flat_map(|word| word.to_le_bytes()));
-        bytes.extend(mark_of(bytes.iter().copied()).to_le_bytes());
-        Ok(bytes)
-    }
-
-    /// Restores the session from saved bytes, bit for bit, even after a failure.
-    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        let Some(rest) = bytes.strip_prefix(MAGIC) else {
-            return refuse("these bytes are not a session, or have another version of the format");
-        };
-        let (words, _) = rest.as_chunks::<8>();
-        let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
-        let whole = rest.len().is_multiple_of(8)
-            && words.last() == Some(&mark_of(bytes[..bytes.len() - 8].iter().copied()));
-        if !whole || words.len() < 5 {
-            return refuse("these bytes of a session are damaged");
-        }
-        if words[0] != self.mark {
-            return refuse(
-                "these bytes are of a session of another drive, another tolerance or another version of pneudrive",
-            );
-        }
-        let mut n_modes = 0;
-        self.circuit().clone().change_modes(|_| n_modes += 1);
-        let ids = self.circuit().inputs();
-        let (values, rest) = words[4..words.len() - 1].split_at_checked(ids.len()).unwrap_or_default();
-        let (modes, rest) = rest.split_at_checked(n_modes).unwrap_or_default();
-        let (stepper, entries) = rest.split_at_checked(self.stepper.words()).unwrap_or_default();
-        let (entries, left) = entries.as_chunks::<3>();
-        let fits = left.is_empty() && entries.len() as u64 == words[1];
-        let number = |word: &u64| f64::from_bits(*word);
-        let (n_inputs, n_timings) = (self.inputs().len(), self.timings().len());
-        let entry = |[t, code, value]: &[u64; 3]| {
-            Some((number(t), What::of(*code, n_inputs, n_timings)?, number(value)))
-        };
-        let schedule: Option<Vec<_>> = entries.iter().map(entry).collect();
-        let (true, false, Some(schedule)) = (fits, stepper.is_empty(), schedule) else {
-            return refuse("these bytes of a session are damaged");
-        };
-        let circuit = self.stepper.system_mut();
-        circuit.clone_from(&self.assembly.circuit);
-        if words[2] != 0 {
-            circuit.meet(0);
-        }
-        circuit.lay_out_stops(number(&words[3]));
-        for ((id, ..), value) in ids.into_iter().zip(values) {
-            circuit.set_input(id, 0, number(value));
-        }
-        let mut modes = modes.iter();
-        circuit.change_modes(|mode| *mode = modes.next().map_or(0.0, number));
-        self.stepper.restore(stepper);
-        self.schedule = schedule;
-        (self.failed, self.is_read) = (None, false);
-        Ok(())
-    }
-
     /// Returns the names and units of the states.
     pub fn state_names(&self) -> &[(String, &'static str)] {
         self.circuit().state_names()
-    }
-
-    /// Returns the exact derivatives of rates and outputs by the states and by some inputs. Outputs are all columns
-    /// except time and command.
-    pub fn linearise(&self, inputs: &[usize]) -> Result<Linear, Error> {
-        self.alive()?;
-        let commands: Vec<(usize, usize, f64)> = (inputs.iter().enumerate())
-            .filter(|(_, input)| matches!(self.inputs()[**input].target, Target::Edges(_)))
-            .map(|(direction, &input)| (direction, input, self.input(input)))
-            .collect();
-        for (_, input, u) in &commands {
-            let name = &self.inputs()[*input].name;
-            if *u == 0.0 {
-                return refuse(format!(
-                    "{name} = 0: the valve is shut, and its flow has one slope towards extending and another towards retracting. \
-                     Set a small command in one direction, or linearise by the openings of the edges"
-                ));
-            }
-            if u.is_nan() {
-                return refuse(format!(
-                    "the edges of the valve are set directly: there is no {name} to differentiate by. Linearise by their openings"
-                ));
-            }
-        }
-        for &input in inputs {
-            let Settable { name, target, .. } = &self.inputs()[input];
-            if matches!(target, Target::Timed(timing) if self.timings()[*timing].smooth().is_none()) {
-                return refuse(format!(
-                    "{name} switches: the circuit has no derivative by it. Linearise by the other inputs"
-                ));
-            }
-        }
-        let (circuit, n) = (self.stepper.system(), self.stepper.system().n_states());
-        let mut y0 = self.stepper.state().to_vec();
-        circuit.settle(&mut y0);
-        let quantities = &self.assembly.variables.quantities;
-        let columns: Vec<usize> = (0..quantities.len())
-            .filter(|&i| !matches!(quantities[i], Quantity::Time | Quantity::Command(_) | Quantity::Input(_)))
-            .collect();
-        let directions = n + inputs.len();
-        let lifted = Circuit::<Seeded>::gather(&[circuit]);
-        let (mut dy, mut row) = (vec![Seeded::zero(); y0.len()], vec![Seeded::zero(); self.row.len()]);
-        let mut slopes = vec![vec![0.0; directions]; n + columns.len()];
-        for first in (0..directions).step_by(DIRECTIONS) {
-            let seeded = |value: f64, direction: usize| Dual {
-                re: value,
-                eps: std::array::from_fn(|k| f64::from(u8::from(first + k == direction))),
-            };
-            let mut circuit = lifted.clone();
-            for &(k, input, u) in &commands {
-                self.assembly.set(&mut circuit, input, 0, seeded(u, n + k));
-            }
-            for (k, &input) in inputs.iter().enumerate() {
-                let id = match self.inputs()[input].target {
-                    Target::Input(id) => Some(id),
-                    Target::Timed(timing) => self.timings()[timing].smooth(),
-                    Target::Edges(_) => None,
-                };
-                if let Some(id) = id {
-                    // An edge moves with the command and independently.
-                    let value = circuit.input(id) + seeded(0.0, n + k);
-                    circuit.set_input(id, 0, value);
-                }
-            }
-            let y: Vec<Seeded> = y0.iter().enumerate().map(|(i, &value)| seeded(value, i)).collect();
-            let mut net = circuit.work::<Seeded>();
-            circuit.rhs(Seeded::zero(), &y, &mut dy, &mut net);
-            self.assembly.row(&circuit, Seeded::c(self.time()), &y, &mut net, &mut row);
-            let numbers = dy[..n].iter().chain(columns.iter().map(|&column| &row[column]));
-            for (slopes, number) in slopes.iter_mut().zip(numbers) {
-                let pass = first..directions.min(first + DIRECTIONS);
-                slopes[pass.clone()].copy_from_slice(&number.eps[..pass.len()]);
-            }
-        }
-        let part = |rows: std::ops::Range<usize>, of: std::ops::Range<usize>| {
-            slopes[rows].iter().flat_map(|row| row[of.clone()].to_vec()).collect::<Vec<_>>()
-        };
-        let all = n + columns.len();
-        Ok(Linear {
-            a: part(0..n, 0..n),
-            b: part(0..n, n..directions),
-            c: part(n..all, 0..n),
-            d: part(n..all, n..directions),
-            state: y0[..n].to_vec(),
-            rates: dy[..n].iter().map(|rate| rate.re).collect(),
-            outputs: columns.iter().map(|&column| row[column].re).collect(),
-            columns,
-        })
     }
 }

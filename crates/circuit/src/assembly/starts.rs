@@ -1,12 +1,12 @@
 //! Starts of a circuit by name, and sessions from them.
 
 use super::session::Session;
-use super::variables::{Assembly, Starting, Target};
 use super::wiring::refuse;
+use crate::assembly::variables::{Assembly, Target};
 use crate::circuit::Circuit;
-use crate::mechanism::Unreached;
-use crate::part::Given;
-use crate::run::Error;
+use crate::component::Starting;
+use crate::ground::{Error, Given};
+use crate::part::mechanism::Unreached;
 use ode::Options;
 use physics::is_huge;
 use std::collections::BTreeMap;

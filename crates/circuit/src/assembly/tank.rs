@@ -1,10 +1,9 @@
 use super::evaluate::shoot::{Shooting, Shot, shoot};
 use super::gas;
-use super::variables::{Assembly, Quantity, Settable, Starting, Variables};
 use super::wiring::{self, Joint, Joints};
-use crate::component::{Acts, Instance, Node};
-use crate::lifted::{Lifted, seeds};
-use crate::run::Error;
+use crate::assembly::variables::{Assembly, Settable, Variables};
+use crate::component::{Acts, Instance, Node, Quantity, Starting};
+use crate::ground::{Error, Lifted, seeds};
 use crate::specification;
 use math::{Deps, Lane, Over};
 use physics::flow::LEAK_RATIO;

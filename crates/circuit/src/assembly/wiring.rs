@@ -1,13 +1,13 @@
 //! Turns components and their joints into equations.
 
-use super::variables::{Assembly, Quantity, Settable, Starting, Target, Variables};
-use crate::circuit::{AxisId, Circuit, GasId};
+use crate::assembly::variables::{Assembly, Settable, Target, Variables};
+use crate::circuit::Circuit;
 use crate::component::{
-    Acts, Brings, Build, Chain, Instance, Leg, Node, Piston, PortId, PortKind, Terminals, Vessel, bring,
-    compose, joint_volume,
+    Acts, Brings, Build, Chain, Instance, Leg, Node, Piston, PortId, PortKind, Quantity, Starting, Terminals,
+    Vessel, bring, compose, joint_volume,
 };
+use crate::ground::{AxisId, Error, GasId};
 use crate::part::{ChamberLaw, InputId};
-use crate::run::Error;
 use crate::specification::Junctions;
 use math::{Deps, Lane, Over};
 use ode::Structure;

@@ -1,6 +1,8 @@
 //! Building of a circuit from its parts: parts, connections, and the start state.
 
-use super::{AxisId, CarriageId, Circuit, GasId, PistonSide, Topology, next_filling};
+use super::handles::CarriageId;
+use super::{Circuit, Topology, next_filling};
+use crate::ground::{AxisId, Between, Common, GasId, Given, Place};
 use crate::part::*;
 use math::{Deps, Lane, Over, Real};
 use ode::{Structure, System};

@@ -4,10 +4,9 @@
 
 pub(crate) mod glance;
 
-use super::{Circuit, GasId};
-use crate::net::{AxisNode, GasNode};
+use crate::ground::{AxisNode, Common, GasId, GasNode};
 use crate::part::flow::restriction::passing;
-use crate::part::*;
+use crate::part::{ChamberLaw, Cylinder, Face, Parts, Volume};
 use math::{Both, Dual, Lane, Over, Real, Work};
 use ode::Dense;
 use physics::flow::{End, Iso6358};
@@ -45,10 +44,17 @@ pub(super) struct Fused<P> {
     ports: Vec<Ports<P>>,
 }
 
+/// A circuit without nodes: its evaluation, its cylinder and what the parts share.
+#[derive(Clone, Copy)]
+pub(super) struct Whole<'c, R: Lane> {
+    pub fused: &'c Fused<R>,
+    pub cylinder: &'c Cylinder<R>,
+    pub common: &'c Common<R>,
+}
+
 /// Computes the right-hand side of a circuit without nodes at `y`, plus its known part.
 pub(super) struct Rates<'c, R: Lane> {
-    pub circuit: &'c Circuit<R>,
-    pub fused: &'c Fused<R>,
+    pub of: Whole<'c, R>,
     pub y: &'c [R],
     pub known: &'c [R],
     pub out: &'c mut [R],
@@ -58,14 +64,13 @@ impl<R: Lane> Work for Rates<'_, R> {
     type Out = ();
     #[inline(always)]
     fn work(self) {
-        self.circuit.fused_rates(self.fused, self.y, self.known, self.out);
+        self.of.rates(self.y, self.known, self.out);
     }
 }
 
 /// Computes the same with its Jacobian.
 pub(super) struct Linearised<'c, R: Lane> {
-    pub circuit: &'c Circuit<R>,
-    pub fused: &'c Fused<R>,
+    pub of: Whole<'c, R>,
     pub y: &'c [R],
     pub f: &'c mut [R],
     pub jacobian: &'c mut Dense<R>,
@@ -75,11 +80,11 @@ impl<R: Lane> Work for Linearised<'_, R> {
     type Out = ();
     #[inline(always)]
     fn work(self) {
-        let Linearised { circuit, fused, y, f, jacobian } = self;
+        let Linearised { of, y, f, jacobian } = self;
         if const { R::DIRECTIONS > 0 } {
-            circuit.fused_jacobian::<AXIS>(fused, y, f, jacobian);
+            of.jacobian::<AXIS>(y, f, jacobian);
         } else {
-            circuit.fused_jacobian::<AXIS_OF_PLAIN>(fused, y, f, jacobian);
+            of.jacobian::<AXIS_OF_PLAIN>(y, f, jacobian);
         }
     }
 }
@@ -99,8 +104,7 @@ struct Chambers<S> {
 
 impl<R: Lane> Fused<R> {
     /// Returns the evaluation if the parts form such a drive and its laws can be evaluated side by side.
-    pub fn of(circuit: &Circuit<R>) -> Option<Self> {
-        let parts = &circuit.parts;
+    pub fn of(parts: &Parts<R>, common: &Common<R>) -> Option<Self> {
         let [(_, cylinder)] = &parts.cylinders[..] else { return None };
         let few = cylinder.axis.friction.as_ref().is_none_or(|contact| contact.states().len() <= 1);
         let law = ChamberLaw::EnergyBalance;
@@ -123,7 +127,7 @@ impl<R: Lane> Fused<R> {
             edges[side].push(Edge { restriction, reservoir, inward });
         }
         let ([a, b], [face_a, face_b]) = (&cylinder.volumes, &cylinder.faces);
-        let Common { gas, ambient_pressure, ambient_temperature } = &circuit.common;
+        let Common { gas, ambient_pressure, ambient_temperature } = common;
         let ideal: IdealGas<Both<R>> = gas.beside(gas);
         let common = Common {
             gas: Gas::from(&ideal),
@@ -134,7 +138,7 @@ impl<R: Lane> Fused<R> {
     }
 
     /// Copies the open restrictions and the state of the reservoirs.
-    fn connect(&mut self, open: &[usize], parts: &Parts<R>) {
+    pub fn connect(&mut self, open: &[usize], parts: &Parts<R>) {
         let is_open = |edge: &&Edge| open.binary_search(&edge.restriction).is_ok();
         let mut each = self.edges.each_ref().map(|edges| edges.iter().filter(is_open));
         self.ports.clear();
@@ -170,7 +174,7 @@ impl<R: Lane> Fused<R> {
     }
 
     /// Copies the opening of a restriction.
-    fn open(&mut self, restriction: usize, gain: R) {
+    pub fn open(&mut self, restriction: usize, gain: R) {
         for ports in &mut self.ports {
             if let Some(side) = ports.restriction.iter().position(|own| *own == Some(restriction)) {
                 ports.gain.0[side] = gain;
@@ -275,34 +279,12 @@ impl<R: Real> Cylinder<R> {
     }
 }
 
-impl<R: Lane> Circuit<R> {
-    /// Checks whether the circuit can be evaluated without nodes.
-    pub(super) fn fuse(mut self) -> Self {
-        self.fused = Fused::of(&self).map(Box::new);
-        self.connect();
-        self
-    }
-
-    /// Copies the open restrictions and the reservoirs.
-    pub(super) fn connect(&mut self) {
-        if let Some(fused) = &mut self.fused {
-            fused.connect(&self.open, &self.parts);
-        }
-    }
-
-    /// Copies the opening of a restriction.
-    #[inline(always)]
-    pub(super) fn widen(&mut self, restriction: usize) {
-        if let Some(fused) = &mut self.fused {
-            fused.open(restriction, self.parts.restrictions[restriction].1.gain());
-        }
-    }
-
+impl<R: Lane> Whole<'_, R> {
     /// Computes the right-hand side without nodes, plus `known`. The known part is added number by number before
     /// storing, so that the next reader need not wait for several stores.
     #[inline(always)]
-    fn fused_rates(&self, fused: &Fused<R>, y: &[R], known: &[R], out: &mut [R]) {
-        let (_, cylinder) = &self.parts.cylinders[0];
+    fn rates(&self, y: &[R], known: &[R], out: &mut [R]) {
+        let Whole { fused, cylinder, common } = *self;
         let (outer, z) = y.split_first_chunk::<6>().expect("the states of a cylinder");
         let (known, known_z) = known.split_first_chunk::<6>().expect("as many");
         let (out, dz) = out.split_first_chunk_mut::<6>().expect("as many");
@@ -310,7 +292,7 @@ impl<R: Lane> Circuit<R> {
         let axis = cylinder.stands([x, v]);
         let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
         let Chambers { rates, pressure, .. } = fused.chambers(Both::same(cylinder.least_wall), states);
-        let acceleration = cylinder.moves(axis, pressure.0, z, dz, &self.common).a;
+        let acceleration = cylinder.moves(axis, pressure.0, z, dz, common).a;
         let [m_dot, u_dot] = rates.map(|both| both.0);
         *out = [
             known[0] + v,
@@ -327,14 +309,8 @@ impl<R: Lane> Circuit<R> {
 
     /// Computes the same with its Jacobian, which has the shape that [`ode::System::linearise`] requires.
     #[inline(always)]
-    fn fused_jacobian<const D: usize>(
-        &self,
-        fused: &Fused<R>,
-        y: &[R],
-        f: &mut [R],
-        jacobian: &mut Dense<R>,
-    ) {
-        let (_, cylinder) = &self.parts.cylinders[0];
+    fn jacobian<const D: usize>(&self, y: &[R], f: &mut [R], jacobian: &mut Dense<R>) {
+        let Whole { fused, cylinder, common } = *self;
         let (outer, z) = y.split_first_chunk::<6>().expect("the states of a cylinder");
         let [x, v, m_a, u_a, m_b, u_b] = *outer;
         let axis = cylinder.stands::<Dual<R, D>>([Dual::variable(x, 0), Dual::variable(v, 1)]);
@@ -361,7 +337,7 @@ impl<R: Lane> Circuit<R> {
         }
         // dp/dx and dp/dU of both chambers. A pressure depends on neither v nor m.
         let by = [pressure.eps[0].0, pressure.eps[2].0];
-        cylinder.differentiate(axis, pressure.re.0, z, &self.common, by, (f, jacobian));
+        cylinder.differentiate(axis, pressure.re.0, z, common, by, (f, jacobian));
         (f[0], jacobian[0][1]) = (v, R::one());
     }
 }

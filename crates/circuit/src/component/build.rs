@@ -1,10 +1,12 @@
 //! The circuit under construction, to which components add their parts.
 
-use super::{Instance, Vessel};
-use crate::assembly::end_stop::Ends;
-use crate::assembly::{Quantity, Starting, Timing};
-use crate::circuit::{AxisId, Circuit, GasId, Path};
-use crate::part::{Between, CheckValve, Edge, Family, Foreign, InputId, Kept, Member, Part, PartId, Wall};
+use super::instance::{Brings, Instance, Terminals, Vessel};
+use super::kind::Kind;
+use crate::circuit::{Circuit, Path};
+use crate::component::mechanics::end_stop::Ends;
+use crate::component::{Quantity, Starting, Timing};
+use crate::ground::{AxisId, Between, Error, GasId, Part};
+use crate::part::{CheckValve, Edge, Family, Foreign, InputId, Kept, Member, PartId, Wall};
 use math::{Deps, Lane, Over};
 use physics::flow::Iso6358;
 use physics::friction::Contact;
@@ -238,4 +240,63 @@ impl<P: Lane> Build<P> {
         let (name, ..) = of.kind().outputs[output];
         self.columns.push((format!("{}.{name}", of.name), quantity));
     }
+}
+
+impl<P: Lane> Instance<P> {
+    /// Returns the law of a flow path of this component with the named sonic conductance.
+    pub fn path(&self, conductance: &str, build: &Build<P>) -> Iso6358<P> {
+        self.path_of(self.number(conductance), build)
+    }
+
+    /// Returns the same for a sonic conductance, m3/(s Pa).
+    pub fn path_of(&self, conductance: P, build: &Build<P>) -> Iso6358<P> {
+        self.law(conductance, self.number("critical_pressure_ratio"), build)
+    }
+
+    /// Returns the law of a path to the exhaust. The default is the law of the supply path.
+    pub(super) fn exhaust_path(&self, build: &Build<P>) -> Iso6358<P> {
+        let conductance = self.given("exhaust_conductance").unwrap_or_else(|| self.number("conductance"));
+        let ratio = self.given("exhaust_critical_pressure_ratio");
+        self.law(conductance, ratio.unwrap_or_else(|| self.number("critical_pressure_ratio")), build)
+    }
+
+    fn law(&self, conductance: P, ratio: P, build: &Build<P>) -> Iso6358<P> {
+        let index = self.number("subsonic_index");
+        Iso6358::for_gas(
+            conductance,
+            ratio,
+            index,
+            self.number("linear_above"),
+            index.get(0) == 0.5 && !self.is_free("subsonic_index"),
+            &build.gas,
+            build.is_air,
+        )
+    }
+}
+
+/// A kind of component.
+pub trait Component: 'static {
+    /// Its table.
+    const KIND: Kind;
+
+    /// Returns its contribution to the joint at a port.
+    fn bring<P: Lane>(_own: &Instance<P>, _port: usize, _ambient_temperature: P) -> Brings<P> {
+        Brings::Nothing
+    }
+
+    /// Returns sonic conductance, m3/(s Pa), and critical pressure ratio of a path between its first two ports. The
+    /// path is always open and can be merged with others in series. Its outputs are flows along it.
+    fn series<P: Lane>(_own: &Instance<P>) -> Option<[P; 2]> {
+        None
+    }
+
+    /// Checks relations between its numbers.
+    fn check(_own: &Instance<f64>) -> Result<(), Error> {
+        Ok(())
+    }
+
+    /// Adds its parts.
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>)
+    where
+        Deps: Over<P>;
 }

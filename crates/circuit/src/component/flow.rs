@@ -8,5 +8,6 @@ pub(crate) mod line;
 pub(crate) mod lumped;
 pub(crate) mod orifice;
 pub(crate) mod quick_exhaust;
+pub(crate) mod seal;
 pub(crate) mod silencer;
 pub(crate) mod tube;

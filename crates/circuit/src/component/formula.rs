@@ -1,13 +1,13 @@
 //! Components whose equation is a user's formula with separate parameters.
 
 use super::{
-    Acts, Build, Choice, Component, Extra, Given, Instance, KINDS, Kind, Row, Stroke, Symbol, Terminals,
-    axis, gas,
+    Acts, Build, Choice, Component, Extra, Given, Instance, Kind, Row, Stroke, Symbol, Terminals, axis, gas,
 };
-use crate::assembly::{Quantity, parameter_text};
 use crate::circuit::Path;
+use crate::component::Quantity;
+use crate::component::instance::Written;
+use crate::ground::{Error, parameter_text};
 use crate::part::{FormulaForce, FormulaPath};
-use crate::run::Error;
 use crate::specification::ComponentFormula;
 use math::Lane;
 use physics::IdealGas;
@@ -15,13 +15,6 @@ use physics::constants::{RHO_0, T_0};
 use physics::flow::{FlowFormula, MASS_FLOW};
 use physics::mechanics::{FORCE, ForceFormula};
 use physics::written::{Known, OwnFormula, Refusal, Role, Text};
-
-/// A formula, and the table of the resulting components.
-#[derive(Debug)]
-pub struct Written {
-    pub kind: Kind,
-    pub own: &'static OwnFormula,
-}
 
 static KNOWN: Known<Written> = Known::new();
 
@@ -64,18 +57,6 @@ pub(crate) fn written(
         };
         Ok(Written { kind, own })
     })
-}
-
-/// Returns the table of the components that a formula makes from a kind, and warnings to the author. `None` if the kind
-/// does not exist or does not accept a formula.
-pub fn formula_kind(
-    kind: &str,
-    formula: &ComponentFormula,
-) -> Option<Result<(&'static Kind, &'static [String]), Refusal>> {
-    let base = KINDS.iter().find(|own| own.key == kind)?;
-    let Extra::Formula(role) = base.extra else { return None };
-    let made = written(base, role, formula);
-    Some(made.map(|written| (&written.kind, &written.own.warnings[..])))
 }
 
 /// Returns the formula of a component with values of its parameters.

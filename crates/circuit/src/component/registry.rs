@@ -1,28 +1,25 @@
 //! Components of other crates, in addition to those of this crate.
 
-use super::{Brings, Build, Component, Instance, KINDS, Kind, Terminals};
-use crate::run::Error;
-use math::{Deps, Dual, Lane, Over};
+use super::build::{Build, Component};
+use super::instance::{Brings, Instance, Terminals};
+use super::kind::Kind;
+use crate::ground::{Error, Sensitive};
+use math::{Deps, Lane, Over};
 use std::any::{Any, TypeId};
 use std::marker::PhantomData;
 use std::sync::{PoisonError, RwLock};
 
 static OTHERS: RwLock<Vec<&'static dyn Registered>> = RwLock::new(Vec::new());
 
-/// Adds a kind of component that circuits may use, in this process. Adding the same kind again changes nothing.
-///
-/// # Errors
-///
-/// Another component of this kind exists.
-pub fn register<C: Component>() -> Result<(), Error> {
+/// Adds a kind to those of other crates, unless `is_taken` says that its key exists.
+pub(super) fn add<C: Component>(is_taken: impl Fn(&str) -> bool) -> Result<(), Error> {
     let own: &'static dyn Registered = const { &OfType::<C>(PhantomData) };
     let mut others = OTHERS.write().unwrap_or_else(PoisonError::into_inner);
     if others.iter().any(|other| other.of() == own.of()) {
         return Ok(());
     }
     let key = own.kind().key;
-    let taken = KINDS.iter().copied().chain(others.iter().map(|other| other.kind()));
-    if key.is_empty() || taken.into_iter().any(|other| other.key == key) {
+    if key.is_empty() || is_taken(key) || others.iter().any(|other| other.kind().key == key) {
         let what = if key.is_empty() { "has no key" } else { "exists already" };
         return Err(Error::Specification(format!("component \"{key}\" {what}: give it another key")));
     }
@@ -30,20 +27,15 @@ pub fn register<C: Component>() -> Result<(), Error> {
     Ok(())
 }
 
-/// Every kind of component: those of this crate, then those that were added.
-pub fn kinds() -> Vec<&'static Kind> {
+/// The kinds of other crates.
+pub(super) fn others() -> Vec<&'static Kind> {
     let others = OTHERS.read().unwrap_or_else(PoisonError::into_inner);
-    KINDS.iter().copied().chain(others.iter().map(|other| other.kind())).collect()
+    others.iter().map(|other| other.kind()).collect()
 }
 
-/// Returns the kind at an index of [`kinds`].
-pub(super) fn kind(place: usize) -> &'static Kind {
-    KINDS.get(place).copied().unwrap_or_else(|| at(place).kind())
-}
-
-/// Returns the component of another crate at an index of [`kinds`].
+/// Returns the component of another crate at an index of [`others`].
 pub(super) fn at(place: usize) -> &'static dyn Registered {
-    OTHERS.read().unwrap_or_else(PoisonError::into_inner)[place - KINDS.len()]
+    OTHERS.read().unwrap_or_else(PoisonError::into_inner)[place]
 }
 
 /// A component of another crate as an object, for the scalar types of circuits.
@@ -85,9 +77,6 @@ where
     C::compose(own.downcast_ref::<Instance<P>>()?, at, build.downcast_mut::<Build<P>>()?);
     Some(())
 }
-
-/// Numbers with derivatives for several shots.
-type Sensitive = Dual<f64, { crate::assembly::DIRECTIONS }>;
 
 impl<C: Component> Registered for OfType<C> {
     fn of(&self) -> TypeId {

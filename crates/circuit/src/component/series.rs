@@ -1,10 +1,10 @@
 //! Restrictions in a row that are merged into one flow path.
 
 use super::{Brings, Build, Instance, Node, bring, series};
-use crate::assembly::Quantity;
 use crate::circuit::Path;
+use crate::component::Quantity;
+use crate::ground::Error;
 use crate::part::Series;
-use crate::run::Error;
 use math::{Deps, Lane, Over};
 use physics::flow::{Iso6358, in_series};
 use std::collections::BTreeMap;

@@ -6,7 +6,6 @@ pub(crate) mod cushion;
 pub(crate) mod edge;
 pub(crate) mod formula_path;
 pub(crate) mod gap;
-pub(crate) mod path;
 pub(crate) mod restriction;
 pub(crate) mod series;
 pub(crate) mod table_edge;

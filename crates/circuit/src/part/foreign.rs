@@ -1,9 +1,6 @@
 //! Parts of other crates, stored as objects: a circuit uses only their trait.
 
-use super::flow::path::Between;
-use super::{Common, Given, Input, Own, OwnMut, Part, State};
-use crate::ledger::Kind;
-use crate::net::Net;
+use crate::ground::{Between, Common, Given, Input, Kind, Net, Own, OwnMut, Part, State};
 use math::{Deps, Dual, Lane, Lanes, Over, Real};
 use std::any::{Any, TypeId};
 use std::fmt::Debug;

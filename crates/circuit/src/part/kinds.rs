@@ -1,102 +1,48 @@
 //! The kinds of part, and the loops of a circuit over its parts.
 
-use super::{Of, Place, State};
-use crate::ledger::{Channel, Kind};
-use std::collections::BTreeMap;
+use super::names::{Brought, Called, Names, place, side_by_side};
+use super::*;
+use crate::ground::{Between, Channel, Common, Given, Input, Net, Own, OwnMut, Part, Place, State};
+use math::{Lane, Over, Real};
 
-/// Names of parts for users: every cylinder has the same name, independent of its friction.
-#[derive(Default)]
-pub(super) struct Names(BTreeMap<&'static str, usize>);
+/// An input of a circuit: the kind and index of its part, and the index of the input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputId {
+    pub(crate) kind: PartKind,
+    pub(crate) index: usize,
+    pub(crate) input: usize,
+}
 
-impl Names {
-    /// Returns the name of the next part of this kind: "Cylinder 0", "Cylinder 1", ...
-    pub(super) fn next(&mut self, kind: &'static str) -> String {
-        let kind = kind.trim_start_matches("Other");
-        let count = self.0.entry(kind).or_default();
-        *count += 1;
-        format!("{kind} {}", *count - 1)
+/// A part of a circuit: its kind and index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PartId {
+    pub(crate) kind: PartKind,
+    pub(crate) index: usize,
+}
+
+impl PartId {
+    /// One of its inputs.
+    pub fn input(self, input: usize) -> InputId {
+        InputId { kind: self.kind, index: self.index, input }
     }
 }
 
-/// Names of the components and nodes of parts: the prefixes of their state names.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Called {
-    pub owners: Vec<String>,
-    pub gas: BTreeMap<usize, String>,
-    pub axes: BTreeMap<usize, String>,
+/// An event of a circuit: the kind and index of its part, and the index of the event.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EventId {
+    kind: PartKind,
+    index: usize,
+    event: usize,
 }
 
-impl Called {
-    /// Returns the prefix of the state names of the `i`-th part of a kind: its owner, with a number if the owner has
-    /// several such parts.
-    pub(super) fn part(&self, owners: &[usize], i: usize, name: &str) -> String {
-        let kind = |name: &str| name.to_lowercase().replace(' ', "_");
-        let own = |owner: &&usize| **owner == owners[i];
-        match (owners[i], owners.iter().filter(own).count()) {
-            (0, _) => kind(name),
-            (owner, 1) => self.owners[owner - 1].clone(),
-            (owner, _) => {
-                let number = owners[..=i].iter().filter(own).count();
-                format!(
-                    "{}.{}_{number}",
-                    self.owners[owner - 1],
-                    kind(name.split(' ').next().unwrap_or(name))
-                )
-            }
-        }
-    }
+/// A part that a circuit keeps with those of its kind.
+pub(crate) trait Kept<P>: Part<P> + Sized
+where
+    P: Real,
+{
+    const KIND: PartKind;
 
-    /// Returns the name of a state of a part.
-    pub(super) fn state(&self, part: &str, state: &State) -> String {
-        let node = |names: &BTreeMap<usize, String>, what: &str, node: usize| {
-            names.get(&node).map_or_else(|| format!("{what}_{node}."), Clone::clone) + state.name
-        };
-        match state.of {
-            Of::Part => format!("{part}.{}", state.name),
-            Of::Gas(own) => node(&self.gas, "gas", own),
-            Of::Axis(own) => node(&self.axes, "axis", own),
-        }
-    }
-}
-
-/// Returns the parts of a kind of lanes, from those of each lane.
-pub(super) fn side_by_side<T, U>(each: &[&Vec<(Place, T)>], gather: fn(&[&T]) -> U) -> Vec<(Place, U)> {
-    let part = |i: usize| {
-        let own: Vec<&T> = each.iter().map(|parts| &parts[i].1).collect();
-        (each[0][i].0, gather(&own))
-    };
-    (0..each[0].len()).map(part).collect()
-}
-
-/// A part with its states and balances of a circuit.
-pub(super) struct Brought<'p> {
-    pub kind: &'static str,
-    pub place: &'p mut Place,
-    pub states: Vec<State>,
-    pub channels: Vec<(&'static str, Kind)>,
-}
-
-/// Gives every part its indices: the states' names and scales in that order, then the balances.
-pub(super) fn place(mut parts: Vec<Brought>, called: &Called) -> (Vec<(String, State)>, Vec<Channel>) {
-    let (mut states, mut channels) = (Vec::new(), Vec::new());
-    let (mut named, mut counted) = (Names::default(), Names::default());
-    for of_kind in parts.chunk_by_mut(|one, next| one.kind == next.kind) {
-        let owners: Vec<usize> = of_kind.iter().map(|part| part.place.owner).collect();
-        for (i, part) in of_kind.iter_mut().enumerate() {
-            let own = std::mem::take(&mut part.states);
-            let name = called.part(&owners, i, &named.next(part.kind));
-            *part.place = Place { first: states.len(), count: own.len(), ..*part.place };
-            states.extend(own.into_iter().map(|state| (called.state(&name, &state), state)));
-        }
-    }
-    for Brought { kind, place, channels: own, .. } in parts {
-        let number = counted.next(kind);
-        let name = place.owner.checked_sub(1).map_or(number, |owner| called.owners[owner].clone());
-        (place.first_account, place.accounts) = (channels.len(), own.len());
-        channels
-            .extend(own.into_iter().map(|(what, kind)| Channel { name: format!("{name}: {what}"), kind }));
-    }
-    (states, channels)
+    fn kept(parts: &mut Parts<P>) -> &mut Vec<(Place, Self)>;
 }
 
 /// Lists the kinds of part: their storage, and the loops over every part of a circuit. The kinds of an ordinary drive
@@ -109,19 +55,19 @@ macro_rules! parts {
         impl<P: Real> Parts<P> {
             parts!(@phase place, place_others, [$($usual),*], [$($other: $other_part),*],
                 (y: &[S], net: &mut Net<S>, common: &Common<P>), (y, net, common),
-                |at, part| part.place(Own { y, place: *at }, net, common));
+                |at, part| part.place(Own::of(y, *at), net, common));
             parts!(@phase shape, shape_others, [$($usual),*], [$($other: $other_part),*],
                 (net: &mut Net<S>), (net),
                 |_at, part| part.shape(net));
             parts!(@phase potential, potential_others, [$($usual),*], [$($other: $other_part),*],
                 (y: &[S], net: &mut Net<S>, common: &Common<P>), (y, net, common),
-                |at, part| part.potential(Own { y, place: *at }, net, common));
+                |at, part| part.potential(Own::of(y, *at), net, common));
             parts!(@phase exchange, exchange_others, [$($usual),*], [$($other: $other_part),*],
                 (net: &mut Net<S>, common: &Common<P>), (net, common),
                 |_at, part| part.exchange(net, common));
             parts!(@phase rate, rate_others, [$($usual),*], [$($other: $other_part),*],
                 (y: &[S], dy: &mut [S], net: &mut Net<S>, common: &Common<P>), (y, dy, net, common),
-                |at, part| part.rate(Own { y, place: *at }, OwnMut { y: &mut *dy, place: *at }, net, common));
+                |at, part| part.rate(Own::of(y, *at), OwnMut::of(&mut *dy, *at), net, common));
         }
     };
     (@phase $name:ident, $others:ident, [$($usual:ident),*], [$($other:ident: $other_part:ident),*],
@@ -260,7 +206,7 @@ macro_rules! parts {
                     let (states, channels) = (part.states(), part.channels());
                     parts.push(Brought { kind: stringify!($part), place, states, channels });
                 })*
-                kinds::place(parts, called)
+                place(parts, called)
             }
         }
 
@@ -334,7 +280,7 @@ macro_rules! parts {
                 }
                 $(for (at, part) in &self.$field {
                     let (own, others) = out.split_at_mut(Part::<P>::n_obstacles(part));
-                    part.obstacles(Own { y, place: *at }, net, own);
+                    part.obstacles(Own::of(y, *at), net, own);
                     out = others;
                 })*
             }
@@ -355,7 +301,7 @@ macro_rules! parts {
                 match id.kind {
                     $(PartKind::$part => {
                         let (at, part) = &self.$field[id.index];
-                        part.event(id.event, Own { y, place: *at }, net)
+                        part.event(id.event, Own::of(y, *at), net)
                     })*
                 }
             }
@@ -420,7 +366,7 @@ macro_rules! parts {
             pub fn stored<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> [S; 3] {
                 let mut sum = [S::zero(); 3];
                 $(for (at, part) in &self.$field {
-                    let own = part.stored(Own { y, place: *at }, net, common);
+                    let own = part.stored(Own::of(y, *at), net, common);
                     for (sum, own) in sum.iter_mut().zip(own) {
                         *sum += own;
                     }
@@ -431,7 +377,7 @@ macro_rules! parts {
             pub fn stores<S: Over<P>>(&self, y: &[S], net: &Net<S>, common: &Common<P>) -> Vec<S> {
                 let mut stores = Vec::new();
                 $(for (at, part) in &self.$field {
-                    stores.extend(part.stores(Own { y, place: *at }, net, common));
+                    stores.extend(part.stores(Own::of(y, *at), net, common));
                 })*
                 stores
             }
@@ -448,7 +394,7 @@ macro_rules! parts {
                     if part.rests() {
                         own.fill(S::zero());
                     } else {
-                        let [y, dy] = [y, dy].map(|y| Own { y, place: *at });
+                        let [y, dy] = [y, dy].map(|y| Own::of(y, *at));
                         part.account(y, dy, net, common, own);
                     }
                 })*
@@ -461,4 +407,55 @@ macro_rules! parts {
             }
         }
     };
+}
+
+parts! {
+    usual:
+        cylinders: Cylinder,
+        reservoirs: Reservoir,
+        restrictions: Restriction;
+    others:
+        // First, because sums start with the usual parts.
+        other_restrictions: OtherRestriction,
+        other_cylinders: OtherCylinder,
+        axes: Axis,
+        platforms: Platform,
+        carriages: Carriage,
+        // Before the volumes, which receive the gas that it removes.
+        columns: Column,
+        volumes: Volume,
+        faces: Face,
+        end_stops: EndStops,
+        springs: Spring,
+        links: Link,
+        check_valves: CheckValve,
+        cups: Cup,
+        regulators: Regulator,
+        gaps: Gap,
+        latches: Latch,
+        second_orders: SecondOrder,
+        poppets: Poppet,
+        compressors: Compressor,
+        pulsations: Pulsation,
+        ejectors: Ejector,
+        held: Held,
+        spools: Spool,
+        armatures: Armature,
+        // After the spools, whose positions it reads.
+        spool_leaks: SpoolLeak,
+        edges: Edge,
+        table_edges: TableEdge,
+        cushions: Cushion,
+        bumpers: Bumper,
+        shock_absorbers: ShockAbsorber,
+        couplings: Coupling,
+        magnets: Magnet,
+        locks: Lock,
+        table_forces: TableForce,
+        walls: Wall,
+        motors: Motor,
+        series: Series,
+        formula_paths: FormulaPath,
+        formula_forces: FormulaForce,
+        foreign: Foreign,
 }

@@ -2,11 +2,10 @@
 //! states.
 
 use crate::assembly::driven::{COMMAND, Driven, EDGES, later};
-use crate::assembly::evaluate::shoot::DIRECTIONS;
+use crate::assembly::recorder::{Recorder, sample_times};
 use crate::assembly::session::Session;
-use crate::circuit::Circuit;
-use crate::net::Net;
-use crate::run::{Error, Look, Recorder, sample_times};
+use crate::circuit::{Circuit, Look};
+use crate::ground::{DIRECTIONS, Error, Net};
 use math::Dual;
 use ode::{NoOutput, Options, System};
 

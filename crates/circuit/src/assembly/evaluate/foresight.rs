@@ -1,9 +1,9 @@
 //! Prediction of an assembly under held inputs, each time from a new state: as values, and with derivatives by each
 //! held value.
 
-use crate::assembly::evaluate::shoot::Sensitive;
 use crate::assembly::variables::{Assembly, Variables};
 use crate::circuit::Circuit;
+use crate::ground::Sensitive;
 use math::Lane;
 use ode::{Accepted, NoOutput, Options, Output, Paused, Stepper, same_time};
 use std::sync::Arc;

@@ -3,20 +3,14 @@
 use crate::assembly::drive::{Drive, Wired};
 use crate::assembly::driven::later;
 use crate::assembly::session::Session;
-use crate::assembly::variables::{Assembly, Starting};
-use crate::circuit::Circuit;
-use crate::jobs::run_jobs;
-use crate::lifted::{Lifted, seeds};
-use crate::net::Net;
-use crate::run::{Error, Look, budget};
+use crate::assembly::variables::Assembly;
+use crate::circuit::{Circuit, Look, budget};
+use crate::component::Starting;
+use crate::ground::{DIRECTIONS, Error, Lifted, Net, Sensitive, run_jobs, seeds};
 use crate::specification;
 use math::{Dual, Lane};
 use ode::{Options, Output, System};
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Number of derivatives of one pass.
-pub const DIRECTIONS: usize = 8;
-pub(in crate::assembly) type Sensitive = Dual<f64, DIRECTIONS>;
 
 /// Start values to differentiate by.
 #[derive(Clone, Debug)]

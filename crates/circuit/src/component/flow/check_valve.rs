@@ -1,7 +1,6 @@
-use crate::assembly::Quantity;
 use crate::component::valves::boxes::CHECK;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Symbol, Terminals, gas, table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Symbol, Terminals, gas, table,
 };
 use math::Lane;
 

@@ -1,8 +1,7 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::component::{
-    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas,
-    table,
+    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol,
+    Terminals, gas, table,
 };
 use math::Lane;
 

@@ -1,8 +1,7 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
-use crate::component::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, gas, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, gas, table};
+use crate::ground::Error;
 use crate::part::Gap;
-use crate::run::Error;
 use math::Lane;
 use physics::flow::Laminar;
 

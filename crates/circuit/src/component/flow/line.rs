@@ -1,10 +1,9 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, Port, Stroke, Symbol, Terminals, Vessel, gas, table,
+    Build, Component, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals, Vessel, gas, table,
 };
+use crate::ground::Error;
 use crate::part::{ChamberLaw, Column};
-use crate::run::Error;
 use math::Lane;
 use physics::flow::{BORE_CONDUCTANCE, Iso6358, LINEAR_ABOVE, NOZZLE_RATIO};
 use std::f64::consts::PI;

@@ -1,12 +1,12 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::component::flow::line::{self, LAMINAR_HEAT};
 use crate::component::flow::tube::{self, SYMBOL, Tube, steady};
 use crate::component::{
-    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Row, Terminals, Vessel, gas, table,
+    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Row, Terminals, Vessel, gas,
+    table,
 };
+use crate::ground::Error;
 use crate::part::ChamberLaw;
-use crate::run::Error;
 use math::{Deps, Lane, Over, Real};
 use std::f64::consts::PI;
 

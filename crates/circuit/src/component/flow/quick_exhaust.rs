@@ -1,8 +1,7 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, exhaust, gas,
-    table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol, Terminals,
+    exhaust, gas, table,
 };
 use crate::part::Cup;
 use math::Lane;

@@ -1,7 +1,7 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::component::{
-    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Stroke, Symbol, Terminals, gas, table,
+    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Stroke, Symbol, Terminals, gas,
+    table,
 };
 use math::Lane;
 use physics::flow::{Iso6358, NOZZLE_RATIO};

@@ -1,7 +1,6 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
-use crate::component::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, gas, table};
-use crate::run::Error;
+use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, gas, table};
+use crate::ground::Error;
 use math::Lane;
 
 /// A compressor with a pressure switch.

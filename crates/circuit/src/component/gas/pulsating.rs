@@ -1,9 +1,9 @@
-use crate::assembly::Quantity;
 use crate::component::{
-    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Stroke, Symbol, Terminals, gas, table,
+    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals, gas,
+    table,
 };
+use crate::ground::Error;
 use crate::part::Pulsation;
-use crate::run::Error;
 use math::Lane;
 use std::f64::consts::PI;
 

@@ -1,6 +1,6 @@
-use crate::assembly::Quantity;
 use crate::component::{
-    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Stroke, Symbol, Terminals, gas, table,
+    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals, gas,
+    table,
 };
 use math::Lane;
 

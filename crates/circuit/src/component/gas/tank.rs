@@ -1,6 +1,6 @@
-use crate::assembly::Quantity;
 use crate::component::{
-    Brings, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, Vessel, WALL, chamber, table,
+    Brings, Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, Vessel, WALL, chamber,
+    table,
 };
 use crate::part::ChamberLaw;
 use math::Lane;

@@ -1,6 +1,7 @@
-use crate::assembly::Quantity;
-use crate::circuit::AxisId;
-use crate::component::{Build, Choice, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{
+    Build, Choice, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table,
+};
+use crate::ground::AxisId;
 use crate::part::{Bumper as Elastomer, Meets};
 use math::{Lane, Real};
 

@@ -1,6 +1,6 @@
-use crate::assembly::Quantity;
 use crate::component::{
-    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Stroke, Symbol, Terminals, axis, table,
+    Acts, Brings, Build, Component, Holds, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals, axis,
+    table,
 };
 use crate::part::Carriage as Servo;
 use math::Lane;

@@ -1,13 +1,12 @@
-use crate::assembly::Quantity;
-use crate::assembly::end_stop::{Driven, ends};
-use crate::assembly::leak::leak;
-use crate::circuit::{AxisId, GasId, PistonSide};
+use crate::component::flow::seal::leak;
+use crate::component::mechanics::end_stop::{Driven, ends};
 use crate::component::{
-    Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, Row, SUBSONIC_INDEX,
-    Stroke, Symbol, Terminals, Variable, Vessel, WALL, axis, chamber, count, exhaust, join, table,
+    Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, Quantity, Row,
+    SUBSONIC_INDEX, Stroke, Symbol, Terminals, Variable, Vessel, WALL, axis, chamber, count, exhaust, join,
+    table,
 };
-use crate::part::{ChamberLaw, Cushion};
-use crate::run::Error;
+use crate::ground::{AxisId, Error, GasId};
+use crate::part::{ChamberLaw, Cushion, PistonSide};
 use math::Lane;
 use physics::flow::{BORE_CONDUCTANCE, Iso6358};
 use std::f64::consts::{FRAC_PI_2, PI};

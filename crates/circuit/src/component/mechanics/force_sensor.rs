@@ -1,5 +1,4 @@
-use crate::assembly::Quantity;
-use crate::component::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table};
 use math::Lane;
 
 /// A joint of two masses that measures the force between them.

@@ -1,5 +1,6 @@
-use crate::assembly::Quantity;
-use crate::component::{Acts, Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{
+    Acts, Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table,
+};
 use crate::part::Motor as Part;
 use math::Lane;
 

@@ -1,8 +1,8 @@
-use crate::assembly::Quantity;
-use crate::circuit::PistonSide;
 use crate::component::{
-    Acts, Brings, Build, Component, Instance, Kind, Port, Stroke, Symbol, Terminals, axis, gas, table,
+    Acts, Brings, Build, Component, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals, axis, gas,
+    table,
 };
+use crate::part::PistonSide;
 use math::Lane;
 use std::f64::consts::FRAC_PI_2;
 

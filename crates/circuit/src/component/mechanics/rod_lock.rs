@@ -1,6 +1,5 @@
-use crate::assembly::Quantity;
 use crate::component::valves::switching::{Drives, armature};
-use crate::component::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table};
 use crate::part::Lock;
 use math::Lane;
 

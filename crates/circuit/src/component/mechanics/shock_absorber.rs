@@ -1,6 +1,5 @@
-use crate::assembly::Quantity;
 use crate::component::mechanics::bumper::{MET_FROM, SIDE, meets};
-use crate::component::{Build, Component, Instance, Kind, Stroke, Symbol, Terminals, axis, table};
+use crate::component::{Build, Component, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis, table};
 use crate::part::ShockAbsorber as Oil;
 use math::Lane;
 

@@ -1,5 +1,6 @@
-use crate::assembly::Quantity;
-use crate::component::{Build, Choice, Component, Extra, Instance, Kind, Stroke, Symbol, Terminals, axis};
+use crate::component::{
+    Build, Choice, Component, Extra, Instance, Kind, Quantity, Stroke, Symbol, Terminals, axis,
+};
 use crate::part::{Along, TableForce};
 use math::Lane;
 use physics::Parameter;

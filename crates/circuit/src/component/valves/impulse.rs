@@ -1,8 +1,8 @@
-use crate::assembly::{Quantity, Starting, Timing};
 use crate::component::valves::boxes::{FIVE_TWO, FIVE_TWO_PORTS, SOLENOID};
 use crate::component::valves::switching::{EXHAUST, FIVE, OPENS, SHUTS, five};
 use crate::component::{
-    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, table,
+    Acts, Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Starting, Stroke, Symbol,
+    Terminals, Timing, table,
 };
 use crate::part::Armature;
 use math::Lane;

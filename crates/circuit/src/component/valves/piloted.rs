@@ -1,9 +1,8 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::component::valves::boxes::CHECK;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, pilot,
-    table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas,
+    pilot, table,
 };
 use crate::part::Poppet;
 use math::Lane;

@@ -1,8 +1,7 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::component::{
-    Acts, Build, Choice, Component, Holds, Instance, Kind, LINEAR_ABOVE, Port, Row, SUBSONIC_INDEX, Stroke,
-    Symbol, Terminals, Variable, exhaust, gas, table,
+    Acts, Build, Choice, Component, Holds, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Row, SUBSONIC_INDEX,
+    Stroke, Symbol, Terminals, Variable, exhaust, gas, table,
 };
 use crate::part::{InputId, Regulator, SecondOrder};
 use math::Lane;

@@ -1,10 +1,10 @@
-use crate::assembly::Quantity;
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, LINEAR_ABOVE, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas, table,
+    Build, Component, Instance, Kind, LINEAR_ABOVE, Quantity, SUBSONIC_INDEX, Stroke, Symbol, Terminals, gas,
+    table,
 };
+use crate::ground::Error;
 use crate::part::Latch;
-use crate::run::Error;
 use math::Lane;
 
 /// A valve that first fills a system slowly.

@@ -1,15 +1,14 @@
-use crate::assembly::{Pulses, Quantity, Timing};
-use crate::circuit::{GasId, Path};
+use crate::circuit::Path;
 use crate::component::valves::boxes::{
     ABOVE, BELOW, CLOSED, EXHAUSTS, FEEDS, FIVE_THREE, FIVE_THREE_PORTS, FIVE_TWO, FIVE_TWO_PORTS,
     PRESSURISES, SHUT, SHUT_ABOVE, SOLENOID, SPRING, TWO_BOXES, UP, VENTS,
 };
 use crate::component::{
-    Acts, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Row, SUBSONIC_INDEX, Stroke, Symbol,
-    Terminals, exhaust, gas, table,
+    Acts, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Pulses, Quantity, Row, SUBSONIC_INDEX,
+    Stroke, Symbol, Terminals, Timing, exhaust, gas, table,
 };
+use crate::ground::{Error, GasId};
 use crate::part::{Armature, Edge, Held};
-use crate::run::Error;
 use math::Lane;
 use physics::flow::Iso6358;
 

@@ -1,15 +1,14 @@
-use crate::assembly::{Quantity, Timing};
-use crate::circuit::{GasId, Path};
+use crate::circuit::Path;
 use crate::component::valves::boxes::{
     ABOVE, ARROW, BELOW, CLOSED, ENDLESS, FEEDS, FIVE_THREE, FIVE_THREE_PORTS, SHUT, SHUT_ABOVE, SOLENOID,
     THREE_BOXES, VENTS,
 };
 use crate::component::{
-    Acts, Build, Choice, Component, Extra, Instance, Kind, LINEAR_ABOVE, Points, Row, SUBSONIC_INDEX, Stroke,
-    Symbol, Terminals, exhaust, gas, table,
+    Acts, Build, Choice, Component, Extra, Instance, Kind, LINEAR_ABOVE, Points, Quantity, Row,
+    SUBSONIC_INDEX, Stroke, Symbol, Terminals, Timing, exhaust, gas, table,
 };
+use crate::ground::{Error, GasId};
 use crate::part::{Edge, Held, Spool, SpoolLeak, TableEdge};
-use crate::run::Error;
 use math::Lane;
 use physics::curve::Curve;
 use physics::flow::Iso6358;

@@ -1,6 +1,4 @@
-use crate::net::Net;
-use crate::part::flow::path::{Between, clip, gathered, post};
-use crate::part::{Common, Part};
+use crate::ground::{Between, Common, Net, Part, clip, gathered, post};
 use math::{Over, Real};
 use physics::flow::Iso6358;
 use std::slice;

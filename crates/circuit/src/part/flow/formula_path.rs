@@ -1,6 +1,4 @@
-use crate::net::Net;
-use crate::part::flow::path::{Between, gathered};
-use crate::part::{Input, Part};
+use crate::ground::{Between, Input, Net, Part, gathered};
 use math::{Over, Real};
 use physics::flow::FlowFormula;
 use std::slice;

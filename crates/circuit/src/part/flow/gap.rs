@@ -1,6 +1,4 @@
-use crate::net::Net;
-use crate::part::Part;
-use crate::part::flow::path::{Between, gathered};
+use crate::ground::{Between, Net, Part, gathered};
 use math::{Over, Real};
 use physics::flow::Laminar;
 use std::slice;

@@ -1,6 +1,4 @@
-use crate::net::Net;
-use crate::part::flow::path::{Between, post_ideal};
-use crate::part::{Common, Input, Part};
+use crate::ground::{Between, Common, Input, Net, Part, post_ideal};
 use math::{Lane, Over, Real};
 use physics::flow::Iso6358;
 use std::slice;

@@ -1,7 +1,4 @@
-use crate::ledger::Kind;
-use crate::net::{GasNode, Net};
-use crate::part::flow::path::{Between, gathered};
-use crate::part::{Common, Own, OwnMut, Part, State, flow::path};
+use crate::ground::{Between, Common, GasNode, Kind, Net, Own, OwnMut, Part, State, clip, gathered, path};
 use math::{Over, Real};
 use std::slice;
 
@@ -52,7 +49,7 @@ const TURBULENT: f64 = 4000.0;
 /// Returns the friction factor of a smooth pipe times the Reynolds number.
 #[inline(always)]
 fn friction<S: Real>(reynolds: S) -> S {
-    let u = path::clip((reynolds - S::c(LAMINAR)) * S::c(1.0 / (TURBULENT - LAMINAR)));
+    let u = clip((reynolds - S::c(LAMINAR)) * S::c(1.0 / (TURBULENT - LAMINAR)));
     let share = u * u * (S::c(3.0) - S::c(2.0) * u);
     // The argument is never zero, so that its roots have a slope.
     let root = reynolds.max(S::c(LAMINAR)).sqrt();

@@ -1,9 +1,6 @@
-use crate::circuit::GasId;
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::flow::path::{PRESSURE_TOLERANCE, gathered};
-use crate::part::gas::volume::specific_entropy;
-use crate::part::{Common, Own, OwnMut, Part};
+use crate::ground::{
+    Common, GasId, Kind, Net, Own, OwnMut, PRESSURE_TOLERANCE, Part, gathered, log, specific_entropy,
+};
 use math::{Lane, Over, Real};
 
 gathered! {
@@ -65,7 +62,7 @@ impl<P: Real> Part<P> for Compressor<P> {
         out[0] = m_dot;
         out[1] = m_dot * cp * t;
         out[2] = m_dot * s(t);
-        out[3] = m_dot * cp * (ratio - S::one() - crate::part::gas::volume::log(ratio));
+        out[3] = m_dot * cp * (ratio - S::one() - log(ratio));
         if let Some(virial) = &common.gas.virial {
             let h = |t: S| virial.enthalpy(&common.gas, node.p, t);
             out[1] = m_dot * h(t);

@@ -1,7 +1,4 @@
-use crate::circuit::GasId;
-use crate::net::Net;
-use crate::part::flow::path::gathered;
-use crate::part::{Common, Given, Input, Own, OwnMut, Part, State};
+use crate::ground::{Common, GasId, Given, Input, Net, Own, OwnMut, Part, State, gathered};
 use math::{Over, Real};
 
 gathered! {

@@ -1,5 +1,4 @@
-use crate::net::Net;
-use crate::part::{Common, Input, Part};
+use crate::ground::{Common, Input, Net, Part};
 use math::{Over, Real};
 use physics::chamber::GasState;
 

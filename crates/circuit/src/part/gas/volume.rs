@@ -1,6 +1,4 @@
-use crate::ledger::Kind;
-use crate::net::{GasNode, Net};
-use crate::part::{Common, Given, Of, Own, OwnMut, Part, State};
+use crate::ground::{Common, GasNode, Given, Kind, Net, Of, Own, OwnMut, Part, State, specific_entropy};
 use math::{Lane, Over, Real};
 use physics::chamber::{AsPrinted, EnergyBalance, Exchange, GasState};
 // The standard reference atmosphere, for error scales and as the zero of entropy.
@@ -57,25 +55,6 @@ impl<R: Lane> Volume<R> {
     }
 }
 
-/// ln x for a balance. A trial stage may be outside the physical range. Its balances may have any value except NaN, so
-/// that the steps are the same with and without a ledger.
-pub(in crate::part) fn log<S: Real>(x: S) -> S {
-    x.max(S::c(f64::MIN_POSITIVE)).ln()
-}
-
-/// Entropy per mass relative to the reference state, J/(kg K).
-pub(in crate::part) fn specific_entropy<P: Real, S: Over<P>>(t: S, p: S, common: &Common<P>) -> S {
-    let (cp, r) = (S::from(common.gas.cp), S::from(common.gas.gas_constant));
-    let ideal = |p: S| cp * log(t / S::c(T_0)) - r * log(p / S::c(P_0));
-    common.gas.virial.as_ref().map_or_else(
-        || ideal(p),
-        |virial| {
-            let density = virial.density(&common.gas, p, t);
-            ideal(density * r * t) + virial.residual_entropy(&common.gas, density, t)
-        },
-    )
-}
-
 impl<P: Real> Volume<P> {
     /// Sets the volume without pistons, and zero flow.
     #[inline(always)]
@@ -98,7 +77,7 @@ impl<P: Real> Volume<P> {
 
     /// Does the same for a real gas, with its enthalpy, after `fill`.
     #[inline(always)]
-    pub(in crate::part) fn fill_real<S: Over<P>>(
+    pub(crate) fn fill_real<S: Over<P>>(
         &self,
         y: [S; 2],
         node: &mut GasNode<S>,
@@ -115,7 +94,7 @@ impl<P: Real> Volume<P> {
     }
 
     /// Returns the states at a pressure and temperature.
-    pub(in crate::part) fn start(&self, [p, t]: [P; 2], node: &GasNode<P>, common: &Common<P>) -> [P; 2] {
+    pub(crate) fn start(&self, [p, t]: [P; 2], node: &GasNode<P>, common: &Common<P>) -> [P; 2] {
         if let Some(virial) = &common.gas.virial {
             return virial.initial(&common.gas, p, t, node.volume);
         }

@@ -1,6 +1,4 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::{Common, Given, Own, OwnMut, Part, State};
+use crate::ground::{Common, Given, Kind, Net, Own, OwnMut, Part, State};
 use math::{Lane, Over, Real};
 use physics::heat;
 

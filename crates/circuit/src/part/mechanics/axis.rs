@@ -1,6 +1,4 @@
-use crate::ledger::Kind;
-use crate::net::{AxisNode, Net};
-use crate::part::{Common, Given, Input, Of, Own, OwnMut, Part, State};
+use crate::ground::{AxisNode, Common, Given, Input, Kind, Net, Of, Own, OwnMut, Part, State};
 use math::{Lane, Over, Real};
 use ode::Accepted;
 use physics::friction::{At, Contact};
@@ -188,7 +186,7 @@ impl<P: Real> Axis<P> {
     }
 
     /// Returns kinetic and potential energy, and the energy of bristles with inner states `z`, J.
-    pub(in crate::part) fn stores_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
+    pub(crate) fn stores_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
         let node = &net.axis[self.node];
         let kinetic = S::c(0.5) * self.moved(node.x).0 * node.v * node.v;
         let bristles = self.friction.as_ref().map_or(S::zero(), |contact| contact.stored(z));
@@ -196,14 +194,14 @@ impl<P: Real> Axis<P> {
     }
 
     /// Returns the energy stored by the axis with inner states `z`, J.
-    pub(in crate::part) fn stored_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
+    pub(crate) fn stored_in<S: Over<P>>(&self, z: &[S], net: &Net<S>) -> [S; 3] {
         let [kinetic, height, bristles] = self.stores_in(z, net);
         [S::zero(), kinetic + height + bristles, S::zero()]
     }
 
     /// Computes rates of the balances of the axis with inner states `z`, whose rates are `dz`. Work on the damping of
     /// bristles is not included: see [`Axis::damped_in`].
-    pub(in crate::part) fn account_in<S: Over<P>>(
+    pub(crate) fn account_in<S: Over<P>>(
         &self,
         z: &[S],
         dz: &[S],
@@ -231,7 +229,7 @@ impl<P: Real> Axis<P> {
     }
 
     /// Returns the number of events of its law: one if it has a stick mode.
-    pub(in crate::part) fn events_of_law(&self) -> usize {
+    pub(crate) fn events_of_law(&self) -> usize {
         usize::from(self.friction.as_ref().is_some_and(|contact| contact.law.meta().sticks))
     }
 
@@ -245,12 +243,12 @@ impl<P: Real> Axis<P> {
     }
 
     /// The event function of the law's mode, with inner states `z`.
-    pub(in crate::part) fn event_in(&self, z: &[P], net: &Net<P>) -> P {
+    pub(crate) fn event_in(&self, z: &[P], net: &Net<P>) -> P {
         self.contact().event(&at(&net.axis[self.node]), z, self.mode)
     }
 
     /// Sets position, velocity and the inner states of friction to given values.
-    pub(in crate::part) fn begin_in(&self, given: &Given<P>, (motion, z): (&mut [P], &mut [P])) {
+    pub(crate) fn begin_in(&self, given: &Given<P>, (motion, z): (&mut [P], &mut [P])) {
         if let Some(start) = given.axis(self.node) {
             motion[..2].copy_from_slice(&start);
         }
@@ -266,7 +264,7 @@ impl<P: Real> Axis<P> {
 }
 
 /// Depth of an event in its unit, N in stick and m/s in slip: 1e-9 is much less than any step resolves.
-pub(in crate::part) const EVENT_TOLERANCE: f64 = 1e-9;
+pub(crate) const EVENT_TOLERANCE: f64 = 1e-9;
 
 impl<R: Lane> Axis<R> {
     /// Adds the work on the damping of bristles in a step to the balances of a mass. The states of the mass begin at
@@ -297,7 +295,7 @@ impl<R: Lane> Axis<R> {
 
     /// Sets one lane's mode after its event, and its inner states that remember events. If the event leaves the mass at
     /// rest, the velocity becomes zero, and the balance receives the kinetic energy.
-    pub(in crate::part) fn switch_in(
+    pub(crate) fn switch_in(
         &mut self,
         lane: usize,
         (motion, z): (&mut [R], &mut [R]),
@@ -335,7 +333,7 @@ impl<R: Lane> Axis<R> {
 
     /// Returns the mode at these nodes, without a known mode: stick if the velocity is zero and the force too small. A
     /// mass in stick has no velocity and no derivative of the velocity.
-    pub(in crate::part) fn find_mode_in(&mut self, (motion, z): (&mut [R], &mut [R]), net: &Net<R>) {
+    pub(crate) fn find_mode_in(&mut self, (motion, z): (&mut [R], &mut [R]), net: &Net<R>) {
         self.mode = self.contact().first_mode(&at(&net.axis[self.node]), z);
         for lane in 0..R::L {
             if self.mode.get(lane) == 0.0 && self.event_in(z, net).get(lane) < 0.0 {
@@ -349,7 +347,7 @@ impl<R: Lane> Axis<R> {
 
     /// A mass that slides in one direction cannot have a velocity in the other. Between two checks, the error of a step
     /// may still produce one within the tolerance of the check.
-    pub(in crate::part) fn settle_in(&self, motion: &mut [R]) {
+    pub(crate) fn settle_in(&self, motion: &mut [R]) {
         if self.stops() {
             let (v, zero) = (&mut motion[1], R::Plain::zero());
             let backwards = (self.mode.plain() * v.plain()).lt(zero);
@@ -407,7 +405,7 @@ macro_rules! events_of_a_mass {
         }
     };
 }
-pub(in crate::part) use events_of_a_mass;
+pub(crate) use events_of_a_mass;
 
 impl<P: Real> Part<P> for Axis<P> {
     fn states(&self) -> Vec<State> {

@@ -1,6 +1,4 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::{Common, Given, Input, Own, OwnMut, Part, State};
+use crate::ground::{Common, Given, Input, Kind, Net, Own, OwnMut, Part, State};
 use math::{Over, Real};
 use std::f64::consts::TAU;
 

@@ -1,7 +1,5 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::flow::path::gathered;
-use crate::part::{Common, Own, Part, mechanics::damper};
+use crate::ground::{Common, Kind, Net, Own, Part, gathered};
+use crate::part::mechanics::damper;
 use math::{Over, Real};
 use physics::mechanics::EndStop;
 

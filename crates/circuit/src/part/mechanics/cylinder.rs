@@ -1,10 +1,7 @@
-use crate::ledger::Kind;
-use crate::net::Net;
+use crate::ground::{Common, Given, Input, Kind, Net, Own, OwnMut, Part, State};
 use crate::part::gas::volume::LEAST_ROOM;
-use crate::part::{
-    Axis, ChamberLaw, Common, EndStops, Face, Given, Input, Own, OwnMut, Part, State, Volume,
-    mechanics::axis::events_of_a_mass,
-};
+use crate::part::mechanics::axis::events_of_a_mass;
+use crate::part::{Axis, ChamberLaw, EndStops, Face, Volume};
 use math::{Lane, Over, Real};
 use physics::constants::P_0;
 

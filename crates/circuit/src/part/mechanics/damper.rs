@@ -1,22 +1,20 @@
 //! Springs with dampers: their balances, and contacts that a mass hits.
 
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::Common;
+use crate::ground::{Common, Kind, Net};
 use math::{Lane, Over, Real};
 
 /// Returns the balances of a part that turns work into heat, with springs that store some of the work.
-pub(in crate::part) const CHANNELS: [(&str, Kind); 2] =
+pub(crate) const CHANNELS: [(&str, Kind); 2] =
     [("damper heat", Kind::Energy), ("damper", Kind::EntropyOfSolid)];
 
 /// Returns the rates of the balances for this power, W, on the part. The energy in its springs is not an integral.
-pub(in crate::part) fn account<P: Real, S: Over<P>>(work: S, common: &Common<P>, out: &mut [S]) {
+pub(crate) fn account<P: Real, S: Over<P>>(work: S, common: &Common<P>, out: &mut [S]) {
     out[0] = -work;
     out[1] = work / S::from(common.ambient_temperature);
 }
 
 /// Returns the part of the balances outside the integrals. Heat is the work done minus the energy of the springs, J.
-pub(in crate::part) fn standing<P: Real, S: Over<P>>(spring: S, common: &Common<P>, out: &mut [S]) {
+pub(crate) fn standing<P: Real, S: Over<P>>(spring: S, common: &Common<P>, out: &mut [S]) {
     account(-spring, common, out);
 }
 
@@ -39,19 +37,19 @@ impl<R: Lane> Meets<R> {
 
 impl<P: Real> Meets<P> {
     /// Returns the penetration of the mass, m, and its rate, m/s.
-    pub(in crate::part) fn contact<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
+    pub(crate) fn contact<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
         let axis = &net.axis[self.axis];
         let depth = axis.x - S::from(self.position);
         if self.ahead { (depth, axis.v) } else { (-depth, -axis.v) }
     }
 
     /// Converts a restoring force to a force in -x, N.
-    pub(in crate::part) fn force<S: Over<P>>(&self, pushes: S) -> S {
+    pub(crate) fn force<S: Over<P>>(&self, pushes: S) -> S {
         if self.ahead { pushes } else { -pushes }
     }
 
     /// Applies a force in -x, N, to the mass.
-    pub(in crate::part) fn push<S: Over<P>>(&self, force: S, net: &mut Net<S>) {
+    pub(crate) fn push<S: Over<P>>(&self, force: S, net: &mut Net<S>) {
         net.axis[self.axis].force -= force;
     }
 }

@@ -1,6 +1,5 @@
-use crate::ledger::Kind;
-use crate::net::{AxisNode, Net};
-use crate::part::{Common, Own, Part, mechanics::damper};
+use crate::ground::{AxisNode, Common, Kind, Net, Own, Part};
+use crate::part::mechanics::damper;
 use math::{Lane, Over, Real};
 use physics::mechanics::EndStop;
 
@@ -171,7 +170,7 @@ impl<P: Real> EndStops<P> {
     }
 
     /// Returns the distance from `x` to each of the stops, m.
-    pub(in crate::part) fn ahead(&self, x: P) -> [P; 2] {
+    pub(crate) fn ahead(&self, x: P) -> [P; 2] {
         [x, self.stroke - x]
     }
 

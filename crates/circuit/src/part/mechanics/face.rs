@@ -1,7 +1,6 @@
-use crate::ledger::Kind;
-use crate::net::{AxisNode, GasNode, Net};
-use crate::part::{Common, Own, Part};
+use crate::ground::{AxisNode, Common, GasNode, Kind, Net, Own, Part};
 use math::{Lane, Over, Real};
+use std::f64::consts::PI;
 
 physics::parameters! {
     /// One side of a piston: joins a gas node to an axis.
@@ -66,7 +65,7 @@ impl<P: Real> Face<P> {
 impl<R: Lane> Face<R> {
     /// Returns the free volume of a chamber with the piston at `x` and with this dead volume, m3.
     #[inline(always)]
-    pub(in crate::part) fn room(&self, x: R::Plain, dead_volume: R::Plain) -> R::Plain {
+    pub(crate) fn room(&self, x: R::Plain, dead_volume: R::Plain) -> R::Plain {
         self.area.plain().fma(self.offset.plain() + self.sign.plain() * x, dead_volume)
     }
 }
@@ -99,5 +98,32 @@ impl<P: Real> Part<P> for Face<P> {
         if self.held {
             out[0] += work(net.gas[self.gas].p);
         }
+    }
+}
+
+/// Geometry of one side of a piston and of its chamber.
+#[derive(Clone, Copy, Debug)]
+pub struct PistonSide<P = f64> {
+    /// Area on which the gas presses, m2.
+    pub area: P,
+    /// Wetted perimeter of barrel and rod, m.
+    pub perimeter: P,
+    /// Wetted end faces, m2.
+    pub end_wall: P,
+}
+
+impl<P> PistonSide<P> {
+    /// Creates a face with an area, m2, a perimeter, m, and end faces, m2.
+    pub fn new(area: P, perimeter: P, end_wall: P) -> Self {
+        PistonSide { area, perimeter, end_wall }
+    }
+}
+
+impl<P: Real> PistonSide<P> {
+    /// Creates the face of a bore, m, with a rod of this diameter, m (0: no rod). Heat passes through the barrel, both
+    /// end faces and the rod. The dead volume has no additional surface.
+    pub fn of_bore(bore: P, rod: P) -> Self {
+        let area = P::c(0.25 * PI) * (bore * bore - rod * rod);
+        PistonSide { area, perimeter: P::c(PI) * (bore + rod), end_wall: P::c(2.0) * area }
     }
 }

@@ -1,7 +1,4 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::flow::path::gathered;
-use crate::part::{Common, Input, Own, Part};
+use crate::ground::{Common, Input, Kind, Net, Own, Part, gathered};
 use math::{Over, Real};
 use physics::mechanics::ForceFormula;
 

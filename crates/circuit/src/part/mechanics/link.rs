@@ -1,6 +1,4 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::{Common, Own, Part};
+use crate::ground::{Common, Kind, Net, Own, Part};
 use math::{Over, Real};
 
 physics::parameters! {

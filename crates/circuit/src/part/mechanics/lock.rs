@@ -1,7 +1,5 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::flow::path::{clip, gathered};
-use crate::part::{Common, Own, OwnMut, Part, State, mechanics::damper};
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, clip, gathered};
+use crate::part::mechanics::damper;
 use math::{Over, Real};
 
 /// Time constant of forgetting the slip of the jaws, s. This time delays the first elastic return after sliding.

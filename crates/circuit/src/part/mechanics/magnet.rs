@@ -1,7 +1,5 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::flow::path::gathered;
-use crate::part::{Common, Own, OwnMut, Part, mechanics::damper};
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, gathered};
+use crate::part::mechanics::damper;
 use math::{Lane, Over, Real};
 use std::f64::consts::PI;
 

@@ -1,7 +1,4 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::flow::path::gathered;
-use crate::part::{Common, Input, Own, OwnMut, Part, State};
+use crate::ground::{Common, Input, Kind, Net, Own, OwnMut, Part, State, gathered};
 use math::{Over, Real};
 
 gathered! {

@@ -1,8 +1,6 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::flow::path::{clip, gathered};
+use crate::ground::{Common, Kind, Net, Own, Part, clip, gathered};
+use crate::part::mechanics::damper;
 use crate::part::mechanics::damper::Meets;
-use crate::part::{Common, Own, Part, mechanics::damper};
 use math::{Over, Real};
 
 gathered! {

@@ -1,5 +1,4 @@
-use crate::net::Net;
-use crate::part::{Common, Own, Part};
+use crate::ground::{Common, Net, Own, Part};
 use math::{Over, Real};
 
 physics::parameters! {

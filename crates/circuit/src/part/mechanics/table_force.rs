@@ -1,7 +1,4 @@
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::flow::path::gathered;
-use crate::part::{Common, Own, OwnMut, Part, State};
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, gathered};
 use math::{Lane, Over, Real};
 use physics::curve::Curve;
 

@@ -1,6 +1,4 @@
-use crate::net::Net;
-use crate::part::flow::path::{Between, PRESSURE_TOLERANCE, gathered};
-use crate::part::{Own, OwnMut, Part};
+use crate::ground::{Between, Net, Own, OwnMut, PRESSURE_TOLERANCE, Part, gathered};
 use math::{Lane, Over, Real};
 use physics::flow::Iso6358;
 use std::slice;

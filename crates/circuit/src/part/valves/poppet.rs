@@ -1,7 +1,4 @@
-use crate::circuit::GasId;
-use crate::net::Net;
-use crate::part::Part;
-use crate::part::flow::path::{Between, clip, gathered};
+use crate::ground::{Between, GasId, Net, Part, clip, gathered};
 use math::{Over, Real};
 use physics::flow::Iso6358;
 use std::slice;

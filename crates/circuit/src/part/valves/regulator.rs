@@ -1,6 +1,4 @@
-use crate::net::Net;
-use crate::part::flow::path::{Between, clip, gathered};
-use crate::part::{Common, Given, Input, Own, OwnMut, Part, State};
+use crate::ground::{Between, Common, Given, Input, Net, Own, OwnMut, Part, State, clip, gathered};
 use math::{Over, Real};
 use physics::flow::Iso6358;
 

@@ -1,6 +1,4 @@
-use crate::net::Net;
-use crate::part::flow::path::gathered;
-use crate::part::{Common, Given, Input, Own, OwnMut, Part, State};
+use crate::ground::{Common, Given, Input, Net, Own, OwnMut, Part, State, gathered};
 use math::{Over, Real};
 use physics::constants::P_0;
 
@@ -14,7 +12,7 @@ use physics::constants::P_0;
 /// * `zeta`: damping ratio.
 /// * `v_max`: largest speed of x, unit of x per s.
 #[inline(always)]
-pub(in crate::part) fn follows<S: Real>([x, v]: [S; 2], u: S, [w, zeta, top]: [S; 3]) -> [S; 2] {
+pub(crate) fn follows<S: Real>([x, v]: [S; 2], u: S, [w, zeta, top]: [S; 3]) -> [S; 2] {
     let double = zeta + zeta;
     let wanted = (w / double * (u - x)).max(-top).min(top);
     [v, double * w * (wanted - v)]

@@ -1,9 +1,7 @@
 //! Positions of a valve's edges: signals between parts.
 
-use crate::net::Net;
-use crate::part::flow::path::gathered;
+use crate::ground::{Common, Given, Input, Net, Own, OwnMut, Part, State, gathered};
 use crate::part::valves::second_order::follows;
-use crate::part::{Common, Given, Input, Own, OwnMut, Part, State};
 use math::{Over, Real};
 use physics::flow::leaking;
 

@@ -1,12 +1,6 @@
 //! Flow paths: their flows and balances.
 
-use crate::circuit::GasId;
-use crate::ledger::Kind;
-use crate::net::Net;
-use crate::part::{
-    Common,
-    gas::volume::{log, specific_entropy},
-};
+use crate::ground::{Common, GasId, Kind, Net, log, specific_entropy};
 use math::{Over, Real};
 use physics::Virial;
 
@@ -56,7 +50,7 @@ fn exchange<S: Real>(net: &mut Net<S>, path: Between, m_dot: S, h_dot: S) {
 }
 
 /// Balances of a flow path.
-pub(in crate::part) const CHANNELS: [(&str, Kind); 5] = [
+pub(crate) const CHANNELS: [(&str, Kind); 5] = [
     ("mass over the boundary", Kind::Mass),
     ("enthalpy over the boundary", Kind::Energy),
     ("entropy over the boundary", Kind::EntropyIn),
@@ -65,7 +59,7 @@ pub(in crate::part) const CHANNELS: [(&str, Kind); 5] = [
 ];
 
 /// Computes the rates of the balances of a flow path for a mass flow and its direction.
-pub(in crate::part) fn throttling<P: Real, S: Over<P>>(
+pub(crate) fn throttling<P: Real, S: Over<P>>(
     net: &Net<S>,
     path: Between,
     (m_dot, backward): (S, S::Mask),
@@ -123,43 +117,4 @@ fn throttling_of<P: Real, S: Over<P>>(
     out[3] = m_dot.abs() * (after - before);
     let mixing = m_dot.abs() * (s(down) - after + (h(up) - h(down)) / down[1]);
     out[4] = S::select(backward, sign(!from_boundary, mixing), sign(!to_boundary, mixing));
-}
-
-/// Declares a part of circuits. It has numbers with one value in each lane, laws, and fields that are the same in all
-/// lanes.
-macro_rules! gathered {
-    ($(#[$attribute:meta])* pub struct $name:ident {
-        numbers { $($(#[$number_attribute:meta])* $number:ident),* $(,)? }
-        laws { $($law:ident: $law_type:ident),* $(,)? }
-        same { $($(#[$same_attribute:meta])* $same:ident: $same_type:ty),* $(,)? }
-    }) => {
-        $(#[$attribute])*
-        #[derive(Clone, Debug)]
-        pub struct $name<P> {
-            $($(#[$number_attribute])* pub $number: P,)*
-            $(pub $law: $law_type<P>,)*
-            $($(#[$same_attribute])* pub $same: $same_type,)*
-        }
-
-        impl<R: math::Lane> $name<R> {
-            /// Lane `i` takes the numbers of `each[i]`.
-            pub fn gather(each: &[&$name<f64>]) -> Self {
-                $name {
-                    $($number: R::of_each(each, |own| own.$number),)*
-                    $($law: $law_type::gather(&math::field(each, |part| &part.$law)),)*
-                    $($same: each[0].$same.clone(),)*
-                }
-            }
-        }
-    };
-}
-pub(in crate::part) use gathered;
-
-/// Tolerance of an event at a pressure, Pa: much less than any step resolves.
-pub(in crate::part) const PRESSURE_TOLERANCE: f64 = 1e-3;
-
-/// Limits a fraction to zero and one.
-#[inline(always)]
-pub(in crate::part) fn clip<S: Real>(share: S) -> S {
-    share.max(S::zero()).min(S::one())
 }

@@ -1,7 +1,7 @@
 //! Dimensions and masses of a mechanism, and the equations of each kind.
 
-use super::Mechanism;
-use super::jet::Smooth;
+use crate::part::mechanism::Mechanism;
+use crate::part::mechanism::jet::Smooth;
 use math::{Lane, Real};
 
 /// Dimensions and masses of a mechanism. Places are in m: joints on the frame in the axes of the frame (z points up),

@@ -1,11 +1,9 @@
 //! The platform as a part of a circuit.
 
-use super::dynamics::{Factor, Places, Rates, forms};
-use super::{Geometry, MOST, Mechanism, MechanismKind};
-use crate::ledger::Kind;
-use crate::net::Net;
+use crate::ground::{Common, Given, Input, Kind, Net, Of, Own, OwnMut, Part, State};
 use crate::part::mechanics::axis::{GAUSS, at};
-use crate::part::{Common, Given, Input, Of, Own, OwnMut, Part, State};
+use crate::part::mechanism::dynamics::{Factor, Places, Rates, forms};
+use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
 use math::{Lane, MOST_ARGUMENTS, Map, Over, Real};
 use ode::Accepted;
 use physics::friction::Contact;

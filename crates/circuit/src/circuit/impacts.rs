@@ -1,6 +1,7 @@
 //! Impacts on the end stops, computed from the accepted steps.
 
-use crate::circuit::AxisId;
+use super::Circuit;
+use crate::ground::AxisId;
 use crate::part::{Axis, EndStops, Platform};
 use ode::Accepted;
 
@@ -139,5 +140,27 @@ impl Impacts {
     pub fn finish(mut self) -> Vec<Impact> {
         self.close();
         self.done
+    }
+}
+
+impl Circuit<f64> {
+    /// Trackers of the impacts of each cylinder.
+    pub(crate) fn impacts(&self) -> Vec<Impacts> {
+        let usual = self.parts.cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
+        let others = self.parts.other_cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
+        let alone = self.parts.end_stops.iter().filter_map(|(_, stops)| {
+            let (place, axis) = self.parts.axes.iter().find(|(_, axis)| axis.node == stops.axis)?;
+            Some((place, stops, axis))
+        });
+        let each = usual.chain(others).chain(alone).map(|(place, stops, axis)| {
+            let mut stops = stops.clone();
+            stops.meet(0);
+            Impacts::new(stops, Mover::Mass(axis.clone(), place.first))
+        });
+        let legs = self.parts.end_stops.iter().filter_map(|(_, stops)| {
+            let (_, leg, first, platform) = self.leg(AxisId(stops.axis))?;
+            Some(Impacts::new(stops.clone(), Mover::Leg(platform.clone(), first, leg)))
+        });
+        each.chain(legs).collect()
     }
 }

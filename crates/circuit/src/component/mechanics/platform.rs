@@ -1,13 +1,13 @@
 //! Platforms as components.
 
-use super::{Geometry, MechanismKind, Platform};
-use crate::assembly::Quantity;
-use crate::circuit::AxisId;
 use crate::component::{
-    Acts, Brings, Build, Component, Instance, Kind, Row, Stroke, Symbol, Terminals, axis, count, join,
+    Acts, Brings, Build, Component, Instance, Kind, Quantity, Row, Stroke, Symbol, Terminals, axis, count,
+    join,
 };
+use crate::ground::{AxisId, Error};
+use crate::part::Platform;
 use crate::part::mechanics::axis::largest_scales;
-use crate::run::Error;
+use crate::part::mechanism::{Geometry, MechanismKind};
 use crate::table;
 use math::Lane;
 use physics::friction::Contact;

@@ -7,8 +7,8 @@
 //! X are the weighted points, w their weights and m their masses. F_i is the force on leg i in +x, and D_i the mass
 //! inside its friction.
 
-use super::jet::{Curved, Jet};
-use super::{Geometry, MOST, Mechanism, MechanismKind};
+use crate::part::mechanism::jet::{Curved, Jet};
+use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
 use math::{MOST_ARGUMENTS, Map, Over, Real};
 use physics::constants::STANDARD_GRAVITY;
 

@@ -49,8 +49,8 @@ macro_rules! mechanisms {
         macro_rules! each {
             ($value:expr, $m:ident, $count:ident => $body:expr) => {
                 match $value {
-                    $($crate::mechanism::MechanismKind::$kind => {
-                        type $m = $crate::mechanism::$kind;
+                    $($crate::part::mechanism::MechanismKind::$kind => {
+                        type $m = $crate::part::mechanism::$kind;
                         const $count: usize = $n;
                         $body
                     })*
@@ -72,16 +72,14 @@ mechanisms! {
 }
 
 // After the macro that they use.
-mod component;
 mod dynamics;
 mod geometry;
 mod jet;
 mod kinematics;
-mod part;
+mod platform;
 
-pub use component::*;
 pub use geometry::{Geometry, LinearDelta, Rail, Rps3, Ups6, Upu3};
 pub use jet::Smooth;
 pub use kinematics::Evaluated;
 pub(crate) use kinematics::Unreached;
-pub use part::Platform;
+pub use platform::Platform;

@@ -1,8 +1,9 @@
 //! Kinematics of a platform, without its circuit.
 
-use super::dynamics::forms;
-use super::jet::Jet;
-use super::{Mechanism, Platform};
+use crate::part::Platform;
+use crate::part::mechanism::Mechanism;
+use crate::part::mechanism::dynamics::forms;
+use crate::part::mechanism::jet::Jet;
 
 /// A platform at coordinates and rates.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! The nodes that parts share during an evaluation of the right-hand side.
 
-use crate::circuit::{AxisId, GasId};
+use crate::ground::{AxisId, GasId};
 use math::Real;
 use physics::chamber::GasState;
 use physics::flow::End;

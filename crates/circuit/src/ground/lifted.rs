@@ -1,9 +1,14 @@
 //! A description whose numbers carry derivatives.
 
-use crate::run::Error;
-use math::Lane;
+use crate::ground::Error;
+use math::{Dual, Lane};
 use serde_json::Value;
 use specification::FromJson;
+
+/// Directions of one pass of derivatives by the numbers of a description.
+pub const DIRECTIONS: usize = 8;
+/// Numbers of such a pass.
+pub(crate) type Sensitive = Dual<f64, DIRECTIONS>;
 
 /// A description and its free numbers. A table of the same shape holds the index of each number. To set a derivative,
 /// indices are compared, and the description is read only once.

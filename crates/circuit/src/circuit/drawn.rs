@@ -1,7 +1,8 @@
 //! Gas that a run draws from outside, computed from the accepted steps.
 
-use crate::circuit::{Circuit, Path};
-use crate::net::Net;
+use super::Circuit;
+use super::handles::Path;
+use crate::ground::Net;
 use math::Lane;
 use ode::{Accepted, Output, System};
 

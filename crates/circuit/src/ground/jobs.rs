@@ -1,6 +1,6 @@
 //! Runs jobs on several threads, while the caller checks whether to continue.
 
-use crate::run::Error;
+use crate::ground::Error;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};

@@ -1,0 +1,116 @@
+//! The moving masses of a circuit, and its volumes.
+
+use super::Circuit;
+use crate::ground::{AxisId, AxisNode, Place};
+use crate::part::mechanics;
+use crate::part::mechanics::cylinder::{CHAMBERS, INNER};
+use crate::part::{Axis, EndStops, InputId, PartKind, Platform, Volume};
+use math::{Lane, Over, Real};
+
+/// A mass: the kind and index of its part, the index of its state, the mass, and the offset of its inner states.
+pub(super) type Mass<'c, P> = (PartKind, usize, Place, &'c Axis<P>, usize);
+
+impl<P: Real> Circuit<P> {
+    /// Returns every mass: the kind and index of its part, its first state (x and v), the mass, and the offset of the
+    /// inner states of its friction.
+    pub(super) fn masses(&self) -> impl Iterator<Item = Mass<'_, P>> {
+        let axes = self.parts.axes.iter().enumerate();
+        let usual = self.parts.cylinders.iter().enumerate();
+        let others = self.parts.other_cylinders.iter().enumerate();
+        let axes = axes.map(|(i, (place, axis))| (PartKind::Axis, i, *place, axis, 2));
+        let usual = usual.map(|(i, (place, part))| (PartKind::Cylinder, i, *place, &part.axis, INNER));
+        let others = others.map(|(i, (place, part))| (PartKind::OtherCylinder, i, *place, &part.axis, INNER));
+        axes.chain(usual).chain(others)
+    }
+
+    /// Returns the leg of a platform that is this axis: index of the platform, of the leg, and of its first state.
+    pub(super) fn leg(&self, id: AxisId) -> Option<(usize, usize, usize, &Platform<P>)> {
+        self.parts.platforms.iter().enumerate().find_map(|(index, (place, platform))| {
+            let leg = platform.nodes.iter().position(|node| *node == id.0)?;
+            Some((index, leg, place.first, platform))
+        })
+    }
+
+    fn mass(&self, id: AxisId) -> Mass<'_, P> {
+        self.masses().find(|(_, _, _, axis, _)| axis.node == id.0).expect("an axis of this circuit")
+    }
+
+    /// Returns the state index of an axis' position. Its velocity follows. `None` if the motion of the axis is
+    /// commanded.
+    pub fn position_state(&self, axis: AxisId) -> Option<usize> {
+        let mut masses = self.masses();
+        masses.find(|(.., own, _)| own.node == axis.0).map(|(_, _, place, ..)| place.first)
+    }
+
+    /// Returns the friction of steady sliding of an axis at the position, speed and pressures of a node, N.
+    pub fn steady_friction<S: Over<P>>(&self, axis: AxisId, node: &AxisNode<S>) -> S {
+        if let Some((_, leg, _, platform)) = self.leg(axis) {
+            return platform.contacts[leg]
+                .as_ref()
+                .map_or(S::zero(), |own| own.steady(&mechanics::axis::at(node)));
+        }
+        self.mass(axis).3.steady_friction(node)
+    }
+
+    /// Returns every volume with the index of its two states, and its name for users.
+    pub(super) fn volumes(&self) -> impl Iterator<Item = (usize, &Volume<P>, &'static str)> {
+        let tanks = self.parts.volumes.iter().map(|(place, volume)| (place.first, volume, "a volume"));
+        let usual = self.parts.cylinders.iter().map(|(place, cylinder)| (place, &cylinder.volumes));
+        let others = self.parts.other_cylinders.iter().map(|(place, cylinder)| (place, &cylinder.volumes));
+        let chambers = usual.chain(others).flat_map(|(place, volumes)| {
+            let sides = CHAMBERS.iter().zip(volumes).zip(["chamber a", "chamber b"]);
+            sides.map(|((offset, volume), name)| (place.first + offset, volume, name))
+        });
+        tanks.chain(chambers)
+    }
+}
+
+impl<R: Lane> Circuit<R> {
+    /// Returns the mode of an axis' friction: -1, 0, +1. The friction of a leg has no mode.
+    pub fn mode(&self, axis: AxisId) -> R {
+        self.leg(axis).map_or_else(|| self.mass(axis).3.mode, |_| R::zero())
+    }
+
+    /// Returns the inner states of an axis' friction within `y`.
+    pub fn inner_states<'y>(&self, axis: AxisId, y: &'y [R]) -> &'y [R] {
+        if let Some((_, leg, first, platform)) = self.leg(axis) {
+            return &y[first..][platform.inner_range(leg)];
+        }
+        let (.., place, _, inner) = self.mass(axis);
+        &y[place.first + inner..place.first + place.count]
+    }
+
+    /// Returns the input for the external force on an axis, N in +x.
+    pub fn external_force(&self, axis: AxisId) -> InputId {
+        if let Some((index, input, ..)) = self.leg(axis) {
+            return InputId { kind: PartKind::Platform, index, input };
+        }
+        let (kind, index, ..) = self.mass(axis);
+        InputId { kind, index, input: 0 }
+    }
+
+    /// Returns whether `meet` has added contacts far behind the end of a stroke, in any lane.
+    pub fn has_met(&self) -> bool {
+        let usual = self.parts.cylinders.iter().any(|(_, cylinder)| cylinder.met);
+        usual || self.parts.other_cylinders.iter().any(|(_, cylinder)| cylinder.met)
+    }
+
+    fn end_stops_mut(&mut self) -> impl Iterator<Item = &mut EndStops<R>> {
+        let usual = self.parts.cylinders.iter_mut().map(|(_, cylinder)| &mut cylinder.stops);
+        let others = self.parts.other_cylinders.iter_mut().map(|(_, cylinder)| &mut cylinder.stops);
+        usual.chain(others).chain(self.parts.end_stops.iter_mut().map(|(_, stops)| stops))
+    }
+
+    /// Designs derived end stops for the highest pressure of a start, Pa absolute.
+    pub(crate) fn lay_out_stops(&mut self, start: R) {
+        self.end_stops_mut().for_each(|stops| stops.lay_out(start));
+    }
+
+    /// Returns the pressure for which they are designed, if any, Pa absolute.
+    pub(crate) fn stops_laid_out_for(&self) -> Option<R> {
+        let usual = self.parts.cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
+        let others = self.parts.other_cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
+        let mut each = usual.chain(others).chain(self.parts.end_stops.iter().map(|(_, stops)| stops));
+        each.find_map(|stops| stops.follows.as_ref()).map(|follows| follows.start)
+    }
+}

@@ -1,0 +1,180 @@
+//! A component of a circuit, and what it brings to its joints.
+
+use super::kind::Kind;
+use crate::ground::{AxisId, GasId};
+use crate::part::ChamberLaw;
+use math::{Lane, Real};
+use physics::friction::Contact;
+use physics::written::OwnFormula;
+
+/// A formula, and the table of the resulting components.
+#[derive(Debug)]
+pub struct Written {
+    pub kind: Kind,
+    pub own: &'static OwnFormula,
+}
+
+/// Addition of one component.
+#[derive(Clone, Debug)]
+pub(crate) enum Given<P> {
+    Nothing,
+    /// A formula with the table of the resulting component.
+    Formula(&'static Written),
+    Points(Vec<Vec<P>>),
+}
+
+impl Given<f64> {
+    /// Returns the same with points as numbers of another type.
+    pub fn lift<P: Real>(&self) -> Given<P> {
+        match self {
+            Given::Nothing => Given::Nothing,
+            Given::Formula(written) => Given::Formula(written),
+            Given::Points(rows) => {
+                let row = |row: &Vec<f64>| row.iter().map(|value| P::c(*value)).collect();
+                Given::Points(rows.iter().map(row).collect())
+            }
+        }
+    }
+}
+
+impl<P> Given<P> {
+    /// Returns the table of a component of a kind.
+    pub fn kind(&self, base: &'static Kind) -> &'static Kind {
+        if let Given::Formula(written) = self { &written.kind } else { base }
+    }
+}
+
+/// One component of a circuit, its numbers in the order of its kind's parameters.
+#[derive(Clone, Debug)]
+pub struct Instance<P> {
+    /// Its name in the circuit.
+    pub name: String,
+    /// Index of the kind in [`kinds`](super::kinds()).
+    pub kind: usize,
+    /// Table of the kind, or the one that a formula makes of it.
+    pub(crate) table: &'static Kind,
+    pub(crate) extra: Given<P>,
+    /// `None` for a parameter that is left out and has no default.
+    pub numbers: Vec<Option<P>>,
+    /// Numbers by which any pass of directions differentiates.
+    pub free: Vec<bool>,
+    /// Selected option of each choice.
+    pub choices: Vec<usize>,
+    /// Its friction, if given.
+    pub friction: Option<Contact<P>>,
+}
+
+impl<P> Instance<P> {
+    /// Returns the option of a choice, if the component has this choice.
+    pub(crate) fn chosen(&self, choice: &str) -> Option<&'static str> {
+        let mut each = self.kind().choices.iter().zip(&self.choices);
+        each.find(|(own, _)| own.name == choice).map(|(own, option)| own.options[*option])
+    }
+
+    /// Returns the table of its kind.
+    pub fn kind(&self) -> &'static Kind {
+        self.table
+    }
+}
+
+impl<P: Lane> Instance<P> {
+    fn place(&self, key: &str) -> usize {
+        let place = self.kind().parameters.iter().position(|parameter| parameter.key == key);
+        place.expect("a parameter of this kind")
+    }
+
+    /// Returns an optional number.
+    pub fn given(&self, key: &str) -> Option<P> {
+        self.numbers[self.place(key)]
+    }
+
+    /// Returns its points: rows in the order of its kind's columns, or `None` if its kind has no points.
+    pub fn points(&self) -> &[Vec<P>] {
+        if let Given::Points(rows) = &self.extra { rows } else { &[] }
+    }
+
+    /// Returns whether a number is differentiated.
+    pub fn is_free(&self, key: &str) -> bool {
+        self.free[self.place(key)]
+    }
+
+    /// Returns whether a number is differentiated, if the component has this number.
+    pub(super) fn varies(&self, key: &str) -> bool {
+        self.kind().parameters.iter().any(|row| row.key == key) && self.is_free(key)
+    }
+
+    /// Returns a number that must exist, because it was checked before.
+    pub fn number(&self, key: &str) -> P {
+        self.given(key).expect("a number that was checked")
+    }
+
+    /// Returns the contribution of a path with a sonic conductance to others in series. Such paths are merged by a rule
+    /// for the subsonic index 0.5.
+    pub fn in_series(&self, conductance: P) -> Option<[P; 2]> {
+        let is_usual = self.number("subsonic_index").get(0) == 0.5;
+        is_usual.then(|| [conductance, self.number("critical_pressure_ratio")])
+    }
+}
+
+/// Contribution of a component to the joint at one of its ports.
+#[allow(missing_docs)] // of fields: each variant names its own, in their order
+#[derive(Clone, Debug)]
+pub enum Brings<P> {
+    /// The volume of the port alone.
+    Nothing,
+    /// Gas of constant pressure, Pa absolute, and temperature, K.
+    Reservoir { pressure: P, temperature: P },
+    /// A volume.
+    Volume(Vessel<P>),
+    /// A volume, m3, that is added to that of the joint.
+    Room { volume: P },
+    /// A moving mass, kg, on an incline, rad, with an external force in +x, N, and with friction.
+    Mass { mass: P, incline: Option<P>, force: P, friction: Option<Contact<P>> },
+    /// A prescribed motion that no force changes.
+    Motion,
+    /// A leg of a mechanism, whose platform has this mass, kg.
+    Guide { mass: P },
+    /// A mass coupled to another by a ratio that depends on the position.
+    Along,
+}
+
+/// A volume, m3, with a wall: m2, W/(m2 K), K.
+#[derive(Clone, Debug)]
+pub struct Vessel<P> {
+    /// Mass and energy balance of the gas.
+    pub law: ChamberLaw,
+    /// Volume outside the stroke of a piston, m3.
+    pub dead_volume: P,
+    /// Wetted wall of that volume, m2.
+    pub wall: P,
+    /// Heat-transfer coefficient to the wall, W/(m2 K).
+    pub heat_transfer: P,
+    /// Temperature of the wall, K.
+    pub wall_temperature: P,
+}
+
+/// The node at a port.
+#[derive(Clone, Copy, Debug)]
+pub enum Node {
+    /// A gas node.
+    Gas(GasId),
+    /// A moving mass.
+    Axis(AxisId),
+    /// An unconnected port.
+    Shut,
+}
+
+/// The nodes at the ports of a component.
+pub struct Terminals<'a>(pub &'a [Node]);
+
+impl Terminals<'_> {
+    /// Returns the gas at a port.
+    pub fn gas(&self, port: usize) -> Option<GasId> {
+        if let Node::Gas(id) = self.0[port] { Some(id) } else { None }
+    }
+
+    /// Returns the mass at a port.
+    pub fn axis(&self, port: usize) -> Option<AxisId> {
+        if let Node::Axis(id) = self.0[port] { Some(id) } else { None }
+    }
+}

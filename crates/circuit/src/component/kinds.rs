@@ -1,0 +1,162 @@
+//! Every kind of component.
+
+use super::build::{Build, Component};
+use super::extra::Extra;
+use super::instance::{Brings, Given, Instance, Terminals};
+use super::kind::Kind;
+use super::{flow, formula, gas, mechanics, registry, valves};
+use crate::ground::Error;
+use crate::specification::ComponentFormula;
+use math::{Deps, Lane, Over};
+use physics::written::Refusal;
+
+macro_rules! components {
+    ($($component:path),* $(,)?) => {
+        /// Every kind of component.
+        pub static KINDS: &[&Kind] = &[$(&<$component as Component>::KIND),*];
+
+        pub(crate) fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
+            let mut kind = 0..;
+            $(if own.kind == kind.next().unwrap_or(0) {
+                return <$component as Component>::bring(own, port, ambient_temperature);
+            })*
+            registry::at(own.kind - KINDS.len()).bring_as(own, port, ambient_temperature)
+        }
+
+        pub(crate) fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
+            let mut kind = 0..;
+            $(if own.kind == kind.next().unwrap_or(0) {
+                return <$component as Component>::series(own);
+            })*
+            registry::at(own.kind - KINDS.len()).series_as(own)
+        }
+
+        pub(crate) fn check(own: &Instance<f64>) -> Result<(), Error> {
+            let mut kind = 0..;
+            $(if own.kind == kind.next().unwrap_or(0) {
+                return <$component as Component>::check(own);
+            })*
+            registry::at(own.kind - KINDS.len()).check(own)
+        }
+
+        pub(crate) fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) where Deps: Over<P> {
+            let mut kind = 0..;
+            $(if own.kind == kind.next().unwrap_or(0) {
+                return <$component as Component>::compose(own, at, build);
+            })*
+            registry::at(own.kind - KINDS.len()).compose(own, at, build);
+        }
+    };
+}
+
+components! {
+    gas::reservoir::Reservoir,
+    gas::tank::Tank,
+    flow::fitting::Fitting,
+    flow::orifice::Orifice,
+    flow::leak::Leak,
+    flow::silencer::Silencer,
+    flow::tube::Tube,
+    flow::line::Line,
+    flow::lumped::Lumped,
+    flow::lumped::Auto,
+    flow::check_valve::CheckValve,
+    valves::piloted::PilotedCheckValve,
+    flow::flow_control::FlowControl,
+    valves::soft_start::SoftStart,
+    valves::regulator::PressureRegulator,
+    valves::regulator::ElectroPneumatic,
+    flow::quick_exhaust::QuickExhaust,
+    gas::compressor::Compressor,
+    gas::pulsating::Pulsating,
+    gas::ejector::Ejector,
+    valves::valve::Proportional53,
+    valves::valve::Proportional32,
+    valves::switching::Switching22,
+    valves::switching::Switching32,
+    valves::switching::Switching52,
+    valves::switching::Switching53,
+    valves::impulse::Impulse52,
+    mechanics::load::Load,
+    mechanics::load::Spring,
+    mechanics::slide::Slide,
+    mechanics::coupling::Coupling,
+    mechanics::motor::Motor,
+    mechanics::magnetic_coupling::MagneticCoupling,
+    formula::Restriction,
+    formula::Force,
+    mechanics::rod_lock::RodLock,
+    mechanics::carriage::Carriage,
+    mechanics::platform::Platform3Rps,
+    mechanics::platform::Platform3Upu,
+    mechanics::platform::Platform6Ups,
+    mechanics::platform::PlatformLinearDelta,
+    mechanics::platform::PlatformDriven,
+    mechanics::force_sensor::ForceSensor,
+    mechanics::piston::Bare,
+    mechanics::table_force::OverPosition,
+    mechanics::table_force::OverVelocity,
+    mechanics::table_force::OverTime,
+    mechanics::inertia::Table,
+    mechanics::inertia::Lever,
+    mechanics::inertia::Toggle,
+    mechanics::bumper::Bumper,
+    mechanics::shock_absorber::ShockAbsorber,
+    // Last, because the end stops of a cylinder depend on the components joined to it.
+    mechanics::cylinder::Rodless,
+    mechanics::cylinder::ThroughRod,
+    mechanics::cylinder::SingleRod,
+    mechanics::cylinder::SingleActing,
+    mechanics::cylinder::Tandem,
+}
+
+/// Adds a kind of component that circuits may use, in this process. Adding the same kind again changes nothing.
+///
+/// # Errors
+///
+/// Another component of this kind exists.
+pub fn register<C: Component>() -> Result<(), Error> {
+    registry::add::<C>(|key| KINDS.iter().any(|own| own.key == key))
+}
+
+/// Every kind of component: those of this crate, then those that were added.
+pub fn kinds() -> Vec<&'static Kind> {
+    KINDS.iter().copied().chain(registry::others()).collect()
+}
+
+/// Returns the table of the components that a formula makes from a kind, and warnings to the author. `None` if the kind
+/// does not exist or does not accept a formula.
+pub fn formula_kind(
+    kind: &str,
+    formula: &ComponentFormula,
+) -> Option<Result<(&'static Kind, &'static [String]), Refusal>> {
+    let base = KINDS.iter().find(|own| own.key == kind)?;
+    let Extra::Formula(role) = base.extra else { return None };
+    let made = formula::written(base, role, formula);
+    Some(made.map(|written| (&written.kind, &written.own.warnings[..])))
+}
+
+impl<P: Lane> Instance<P> {
+    /// Returns its contribution to the joint at one of its ports, for this temperature of the ambient air, K.
+    pub fn brings(&self, port: usize, ambient_temperature: P) -> Brings<P> {
+        bring(self, port, ambient_temperature)
+    }
+
+    /// Creates a component of a kind with this key, with numbers by the keys of its parameters.
+    pub fn new(name: &str, kind: &str, number: impl Fn(&str) -> Option<(P, bool)>) -> Self {
+        let kind = KINDS.iter().position(|own| own.key == kind).expect("a kind of component");
+        let each = || KINDS[kind].parameters.iter().map(|parameter| number(parameter.key));
+        Instance {
+            name: name.into(),
+            kind,
+            table: KINDS[kind],
+            extra: Given::Nothing,
+            numbers: (each().zip(KINDS[kind].parameters))
+                .map(|(number, row)| number.map(|(value, _)| value).or(row.default.map(P::c)))
+                .collect(),
+            free: each().map(|number| number.is_some_and(|(_, is_free)| is_free)).collect(),
+            choices: vec![0; KINDS[kind].choices.len()],
+            friction: None,
+        }
+    }
+}

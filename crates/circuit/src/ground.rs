@@ -1,0 +1,30 @@
+//! What all floors above share: nodes, the work array, balances, and the contract of a part.
+
+mod balance;
+mod common;
+mod error;
+mod gathered;
+mod ids;
+mod jobs;
+mod lifted;
+mod net;
+mod parameter;
+mod part;
+pub(crate) mod path;
+
+pub use balance::{Channel, Kind};
+pub use common::Common;
+pub(crate) use common::{log, specific_entropy};
+pub use error::Error;
+pub(crate) use error::with_unit;
+pub(crate) use gathered::gathered;
+pub use ids::{AxisId, GasId};
+pub use jobs::run_jobs;
+pub use lifted::DIRECTIONS;
+pub(crate) use lifted::{Lifted, Seeds, Sensitive, seeds};
+pub use net::{AxisNode, GasNode, Net};
+pub(crate) use parameter::{bounds, parameter_text};
+pub use part::{Given, Input, Of, Own, OwnMut, Part, State};
+pub(crate) use part::{PRESSURE_TOLERANCE, Place, clip};
+pub use path::Between;
+pub(crate) use path::{post, post_ideal};

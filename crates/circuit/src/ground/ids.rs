@@ -1,0 +1,21 @@
+//! Nodes of a circuit.
+
+/// A gas node of a circuit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GasId(pub(crate) usize);
+
+/// An axis of a circuit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AxisId(pub(crate) usize);
+
+impl GasId {
+    pub(crate) fn index(self) -> usize {
+        self.0
+    }
+}
+
+impl AxisId {
+    pub(crate) fn index(self) -> usize {
+        self.0
+    }
+}
