@@ -17,7 +17,6 @@ __all__ = [
     "Members",
     "Platform",
     "Session",
-    "Tank",
     "bin_means",
     "choked_flow_factor",
     "close_step",
@@ -84,7 +83,7 @@ class Shooting(TypedDict):
     starts: Sequence[int]
     initial: NDArray[float64]
     parameters: NotRequired[Sequence[str]]
-    with_initial: NotRequired[bool | Sequence[int]]
+    with_initial: NotRequired[bool | Sequence[Sequence[int]]]
     outputs: Sequence[str]
     rtol: float
     threads: NotRequired[int]
@@ -138,11 +137,6 @@ class Ensemble:
     @property
     def start_names(self) -> list[str]: ...
     def run(self, asked: Request, look: Callable[[float], object] | None = None) -> Outcome: ...
-
-@final
-class Tank:
-    def __new__(cls, json: str) -> Tank: ...
-    def shoot(self, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
 
 @final
 class ControlReference:
@@ -372,7 +366,7 @@ class Circuit:
         start: Mapping[str, float],
         rtol: float,
     ) -> ServoResult: ...
-    def shoot(self, command: str, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
+    def shoot(self, command: str | None, asked: Shooting, look: Callable[[float], object] | None = None) -> Shot: ...
     def simulate(
         self,
         plans: Sequence[tuple[str, Sequence[float], Sequence[float]]],

@@ -1,15 +1,20 @@
 //! Cases A and C in a loop, for a profiler: `cargo run --release --example cases -- a 2000`, or `c 20`.
 
-use circuit::{Drive, Driven, Servo, specification};
+#[path = "../tests/all/support/drive.rs"]
+#[allow(dead_code)] // the tests use more
+mod drive;
+
+use circuit::{Driven, Servo};
+use drive::Drive;
 
 fn main() {
-    let spec: specification::Drive = serde_json::from_str(include_str!("case_a.json")).expect("valid");
+    let spec: drive::Spec = serde_json::from_str(include_str!("case_a.json")).expect("valid");
     let drive = Drive::assemble(&spec, false).expect("assembles");
     let asked: Vec<String> = std::env::args().collect();
     let servo_loop = asked.get(1).is_some_and(|case| case == "c");
     let runs: u32 = asked.get(2).map_or(2000, |s| s.parse().expect("a number of runs"));
     let rate: f64 = asked.get(3).map_or(1000.0, |s| s.parse().expect("a sample rate in Hz"));
-    let initial = specification::Initial {
+    let initial = drive::Initial {
         position_m: if servo_loop { 0.25 } else { 0.05 },
         velocity_m_s: 0.0,
         pressure_a_pa: 3e5,

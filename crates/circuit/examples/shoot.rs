@@ -1,11 +1,16 @@
 //! A servo-like run with derivatives in a loop, for a profiler. `cargo run --release --example shoot` alternates a
 //! plain run, one direction and eight directions. `-- 1` runs one direction only.
 
-use circuit::{Drive, Shooting, specification};
+#[path = "../tests/all/support/drive.rs"]
+#[allow(dead_code)] // the tests use more
+mod drive;
+
+use circuit::Shooting;
+use drive::Drive;
 
 fn main() {
     let json = include_str!("case_a.json");
-    let spec: specification::Drive = serde_json::from_str(json).expect("valid");
+    let spec: drive::Spec = serde_json::from_str(json).expect("valid");
     let drive = Drive::assemble(&spec, false).expect("assembles");
     let times: Vec<f64> = (0..=10_000).map(|k| f64::from(k) / 1000.0).collect();
     let run = |parameters: &[&str], with_initial: bool| {

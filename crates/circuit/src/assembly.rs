@@ -1,6 +1,5 @@
 //! Assemblies: circuits of public parts, and names for their contents.
 
-mod drive;
 mod driven;
 mod evaluate;
 mod exchange;
@@ -16,12 +15,10 @@ mod recorder;
 mod schedule;
 mod session;
 mod starts;
-mod tank;
 mod variables;
 mod warnings;
 mod wiring;
 
-pub use drive::Drive;
 pub use driven::{Driven, Servo};
 pub use evaluate::along::{ALONG, Record, Restart};
 pub use evaluate::foresight::Foresight;
@@ -34,5 +31,4 @@ pub use own_law::own_law;
 pub use prescribed::{Mechanics, Prescribed, close};
 pub use recorder::{Run, sample_times};
 pub use session::{Linear, Session};
-pub use tank::Tank;
 pub use variables::{Assembly, Settable, Target, Variables, valve_openings};

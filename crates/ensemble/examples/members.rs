@@ -1,22 +1,26 @@
 //! Members of case A that differ in eleven numbers, timed:
 //! `cargo run --release -p pneudrive-ensemble --example members -- 10000 1e-4 1 eight`.
 
+#[path = "../../circuit/tests/all/support/drive.rs"]
+#[allow(dead_code)] // the tests of circuits use more
+mod drive;
+
 use ensemble::{Asked, Column, Ensemble, Kernel, Plan, Reduction, What};
 
 /// Numbers in which members differ, with their ranges.
 const VARY: [(&str, f64, f64); 12] = [
-    ("cylinder.moving_mass_kg", 1.0, 4.0),
-    ("valve.conductance_m3_s_pa", 1.4e-8, 2.6e-8),
+    ("cylinder.moving_mass", 1.0, 4.0),
+    ("valve.conductance", 1.4e-8, 2.6e-8),
     ("valve.critical_pressure_ratio", 0.2, 0.45),
-    ("supply.pressure_pa", 5e5, 8e5),
-    ("cylinder.heat_transfer_w_m2_k", 10.0, 60.0),
-    ("friction.parameters.viscous", 20.0, 80.0),
-    ("friction.parameters.coulomb", 20.0, 40.0),
-    ("friction.parameters.breakaway", 48.0, 60.0),
-    ("friction.parameters.stribeck_velocity", 0.01, 0.03),
-    ("cylinder.dead_volume_a_m3", 0.5e-5, 2e-5),
-    ("cylinder.dead_volume_b_m3", 0.5e-5, 2e-5),
-    ("friction.parameters.bristle_stiffness", 0.7e5, 1.5e5),
+    ("supply.pressure", 5e5, 8e5),
+    ("cylinder.heat_transfer", 10.0, 60.0),
+    ("cylinder.friction.parameters.viscous", 20.0, 80.0),
+    ("cylinder.friction.parameters.coulomb", 20.0, 40.0),
+    ("cylinder.friction.parameters.breakaway", 48.0, 60.0),
+    ("cylinder.friction.parameters.stribeck_velocity", 0.01, 0.03),
+    ("cylinder.dead_volume_a", 0.5e-5, 2e-5),
+    ("cylinder.dead_volume_b", 0.5e-5, 2e-5),
+    ("cylinder.friction.parameters.bristle_stiffness", 0.7e5, 1.5e5),
 ];
 
 fn main() {
@@ -25,8 +29,9 @@ fn main() {
     let rtol: f64 = argument(2, "1e-4").parse().expect("a tolerance");
     let threads: usize = argument(3, "1").parse().expect("a number of threads");
     let names: Vec<String> = VARY.iter().map(|(name, ..)| name.to_string()).collect();
-    let ensemble = Ensemble::of_drive(include_str!("../../circuit/examples/case_a.json"), &names);
-    let ensemble = ensemble.expect("a drive");
+    let form = serde_json::from_str(include_str!("../../circuit/examples/case_a.json")).expect("valid");
+    let json = drive::expand(&form).to_string();
+    let ensemble = Ensemble::called(&json, &names, drive::names()).expect("a drive");
     let mut seed = 1_u64;
     let mut share = || {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -2,7 +2,7 @@
 
 use crate::reduction::{Reduction, What};
 use circuit::{
-    Assembly, Drive, Error, Members, Names, Network, Starting, budget, sample_times,
+    Assembly, Error, Members, Names, Network, Starting, budget, sample_times,
     specification::{self, FromJson},
 };
 use math::has_eight;
@@ -122,14 +122,8 @@ fn read<T: FromJson>(json: &str) -> Result<T, Error> {
 }
 
 impl Ensemble {
-    /// Creates an ensemble of a drive, from its description (JSON). `paths` are the places in the description
-    /// of the numbers that differ.
-    pub fn of_drive(json: &str, names: &[String]) -> Result<Self, Error> {
-        let spec: specification::Drive = read(json)?;
-        Ok(Ensemble { members: Drive::assemble(&spec, false)?.members(json, names)? })
-    }
-
-    /// Creates an ensemble of a circuit in the same way. Names have the form "left.bore".
+    /// Creates an ensemble of a circuit, from its description (JSON). Names of the numbers that differ have the form
+    /// "left.bore".
     pub fn of_circuit(json: &str, names: &[String]) -> Result<Self, Error> {
         Ensemble::called(json, names, Arc::default())
     }

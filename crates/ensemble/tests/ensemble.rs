@@ -1,19 +1,34 @@
 //! What a member gives follows from the description and its own numbers, and from nothing else.
 
-use circuit::{Drive, Network, specification};
+#[path = "../../circuit/tests/all/support/drive.rs"]
+#[allow(dead_code)] // the tests of circuits use more
+mod drive;
+
+use circuit::{Network, specification};
+use drive::Drive;
 use ensemble::{Asked, Column, Ensemble, Outcome, Plan, Reduction, Status, What};
 use ode::Options;
 
 const DRIVE: &str = include_str!("../../circuit/examples/case_a.json");
 const VARY: [&str; 6] = [
-    "cylinder.bore_m",
-    "cylinder.moving_mass_kg",
-    "supply.pressure_pa",
-    "valve.conductance_m3_s_pa",
-    "friction.parameters.coulomb",
+    "cylinder.bore",
+    "cylinder.moving_mass",
+    "supply.pressure",
+    "valve.conductance",
+    "cylinder.friction.parameters.coulomb",
     "ambient.temperature_k",
 ];
 const START: [f64; 6] = [0.05, 0.0, 3e5, 293.15, 3e5, 293.15];
+
+/// The circuit of the drive.
+fn circuit() -> String {
+    drive::expand(&serde_json::from_str(DRIVE).expect("valid")).to_string()
+}
+
+/// The drive with members that differ in some numbers, under the names of drives.
+fn ensemble(names: &[String]) -> Result<Ensemble, circuit::Error> {
+    Ensemble::called(&circuit(), names, drive::names())
+}
 
 fn names() -> Vec<String> {
     VARY.map(String::from).to_vec()
@@ -84,11 +99,11 @@ fn bits(outcome: &Outcome) -> Vec<u64> {
 
 /// The drive of a member, described and assembled by itself.
 fn alone(row: &[f64]) -> Drive {
-    let mut spec: specification::Drive = serde_json::from_str(DRIVE).expect("valid");
+    let mut spec: drive::Spec = serde_json::from_str(DRIVE).expect("valid");
     spec.cylinder.bore_m = row[0];
     spec.cylinder.moving_mass_kg = row[1];
     spec.supply.pressure_pa = row[2];
-    let specification::Valve::Proportional53(valve) = &mut spec.valve;
+    let drive::Valve::Proportional53(valve) = &mut spec.valve;
     valve.conductance_m3_s_pa = row[3];
     spec.friction.parameters.insert("coulomb".into(), row[4]);
     spec.ambient.temperature_k = row[5];
@@ -97,12 +112,12 @@ fn alone(row: &[f64]) -> Drive {
 
 #[test]
 fn a_member_is_the_drive_that_it_describes() {
-    let ensemble = Ensemble::of_drive(DRIVE, &names()).expect("members");
+    let ensemble = ensemble(&names()).expect("members");
     let values = rows(12);
     let outcome = run(&ensemble, &asked(&values, all(&ensemble), 1));
     assert!(outcome.status.iter().all(|status| *status == Status::Done as u8), "{:?}", outcome.reasons);
     for (member, row) in values.chunks_exact(VARY.len()).enumerate() {
-        let initial = specification::Initial {
+        let initial = drive::Initial {
             position_m: START[0],
             velocity_m_s: 0.0,
             pressure_a_pa: 3e5,
@@ -145,7 +160,7 @@ fn a_member_is_the_drive_that_it_describes() {
 
 #[test]
 fn nothing_depends_on_threads_or_neighbours() {
-    let ensemble = Ensemble::of_drive(DRIVE, &names()).expect("members");
+    let ensemble = ensemble(&names()).expect("members");
     let values = rows(600);
     let together = run(&ensemble, &asked(&values, all(&ensemble), 2));
     assert_eq!(bits(&together), bits(&run(&ensemble, &asked(&values, all(&ensemble), 1))));
@@ -161,7 +176,7 @@ fn nothing_depends_on_threads_or_neighbours() {
 
 #[test]
 fn a_member_that_fails_costs_the_others_nothing() {
-    let ensemble = Ensemble::of_drive(DRIVE, &names()).expect("members");
+    let ensemble = ensemble(&names()).expect("members");
     let values = rows(8);
     let whole = run(&ensemble, &asked(&values, all(&ensemble), 1));
     // The breakaway force of the drive is 45 N: a member with more Coulomb friction is none.
@@ -191,11 +206,12 @@ fn a_member_that_fails_costs_the_others_nothing() {
 
 #[test]
 fn members_are_analysed_once() {
-    let spec: specification::Drive = serde_json::from_str(DRIVE).expect("valid");
+    let spec: specification::Circuit = serde_json::from_str(&circuit()).expect("valid");
     let mut names = names();
     names.push("valve.subsonic_index".into());
-    let drive = Drive::assemble(&spec, false).expect("assembles");
-    let mut members = drive.members(DRIVE, &names).expect("members");
+    let network = Network::assemble(&spec, false).expect("assembles");
+    let members = network.members(&circuit(), &names).expect("members");
+    let mut members = members.general().expect("members");
     let template = members.template().clone();
     for (row, index) in rows(50).chunks_exact(VARY.len()).zip([0.5, 0.4].into_iter().cycle()) {
         let own = members.member(&[row, &[index]].concat()).expect("a member");
@@ -207,16 +223,16 @@ fn members_are_analysed_once() {
 fn what_is_wrong_is_told_once_and_names_its_place() {
     let refusal = |names: &[&str]| {
         let names: Vec<String> = names.iter().map(ToString::to_string).collect();
-        Ensemble::of_drive(DRIVE, &names).expect_err("no").to_string()
+        ensemble(&names).expect_err("no").to_string()
     };
-    assert!(refusal(&["cylinder.bore"]).contains("cylinder.bore_m"));
-    assert!(refusal(&["cylinder.bore_m", "cylinder.bore_m"]).contains("twice"));
-    let ensemble = Ensemble::of_drive(DRIVE, &names()).expect("members");
+    assert!(refusal(&["cylinder.bor"]).contains("bore"));
+    assert!(refusal(&["cylinder.bore", "cylinder.bore"]).contains("twice"));
+    let ensemble = ensemble(&names()).expect("members");
     let mut values = rows(3);
     values[VARY.len()] = -0.02;
     let refusal =
         ensemble.run(&asked(&values, all(&ensemble), 1), &mut |_| false).expect_err("no").to_string();
-    assert!(refusal.contains("member 1: cylinder.bore_m = -0.02 m"), "{refusal}");
+    assert!(refusal.contains("member 1: cylinder.bore = -0.02 m"), "{refusal}");
     let short = asked(&values[..7], all(&ensemble), 1);
     let refusal = ensemble.run(&short, &mut |_| false).expect_err("no").to_string();
     assert!(refusal.contains("a row of 6"), "{refusal}");

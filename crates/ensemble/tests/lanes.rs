@@ -1,7 +1,10 @@
 //! Members side by side in registers give the bits that each gives alone: of several laws, sticking included, through
 //! refills, commands and starts of their own.
 
-use circuit::specification;
+#[path = "../../circuit/tests/all/support/drive.rs"]
+#[allow(dead_code)] // the tests of circuits use more
+mod drive;
+
 use ensemble::{Asked, Column, Ensemble, Kernel, Outcome, Plan, Reduction, What};
 
 const MEMBERS: usize = 70;
@@ -17,19 +20,18 @@ fn spread(one: usize, other: usize, low: f64, high: f64) -> f64 {
     low + share(one, other) * (high - low)
 }
 
-/// The reference drive with another friction law.
+/// The circuit of the reference drive with another friction law.
 fn drive(law: &str, parameters: &[(&str, f64)]) -> String {
     let json = include_str!("../../circuit/examples/case_a.json");
     let mut table: serde_json::Value = serde_json::from_str(json).expect("valid");
     let own: serde_json::Map<_, _> =
         parameters.iter().map(|(key, value)| ((*key).into(), (*value).into())).collect();
     table["friction"] = serde_json::json!({ "law": law, "parameters": own });
-    serde_json::from_value::<specification::Drive>(table.clone()).expect("a drive");
-    table.to_string()
+    drive::expand(&table).to_string()
 }
 
 fn run(ensemble: &Ensemble, kernel: Kernel, threads: usize) -> Outcome {
-    let names = ["cylinder.bore_m", "supply.pressure_pa", "load.mass_kg"];
+    let names = ["cylinder.bore", "supply.pressure", "load.mass"];
     assert_eq!(ensemble.names(), names);
     let values = |m| [spread(m, 0, 0.016, 0.04), spread(m, 1, 3e5, 9e5), spread(m, 2, 0.0, 8.0)];
     let values: Vec<f64> = (0..MEMBERS).flat_map(values).collect();
@@ -79,10 +81,10 @@ fn lanes_have_the_bits_of_members_alone() {
     for (law, parameters) in
         [("lugre", &lugre[..]), ("stribeck", &stribeck), ("karnopp", &karnopp), ("dahl", &dry)]
     {
-        let names = ["cylinder.bore_m", "supply.pressure_pa", "load.mass_kg"].map(String::from);
+        let names = ["cylinder.bore", "supply.pressure", "load.mass"].map(String::from);
         let mut json: serde_json::Value = serde_json::from_str(&drive(law, parameters)).expect("valid");
         json["load"]["mass_kg"] = 1.0.into();
-        let ensemble = Ensemble::of_drive(&json.to_string(), &names).expect(law);
+        let ensemble = Ensemble::called(&json.to_string(), &names, drive::names()).expect(law);
         let alone = run(&ensemble, Kernel::Scalar, 1);
         for kernel in [Kernel::Base, Kernel::Eight] {
             if !kernel.is_there() {

@@ -12,7 +12,6 @@ mod session;
 mod shooting;
 mod signals;
 mod table;
-mod tank;
 
 use convert::Table;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
@@ -66,7 +65,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<network::PyMembers>()?;
     m.add_class::<platform::PyPlatform>()?;
     m.add_class::<session::PySession>()?;
-    m.add_class::<tank::PyTank>()?;
     m.add_class::<table::PyColumn>()?;
     m.add_function(wrap_pyfunction!(table::write_parquet, m)?)?;
     m.add_function(wrap_pyfunction!(session::close_step, m)?)?;

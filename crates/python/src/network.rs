@@ -156,13 +156,13 @@ impl PyCircuit {
         Ok(PyMembers { template: self.network.assembly().clone(), each })
     }
 
-    /// Runs segments with derivatives under the commands of one input. Parameters are numbers of components, such as
+    /// Runs segments with derivatives under the commands of one input, if any. Parameters are numbers of components, such as
     /// "left.bore" or "left.friction.parameters.coulomb".
     #[pyo3(signature = (command, asked, look=None))]
     fn shoot<'py>(
         &self,
         py: Python<'py>,
-        command: &str,
+        command: Option<&str>,
         asked: Asked<'py>,
         look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {

@@ -7,18 +7,18 @@ use ode::Options;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Whether to differentiate by the starts, or the start values to differentiate by.
+/// Whether to differentiate by the starts, or the groups of start values to differentiate by.
 #[derive(FromPyObject)]
 enum WithInitial {
     All(bool),
-    Of(Vec<usize>),
+    Of(Vec<Vec<usize>>),
 }
 
 impl From<WithInitial> for ByStart {
     fn from(asked: WithInitial) -> Self {
         match asked {
             WithInitial::All(all) => all.into(),
-            WithInitial::Of(places) => ByStart::Of(places),
+            WithInitial::Of(groups) => ByStart::Of(groups),
         }
     }
 }

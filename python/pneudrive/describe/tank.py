@@ -22,6 +22,8 @@ from pneudrive.errors import DescriptionError
 
 #: Kind of component of a tank's tube.
 TUBE = "tube/distributed"
+#: Critical pressure ratio of a leak (assumed).
+LEAK_RATIO = 0.2
 _TEMPERATURE = Quantity("K", "K", Bounds(above=0.0))
 
 
@@ -170,3 +172,41 @@ class Tank(Described):
     def core_json(self) -> str:
         """Return `core_form` as JSON."""
         return json.dumps(self.core_form(), sort_keys=True)
+
+    def expanded(self, leakage_m3_s_pa: float) -> dict[str, Any]:
+        """Return the circuit of the tank in the core's form: volume, line, its other side, tube and leak.
+
+        Parameters
+        ----------
+        leakage_m3_s_pa : float
+            Sonic conductance of the leak; 0: the circuit has no leak.
+        """
+        form = self.core_form()
+        volume, line, tube = form["volume"], form["line"], form["tube"]
+        # Conductance of the whole wall: a coefficient, W/(m2 K), on a wall of 1 m2.
+        wall = {"wall_area": 1.0, "heat_transfer": volume["heat_transfer_w_k"]}
+        numbers = {"volume": volume["volume_m3"], "wall_temperature": volume["wall_temperature_k"], **wall}
+        components: list[dict[str, Any]] = [{"name": "volume", "kind": "tank", "numbers": numbers}]
+        joints, at_volume = [], ["volume.1"]
+        if line is not None:
+            keys = ("critical_pressure_ratio", "subsonic_index", "linear_above")
+            numbers = {"conductance": line["conductance_m3_s_pa"], **{key: line[key] for key in keys}}
+            other = {"pressure": line["pressure_pa"], "temperature": line["temperature_k"]}
+            components.append({"name": "line", "kind": "fitting", "numbers": numbers})
+            components.append({"name": "other_side", "kind": "reservoir", "numbers": other})
+            joints.append(["other_side.1", "line.1"])
+            at_volume.append("line.2" if tube is None else "tube.2")
+        if tube is not None:
+            components.append({"name": "tube", "kind": TUBE, "numbers": tube})
+            joints.append(["line.2", "tube.1"])
+        if leakage_m3_s_pa > 0.0:
+            numbers = {"conductance": leakage_m3_s_pa, "critical_pressure_ratio": LEAK_RATIO}
+            components.append({"name": "leak", "kind": "fitting", "numbers": numbers})
+            joints.append(["leak.2", "ambient"])
+            at_volume.append("leak.1")
+        return {
+            "gas": form["gas"],
+            "ambient": form["ambient"],
+            "components": components,
+            "joints": [*joints, at_volume],
+        }

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive import __version__, _core
+from pneudrive import __version__
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import Transforms
@@ -48,10 +48,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-#: Name in the file -> path in the core's form, SI unit, remedy if not determined.
+#: Name in the file -> name in the circuit of the tank, SI unit, remedy if not determined.
 NUMBERS: dict[str, tuple[str, str, str]] = {
     "line.conductance": (
-        "line.conductance_m3_s_pa",
+        "line.conductance",
         "m^3/(s Pa)",
         "record a faster change of pressure through the line",
     ),
@@ -60,19 +60,19 @@ NUMBERS: dict[str, tuple[str, str, str]] = {
         "1",
         "record until the pressures on both sides of the line are nearly equal",
     ),
-    "line.pressure": ("line.pressure_pa", "Pa", "record until the pressure is constant, or measure it"),
+    "line.pressure": ("other_side.pressure", "Pa", "record until the pressure is constant, or measure it"),
     "tube.friction_scale": (
         "tube.friction_scale",
         "1",
         "record a pressure on each side of the tube, or a volume that is small compared with the tube's",
     ),
-    "volume.value": ("volume.volume_m3", "m^3", "measure it: the pressure depends only on conductance over volume"),
+    "volume.value": ("volume.volume", "m^3", "measure it: the pressure depends only on conductance over volume"),
     "volume.heat_transfer": (
-        "volume.heat_transfer_w_k",
+        "volume.heat_transfer",
         "W/K",
         "record a fast change of pressure, then shut the line and record until the pressure has settled",
     ),
-    "volume.leakage": ("volume.leakage_m3_s_pa", "m^3/(s Pa)", "record with the line shut for longer"),
+    "volume.leakage": ("leak.conductance", "m^3/(s Pa)", "record with the line shut for longer"),
 }
 #: Start of a leak that is given as zero, as a share of the line's conductance, or of volume over time and pressure.
 LEAK_SHARE = 1e-3
@@ -189,29 +189,37 @@ def _free(
 
 
 class TankFamily(DriveFamily):
-    """Family of the core's tank for any values of the free numbers."""
+    """Family of the circuits of a tank for any values of the free numbers. All gas starts as that of the volume."""
 
     def __init__(self, tank: Tank, names: Sequence[str], longest_s: float) -> None:
-        super().__init__(tank.core_form(), [NUMBERS[name][0] for name in names])
-        line, volume = self._form["line"], self._form["volume"]
-        leak = (
-            0.1 * volume["volume_m3"] / (1e5 * longest_s) if line is None else LEAK_SHARE * line["conductance_m3_s_pa"]
-        )
-        for table, key in map(self._place, self.paths):  # a value of zero has no logarithm
+        volume, line = tank.volume, tank.line
+        leak = volume.leakage_m3_s_pa
+        if leak == 0.0 and "volume.leakage" in names:  # a value of zero has no logarithm
+            is_shut = line is None
+            leak = 0.1 * volume.volume_m3 / (1e5 * longest_s) if is_shut else LEAK_SHARE * line.conductance_m3_s_pa
+        super().__init__(tank.expanded(leak), [NUMBERS[name][0] for name in names])
+        self._command = None if line is None else "line.opening"
+        inlet = "volume" if tank.tube is None else "line.2"
+        self._columns = {"pressure_pa": "volume.pressure_pa", "inlet_pressure_pa": f"{inlet}.pressure_pa"}
+        for table, key in map(self._place, self.paths):
             if table[key] <= 0.0:
-                table[key] = 1e-2 if key == "heat_transfer_w_k" else leak
-
-    def core(self, values: Array) -> Any:  # noqa: ANN401 - the core's tank
-        """Return the core's tank with these values."""
-        return _core.Tank(self.json(values))
+                table[key] = 1e-2
 
     def shoot(self, core: Any, asked: Any, look: Any) -> Any:  # noqa: ANN401 - the core's
-        """Run segments under the opening of the line."""
-        return core.shoot(asked, look)
-
-    def _place(self, path: str) -> tuple[dict[str, Any], str]:
-        table, _, key = path.partition(".")
-        return self._form[table], key
+        """Run segments under the opening of the line; a start has pressure and temperature of the volume."""
+        of = [0 if name.endswith(".pressure_pa") else 1 for name in core.segment_names]
+        together = [[i for i, own in enumerate(of) if own == quantity] for quantity in (0, 1)]
+        by_start = asked["with_initial"]
+        if by_start is not False:
+            by_start = together if by_start is True else [together[own] for (own,) in by_start]
+        asked = asked | {
+            "initial": np.ascontiguousarray(asked["initial"][:, of]),
+            "with_initial": by_start,
+            "outputs": [self._columns[column] for column in asked["outputs"]],
+        }
+        found = core.shoot(self._command, asked, look)
+        first = [core.segment_names.index(f"volume.{name}") for name in ("pressure_pa", "temperature_k")]
+        return found | {name: found[name][:, first] for name in ("ends", "end_sensitivities")}
 
 
 def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch: Watch) -> tuple[FitProblem, Iterate]:
@@ -354,6 +362,13 @@ def _hull(solved: Solved, others: list[Solved], name: str) -> tuple[float, float
     return min(low for low, _ in ends), max(high for _, high in ends)
 
 
+def _stated(tank: Tank, name: str) -> float:
+    """Return the value in the tank's description; 0 without a leak."""
+    own, _, key = NUMBERS[name][0].partition(".")
+    components = tank.expanded(tank.volume.leakage_m3_s_pa)["components"]
+    return next((one["numbers"][key] for one in components if one["name"] == own), 0.0)
+
+
 def _lost(
     tank: Tank, records: list[VolumeRecording], name: str, value: float, low: float, high: float
 ) -> Undetermined | None:
@@ -362,8 +377,7 @@ def _lost(
     is_ratio = name == "line.critical_pressure_ratio"
     if max(value - low, high - value) <= LARGEST_REACH * (1.0 if is_ratio else value):
         return None
-    table, _, key = NUMBERS[name][0].partition(".")
-    if low == 0.0 and high < LARGEST_REACH * tank.core_form()[table][key]:
+    if low == 0.0 and high < LARGEST_REACH * _stated(tank, name):
         return None  # next to nothing: the recordings exclude the start value, which must not stay
     factor, unit = readable(NUMBERS[name][1])
     below, above = plain(low / factor), plain(high / factor)

@@ -1,6 +1,5 @@
 //! Circuits of one topology that differ in numbers. The topology is analysed once, and each member sets its numbers.
 
-use super::drive::{CYLINDER, Drive, Wired, components};
 use super::friction::{contact, meta, with_values};
 use super::gas::gas;
 use super::network::Network;
@@ -8,7 +7,7 @@ use super::numbers::{place, refuse, split, unfit};
 use super::variables::Assembly;
 use super::wiring::{Joints, wire};
 use crate::component::{Instance, check};
-use crate::ground::{DIRECTIONS, Error, Lifted, Seeds, Sensitive, seeds, with_unit};
+use crate::ground::{Error, Lifted, Seeds, seeds, with_unit};
 use crate::specification::{self, Friction, FromJson};
 use physics::Gas;
 use serde_json::Value;
@@ -39,64 +38,10 @@ pub struct Members {
     general: bool,
 }
 
-/// Index of each of the drive's numbers among those of its components.
-fn numbers_of(lifted: &Seeds<specification::Drive>, names: &[String]) -> Result<Vec<Number>, Error> {
-    let mut numbers: Vec<Option<Number>> = vec![None; names.len()];
-    for first in (0..names.len()).step_by(DIRECTIONS) {
-        let pass = Lifted::new(lifted, first);
-        let (each, _) = components::<Sensitive>(&pass)?;
-        let all = each.iter().enumerate().flat_map(|(i, own)| {
-            let own = own.numbers.iter().enumerate();
-            own.filter_map(move |(at, number)| Some((Number::Own(i, at), (*number)?)))
-        });
-        let ambient: [Sensitive; 2] = pass.numbers(|s| [s.ambient.pressure_pa, s.ambient.temperature_k]);
-        let ambient = ambient.into_iter().enumerate().map(|(i, number)| (Number::Ambient(i), number));
-        for (number, value) in all.chain(ambient) {
-            if let Some(direction) = value.eps.iter().position(|slope| *slope == 1.0) {
-                numbers[first + direction] = Some(number);
-            }
-        }
-    }
-    let each = numbers.into_iter().zip(names);
-    each.map(|(number, name)| match (number, name.strip_prefix("friction.parameters.")) {
-        (_, Some(parameter)) => Ok(Number::Friction(CYLINDER, parameter.into())),
-        (Some(number), None) => Ok(number),
-        (None, None) => refuse(format!("members cannot differ in \"{name}\"")),
-    })
-    .collect()
-}
-
 /// Friction at a path of a description, with the names of the parameters in which members differ.
 fn friction_of(table: &Value, parameters: &[String]) -> Result<Seeds<Friction>, Error> {
     let names: Vec<String> = parameters.iter().map(|name| format!("parameters.{name}")).collect();
     seeds(&table.to_string(), "", &names)
-}
-
-impl Drive {
-    /// Creates members of this drive that differ in the numbers `names`. These are paths of `json`, the drive's
-    /// description, such as "cylinder.bore_m" or "friction.parameters.coulomb". They are [general](Members::general).
-    pub fn members(&self, json: &str, names: &[String]) -> Result<Members, Error> {
-        check_names(names)?;
-        let lifted = seeds::<specification::Drive>(json, "", names)?;
-        let (spec, pass) = (&lifted.value, Lifted::new(&lifted, 0));
-        let (each, joints) = components(&pass)?;
-        let parameters = |name: &String| name.strip_prefix("friction.parameters.").map(str::to_string);
-        let parameters: Vec<String> = names.iter().filter_map(parameters).collect();
-        let mut friction = vec![None; each.len()];
-        let table: Value = serde_json::from_str(json).map_err(|error| unfit(&error))?;
-        friction[CYLINDER] = Some(friction_of(&table["friction"], &parameters)?);
-        Ok(Members {
-            template: Wired::lifted(&pass, false, None)?.assembly,
-            gas: gas(&Lifted::plain(&spec.gas)),
-            ambient: [spec.ambient.pressure_pa, spec.ambient.temperature_k],
-            joints,
-            each,
-            numbers: numbers_of(&lifted, names)?,
-            names: names.to_vec(),
-            friction,
-            general: true,
-        })
-    }
 }
 
 impl Network {

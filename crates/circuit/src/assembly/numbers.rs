@@ -98,10 +98,13 @@ where
     Ok(wire(&gas, of.is_air(), ambient, (&each, of.joints()), false, without_ledger)?.named_like(like))
 }
 
-/// Does the same with the first input set by the command plan.
-fn commanded<P>(assembly: Assembly<P>, input: usize) -> Assembly<P> {
+/// Returns the circuit with the input of the command plan first; without one, no input is set.
+fn commanded<P>(assembly: Assembly<P>, input: Option<usize>) -> Assembly<P> {
     let mut variables = Variables::clone(&assembly.variables);
-    variables.inputs[..=input].rotate_right(1);
+    match input {
+        Some(input) => variables.inputs[..=input].rotate_right(1),
+        None => variables.inputs.clear(),
+    }
     Assembly { variables: Arc::new(variables), ..assembly }
 }
 
@@ -136,18 +139,23 @@ impl Network {
         Ok((table.to_string(), paths))
     }
 
-    /// Runs the segments of `asked` under the commands of one input, with exact derivatives by numbers of components,
-    /// such as "left.bore". See [`Drive::shoot`](super::Drive::shoot). `json` is the description of this circuit.
+    /// Runs the segments of `asked` under the commands of one input, if any, with exact derivatives by numbers of components,
+    /// such as "left.bore". The result does not depend on the
+    /// number of threads. `json` is the description of this circuit.
     pub fn shoot(
         &self,
         json: &str,
-        input: &str,
+        input: Option<&str>,
         asked: &Shooting,
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
         let inputs = &self.assembly().variables.inputs;
-        let Some(place) = inputs.iter().position(|own| own.name == input) else {
-            return refuse(format!("there is no input \"{input}\""));
+        let place = match input {
+            Some(name) => match inputs.iter().position(|own| own.name == name) {
+                Some(place) => Some(place),
+                None => return refuse(format!("there is no input \"{name}\"")),
+            },
+            None => None,
         };
         let plain = commanded(self.assembly().clone(), place);
         let all = All::of(asked, &plain)?;

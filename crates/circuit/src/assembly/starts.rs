@@ -47,7 +47,7 @@ impl Assembly {
             let count = match starting {
                 Starting::Gas(_) | Starting::Axis(_) => 2,
                 Starting::Kept(_) => 1,
-                Starting::Inner(_) | Starting::Alike(_) => 0,
+                Starting::Inner(_) => 0,
             };
             if let Starting::Axis(axis) = starting {
                 axes.push((axis.index(), &names[0], [rest[0], rest[1]]));
@@ -109,7 +109,7 @@ impl Assembly {
                         ));
                     }
                 },
-                Starting::Inner(_) | Starting::Alike(_) => {}
+                Starting::Inner(_) => {}
             }
         }
         Ok(numbers)
@@ -141,7 +141,7 @@ impl Assembly {
                     ages.push((id, age));
                 }
                 Starting::Kept(signal) => signals.push((signal, next())),
-                Starting::Inner(_) | Starting::Alike(_) => {}
+                Starting::Inner(_) => {}
             }
         }
         let (inputs, timings) = (&self.variables.inputs, &self.timings);

@@ -189,7 +189,6 @@ impl<P: Lane> Assembly<P> {
             let (own, others) = rest.split_at(names.len());
             match *starting {
                 Starting::Gas(id) => gas.push((id, own[0], own[1])),
-                Starting::Alike(id) => gas.extend(gas.last().map(|&(_, p, t)| (id, p, t))),
                 Starting::Axis(id) => axes.push((id, own[0], own[1])),
                 Starting::Inner(id) => inner.push((id, own)),
                 Starting::Kept(signal) => signals.push((signal, own[0])),
@@ -205,7 +204,6 @@ impl<P: Lane> Assembly<P> {
         circuit.observe(y, net);
         let each = self.variables.starts.iter().flat_map(|(starting, _)| match *starting {
             Starting::Gas(id) => vec![net[id].p, net[id].t],
-            Starting::Alike(_) => Vec::new(),
             Starting::Axis(id) => vec![net[id].x, net[id].v],
             Starting::Inner(id) => circuit.inner_states(id, y).to_vec(),
             Starting::Kept(signal) => vec![net.signal[signal]],

@@ -33,12 +33,6 @@ pub(super) struct Joints {
     pub junctions: Junctions,
 }
 
-impl From<Vec<Joint>> for Joints {
-    fn from(each: Vec<Joint>) -> Self {
-        Joints { each, junctions: Junctions::Volume }
-    }
-}
-
 impl Joints {
     /// Merged restrictions.
     fn chains<P: Lane>(&self, each: &[Instance<P>]) -> Vec<Chain> {
@@ -316,8 +310,6 @@ fn check_size(counts: &[(&str, usize)]) -> Result<(), Error> {
 /// Joined components as equations.
 pub(super) struct Wired<P> {
     pub circuit: Circuit<P>,
-    /// The node at each port of each component.
-    pub nodes: Vec<Vec<Node>>,
     pub pistons: Vec<Piston<P>>,
     /// Name, meaning, and target.
     pub inputs: Vec<(String, &'static str, Acts)>,
@@ -363,40 +355,30 @@ where
     Deps: Over<P>,
 {
     if let Some(other) = like {
-        let Joined { build, nodes, .. } = join(gas, is_air, ambient, (each, joints), true)?;
+        let Joined { build, .. } = join(gas, is_air, ambient, (each, joints), true)?;
         let Build { circuit, open, pistons, inputs, .. } = build;
         if let Some(mut circuit) = circuit.build_like(other) {
             open.into_iter().for_each(|id| circuit.set_input(id, 0, P::one()));
             let (columns, starts, joint_volumes) = Default::default();
-            return Ok(Wired {
-                circuit,
-                nodes,
-                pistons,
-                inputs,
-                is_like: true,
-                columns,
-                starts,
-                joint_volumes,
-            });
+            return Ok(Wired { circuit, pistons, inputs, is_like: true, columns, starts, joint_volumes });
         }
     }
     if !P::GENERAL {
         return Err(Error::Specification("these numbers belong to a circuit of another structure".into()));
     }
-    let Joined { build, nodes, joint_volumes } = join(gas, is_air, ambient, (each, joints), false)?;
+    let Joined { build, joint_volumes } = join(gas, is_air, ambient, (each, joints), false)?;
     check_size(&build.circuit.count_states())?;
     let Build { circuit, open, pistons, inputs, columns, starts, .. } = build;
     let mut circuit = circuit.build(ledger);
     for id in open {
         circuit.set_input(id, 0, P::one());
     }
-    Ok(Wired { circuit, nodes, pistons, inputs, is_like: false, columns, starts, joint_volumes })
+    Ok(Wired { circuit, pistons, inputs, is_like: false, columns, starts, joint_volumes })
 }
 
 /// Components with their joints, before they become a system of equations.
 struct Joined<P> {
     build: Build<P>,
-    nodes: Vec<Vec<Node>>,
     joint_volumes: Vec<(String, P)>,
 }
 
@@ -459,7 +441,7 @@ where
         }
     }
     check_met(&build)?;
-    Ok(Joined { build, nodes, joint_volumes })
+    Ok(Joined { build, joint_volumes })
 }
 
 impl<P: Lane> Wired<P> {

@@ -48,8 +48,6 @@ pub enum Quantity {
 pub enum Starting {
     /// Pressure, Pa absolute, and temperature, K.
     Gas(GasId),
-    /// `None`: equal to the previous gas.
-    Alike(GasId),
     /// Position, m, and velocity, m/s.
     Axis(AxisId),
     /// All inner states of an axis' friction.

@@ -126,7 +126,6 @@ fn add_absent(table: &mut Value, path: &str) {
         Some((lips, _)) if lips == "pressure" || lips.ends_with("friction.pressure") => {
             (lips, serde_json::json!({}))
         }
-        _ if ["cylinder.leakage_m3_s_pa", "volume.leakage_m3_s_pa"].contains(&path) => (path, 0.0.into()),
         _ => return,
     };
     if let Some(value) = place(table, what, true)

@@ -3,8 +3,9 @@
 //! and temperatures are found again whatever they are taken for at the start. A run that is put back to its own
 //! states is the same run.
 
+use crate::support::drive::Drive;
 use crate::support::*;
-use circuit::{ALONG, Drive, Record, Restart};
+use circuit::{ALONG, Record, Restart};
 
 #[test]
 fn a_run_agrees_with_its_own_equations() {

@@ -1,8 +1,9 @@
 //! A law of the user's own, written as formulas, is the law: `lugre` so written gives the trajectory of the
 //! built-in law bit for bit, alone and with all that can act on a law, as scalars and as lanes.
 
+use crate::support::drive::{self, Drive};
 use crate::support::*;
-use circuit::{Circuit, Drive, own_law, specification, steady_sensitivity};
+use circuit::{Circuit, own_law, specification, steady_sensitivity};
 use math::{Lane, Lanes};
 use ode::{NoOutput, Paused, Stepper};
 use physics::friction::At;
@@ -39,7 +40,7 @@ fn no_state_of_a_law_has_the_name_of_another_column() {
     let warming = json!({ "reference_k": 293.0, "time_s": 60.0 });
     friction.temperature = Some(serde_json::from_value(warming).expect("a table"));
     friction.wear = Some(serde_json::from_value(json!({ "run_in_distance_m": 100.0 })).expect("a table"));
-    let drive = Drive::assemble(&specification::Drive { friction, ..reference() }, false).expect("assembles");
+    let drive = Drive::assemble(&drive::Spec { friction, ..reference() }, false).expect("assembles");
     let (own, others) = (lugre()["states"][0]["name"].clone(), drive.columns().iter());
     let others: Vec<&String> = others.filter(|&name| own != json!(name)).collect();
     assert_eq!(others.len(), 13 + 4, "{others:?}");
@@ -66,7 +67,7 @@ fn without_fade(mut friction: specification::Friction) -> specification::Frictio
 }
 
 /// Two seconds of strokes to and fro.
-fn run(spec: &specification::Drive) -> (Vec<Vec<u64>>, ode::Statistics) {
+fn run(spec: &drive::Spec) -> (Vec<Vec<u64>>, ode::Statistics) {
     let drive = Drive::assemble(spec, true).expect("a drive");
     let (times, commands) = ([0.0, 0.5, 0.9, 1.4], [0.6, -0.4, 0.05, -1.0]);
     let initial = at_rest(0.2, 3e5);
@@ -78,7 +79,7 @@ fn run(spec: &specification::Drive) -> (Vec<Vec<u64>>, ode::Statistics) {
 #[test]
 fn lugre_as_formulas_is_lugre_bit_for_bit() {
     for friction in [reference().friction, without_fade(everything("lugre"))] {
-        let mut spec = specification::Drive { friction, ..reference() };
+        let mut spec = drive::Spec { friction, ..reference() };
         // A leak past the piston, so that the drive of the built-in law is evaluated by nodes, too.
         spec.cylinder.leakage_m3_s_pa = 1e-12;
         let (built_in, work) = run(&spec);
@@ -90,7 +91,7 @@ fn lugre_as_formulas_is_lugre_bit_for_bit() {
 }
 
 /// The law as formulas, with other numbers for each lane.
-fn four(spec: &specification::Drive) -> Vec<Drive> {
+fn four(spec: &drive::Spec) -> Vec<Drive> {
     let vary = |factor: f64| {
         let mut spec = spec.clone();
         spec.friction.parameters.values_mut().for_each(|value| *value *= factor);
@@ -102,7 +103,7 @@ fn four(spec: &specification::Drive) -> Vec<Drive> {
 #[test]
 fn lanes_of_formulas_are_their_scalars_bit_for_bit() {
     let friction = own(&without_fade(everything("lugre")));
-    let drives = four(&specification::Drive { friction, ..reference() });
+    let drives = four(&drive::Spec { friction, ..reference() });
     let each: Vec<_> = drives.iter().map(|drive| drive.start(&at_rest(0.2, 3e5), 0.5)).collect();
     let lanes = Circuit::<Lanes<4>>::gather(&each.iter().map(|(circuit, _)| circuit).collect::<Vec<_>>());
     let y: Vec<Lanes<4>> = (0..each[0].1.len()).map(|i| Lane::from_lanes(|l| each[l].1[i])).collect();

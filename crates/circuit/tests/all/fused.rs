@@ -2,8 +2,9 @@
 //! joined by nodes, and its Jacobian, taken by what enters chambers and axis, is that of the whole. So are the columns of
 //! its trajectory.
 
+use crate::support::drive::Drive;
 use crate::support::*;
-use circuit::{ChamberLaw, Circuit, Drive, Driven, InputId, PistonSide};
+use circuit::{ChamberLaw, Circuit, Driven, InputId, PistonSide};
 use math::Dual;
 use ode::System;
 use physics::friction::{Composition, Contact, SealLips};

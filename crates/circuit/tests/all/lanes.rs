@@ -1,8 +1,9 @@
 //! Several drives side by side give the bits that each gives alone: states at every sample, events,
 //! numbers of steps. Four different drives under four different commands.
 
+use crate::support::drive::{self, Drive};
 use crate::support::{at_rest, everything, pinned, reference, reference_stribeck};
-use circuit::{Circuit, Drive, Error, Look, advance, specification};
+use circuit::{Circuit, Error, Look, advance, specification};
 use math::{Lane, Lanes};
 use ode::{NoOutput, Options, Output, Paused, Statistics, Stepper};
 
@@ -52,7 +53,7 @@ fn run<R: Lane>(drives: &[Drive], x0: &[f64], commands: &[[f64; 8]]) -> (LaneTra
 }
 
 /// Four drives of one kind that differ in every number.
-fn four(spec: &specification::Drive) -> Vec<Drive> {
+fn four(spec: &drive::Spec) -> Vec<Drive> {
     let vary = |(i, factor): (usize, f64)| {
         let mut spec = spec.clone();
         spec.cylinder.bore_m *= factor;
@@ -85,7 +86,7 @@ fn four(spec: &specification::Drive) -> Vec<Drive> {
     [1.0, 1.1, 0.9, 1.3].into_iter().enumerate().map(vary).collect()
 }
 
-fn lanes_equal_scalars(spec: &specification::Drive, least_events: u64) {
+fn lanes_equal_scalars(spec: &drive::Spec, least_events: u64) {
     let drives = four(spec);
     let x0 = [0.05, 0.1, 0.25, 0.4];
     let commands = [
@@ -127,15 +128,12 @@ fn drives_with_friction_that_remembers() {
     let laws = [("elasto-plastic", 0), ("stribeck", 15), ("karnopp", 15), ("armstrong", 10), ("bouc-wen", 0)];
     for (law, least_events) in laws.into_iter().chain([("gms", 0), ("rate-and-state", 0), ("film-lugre", 0)])
     {
-        lanes_equal_scalars(&specification::Drive { friction: everything(law), ..reference() }, least_events);
+        lanes_equal_scalars(&drive::Spec { friction: everything(law), ..reference() }, least_events);
     }
 }
 
 /// The start of four drives side by side, with what each is alone.
-fn side_by_side(
-    drives: &[Drive],
-    starts: &[specification::Initial],
-) -> (Circuit<L>, Vec<L>, Vec<Circuit<f64>>) {
+fn side_by_side(drives: &[Drive], starts: &[drive::Initial]) -> (Circuit<L>, Vec<L>, Vec<Circuit<f64>>) {
     let each: Vec<_> = drives.iter().zip(starts).map(|(drive, start)| drive.start(start, 0.0)).collect();
     let circuit = Circuit::gather(&each.iter().map(|(circuit, _)| circuit).collect::<Vec<_>>());
     let y = (0..each[0].1.len()).map(|i| L::from_lanes(|lane| each[lane].1[i])).collect();

@@ -3,23 +3,24 @@
 //! little in common, each slamming, creeping or resting at the tolerance of conformance runs; and the
 //! ledger itself changes no bit of the motion.
 
+use crate::support::drive::{self, CylinderKind, Drive};
 use crate::support::*;
-use circuit::specification::{self as spec, CylinderKind};
-use circuit::{Circuit, Drive, Kind, balance};
+use circuit::specification as spec;
+use circuit::{Circuit, Kind, balance};
 use ode::Stepper;
 
 /// A description, where it starts, and its command, a new one every 0.5 s.
 struct Case {
     name: &'static str,
-    drive: spec::Drive,
-    initial: spec::Initial,
+    drive: drive::Spec,
+    initial: drive::Initial,
     commands: [f64; 4],
 }
 
 fn case(
     name: &'static str,
     commands: [f64; 4],
-    change: impl Fn(&mut spec::Drive, &mut spec::Initial),
+    change: impl Fn(&mut drive::Spec, &mut drive::Initial),
 ) -> Case {
     let (mut drive, mut initial) = (reference(), at_rest(0.1, 3e5));
     // Passive, where a case does not say otherwise: 160 > 300 (45 - 30)/30 N s/m.
@@ -28,7 +29,7 @@ fn case(
     Case { name, drive, initial, commands }
 }
 
-fn friction(drive: &mut spec::Drive, law: &str, parameters: &[(&str, f64)]) {
+fn friction(drive: &mut drive::Spec, law: &str, parameters: &[(&str, f64)]) {
     drive.friction.law = law.into();
     drive.friction.parameters = parameters.iter().map(|(name, value)| ((*name).into(), *value)).collect();
 }
@@ -79,7 +80,7 @@ fn cases() -> [Case; 17] {
             drive.load.force_n = -40.0;
         }),
         case("spring and seal lips", [0.5, -0.5, 0.2, 0.0], |drive, _| {
-            drive.load.spring = Some(spec::LoadSpring { stiffness_n_m: 800.0, rest_position_m: 0.3 });
+            drive.load.spring = Some(drive::LoadSpring { stiffness_n_m: 800.0, rest_position_m: 0.3 });
             drive.friction.pressure = Some(spec::SealPressure {
                 coulomb_a: 2e-5,
                 coulomb_b: 1e-5,
@@ -134,8 +135,8 @@ fn cases() -> [Case; 17] {
     ]
 }
 
-fn valve(conductance: f64, b: f64, m: f64, linear_above: f64) -> spec::Valve {
-    spec::Valve::Proportional53(spec::ProportionalValve {
+fn valve(conductance: f64, b: f64, m: f64, linear_above: f64) -> drive::Valve {
+    drive::Valve::Proportional53(drive::ProportionalValve {
         conductance_m3_s_pa: conductance,
         critical_pressure_ratio: b,
         subsonic_index: m,

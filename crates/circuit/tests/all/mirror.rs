@@ -1,8 +1,9 @@
 //! Left and right are alike: with the chambers exchanged and the axis turned round, the motion is the
 //! negative, bit for bit; a drive described from its other end moves as before.
 
+use crate::support::drive::{self, Drive};
 use crate::support::*;
-use circuit::{AxisId, ChamberLaw, Circuit, Drive, InputId, specification};
+use circuit::{AxisId, ChamberLaw, Circuit, InputId, specification};
 use ode::Stepper;
 use physics::friction::AnyLaw;
 
@@ -72,7 +73,7 @@ fn the_mirror_image_moves_the_other_way_bit_for_bit() {
 }
 
 /// The same drive described from its other end.
-fn turned(spec: &specification::Drive) -> specification::Drive {
+fn turned(spec: &drive::Spec) -> drive::Spec {
     let mut spec = spec.clone();
     let cylinder = &mut spec.cylinder;
     std::mem::swap(&mut cylinder.dead_volume_a_m3, &mut cylinder.dead_volume_b_m3);
@@ -91,19 +92,19 @@ fn turned(spec: &specification::Drive) -> specification::Drive {
 #[test]
 fn a_drive_described_from_its_other_end_moves_the_same() {
     let mut spec = reference();
-    spec.cylinder.kind = specification::CylinderKind::ThroughRod;
+    spec.cylinder.kind = drive::CylinderKind::ThroughRod;
     spec.cylinder.rod_diameter_m = 0.01;
     spec.cylinder.dead_volume_b_m3 = 2.5e-5;
     spec.cylinder.incline_rad = 0.4;
     spec.load.force_n = 8.0;
-    spec.load.spring = Some(specification::LoadSpring { stiffness_n_m: 200.0, rest_position_m: 0.1 });
+    spec.load.spring = Some(drive::LoadSpring { stiffness_n_m: 200.0, rest_position_m: 0.1 });
     spec.friction.pressure = Some(specification::SealPressure {
         coulomb_a: 1e-5,
         coulomb_b: 0.0,
         breakaway_a: 2e-5,
         breakaway_b: 1e-5,
     });
-    let run = |spec: &specification::Drive, x0: f64, sign: f64| {
+    let run = |spec: &drive::Spec, x0: f64, sign: f64| {
         let drive = Drive::assemble(spec, false).expect("assembles");
         let commands = [0.6, -0.6, 0.1].map(|u| sign * u);
         let never = &mut |_| false;

@@ -85,6 +85,7 @@ fn a_table_and_its_equations_are_all_that_a_component_takes() {
         options: Options::default(),
         threads: 1,
     };
-    let shot = network.shoot(&circuit.to_string(), "tap.opening", &asked, &mut |_| false).expect("runs");
+    let shot =
+        network.shoot(&circuit.to_string(), Some("tap.opening"), &asked, &mut |_| false).expect("runs");
     assert!((shot.sensitivities[1] * conductance / expected - 1.0).abs() < 1e-12, "{:?}", shot.sensitivities);
 }

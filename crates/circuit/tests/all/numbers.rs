@@ -164,7 +164,7 @@ fn a_run_is_differentiated_by_numbers_of_components() {
             options: Options { rtol: 1e-11, ..Options::default() },
             threads: 1,
         };
-        network.shoot(&circuit.to_string(), "valve.command", &asked, &mut |_| false)
+        network.shoot(&circuit.to_string(), Some("valve.command"), &asked, &mut |_| false)
     };
     let plain = shot(&with(&[]), &names).expect("runs");
     assert!(plain.failures[0].is_none(), "{:?}", plain.failures);
@@ -221,7 +221,7 @@ fn a_tank_behind_merged_restrictions_is_differentiated_by_their_numbers() {
             options: Options { rtol: 1e-11, ..Options::default() },
             threads: 1,
         };
-        network.shoot(&circuit.to_string(), "supply.pressure_pa", &asked, &mut |_| false)
+        network.shoot(&circuit.to_string(), Some("supply.pressure_pa"), &asked, &mut |_| false)
     };
     let exact = shot(&circuit(2e-8, 1.0), &names).expect("runs").sensitivities;
     let at = |one: f64, two: f64| shot(&circuit(2e-8 * one, two), &[]).expect("runs").values[1];
@@ -269,7 +269,7 @@ fn a_motor_gives_the_mean_force_at_a_velocity_its_slope_and_the_work() {
         threads: 1,
     };
     let shot =
-        network.shoot(&circuit.to_string(), "sled.load_force_n", &asked, &mut |_| false).expect("runs");
+        network.shoot(&circuit.to_string(), Some("sled.load_force_n"), &asked, &mut |_| false).expect("runs");
     let grown = |of: &[f64], k: usize| of[8 + k] - of[4 + k];
     let near = |own: f64, expected: f64, what: &str| {
         assert!((own - expected).abs() < 1e-6 * expected.abs(), "{what}: {own}, {expected}");

@@ -1,8 +1,9 @@
 //! Every golden case, the servo loop, derivatives, lanes and reductions give the bits that they gave: see
 //! `support/pins.rs`. The sweep, two drives on a tank, lanes and the rig are pinned where they are tested.
 
+use crate::support::drive::{self, Drive};
 use crate::support::*;
-use circuit::{ALONG, Drive, Driven, Restart, Servo, Shooting, Tank, specification as spec};
+use circuit::{ALONG, Driven, Network, Restart, Servo, Shooting};
 use ode::Options;
 use serde_json::Value;
 
@@ -39,7 +40,7 @@ fn pins_are_what_they_are_called() {
 fn golden_cases() {
     for (name, case) in cases() {
         let drive = Drive::assemble(&read(&case, "drive"), false).expect("assembles");
-        let (duration, initial): (f64, spec::Initial) = (read(&case, "duration_s"), read(&case, "initial"));
+        let (duration, initial): (f64, drive::Initial) = (read(&case, "duration_s"), read(&case, "initial"));
         let mut never = |_| false;
         let mut states = |rtol: f64| {
             if case["servo"].is_object() {
@@ -77,7 +78,7 @@ fn golden_cases() {
 #[test]
 fn multiple_shooting() {
     for law in ["lugre", "stribeck", "gms", "elasto-plastic"] {
-        let spec = spec::Drive { friction: everything(law), ..reference() };
+        let spec = drive::Spec { friction: everything(law), ..reference() };
         let mut json: Value = serde_json::from_str(include_str!("../../examples/case_a.json")).expect("JSON");
         json["friction"] = serde_json::json!({
             "law": law,
@@ -117,10 +118,16 @@ fn tank() {
     let json = serde_json::json!({
         "gas": { "heat_capacity_ratio": K, "gas_constant_j_kg_k": crate::support::R },
         "ambient": { "pressure_pa": AMBIENT, "temperature_k": ROOM },
-        "volume": { "volume_m3": 2e-3, "heat_transfer_w_k": 0.5, "wall_temperature_k": ROOM,
-                    "leakage_m3_s_pa": 1e-11 },
-        "line": { "conductance_m3_s_pa": 5e-9, "critical_pressure_ratio": 0.4, "subsonic_index": 0.5,
-                  "linear_above": 0.999, "pressure_pa": 7e5, "temperature_k": ROOM },
+        "components": [
+            { "name": "volume", "kind": "tank", "numbers": {
+                "volume": 2e-3, "wall_area": 1.0, "heat_transfer": 0.5, "wall_temperature": ROOM } },
+            { "name": "line", "kind": "fitting",
+              "numbers": { "conductance": 5e-9, "critical_pressure_ratio": 0.4 } },
+            { "name": "other_side", "kind": "reservoir", "numbers": { "pressure": 7e5, "temperature": ROOM } },
+            { "name": "leak", "kind": "fitting",
+              "numbers": { "conductance": 1e-11, "critical_pressure_ratio": 0.2 } },
+        ],
+        "joints": [["other_side.1", "line.1"], ["volume.1", "line.2", "leak.1"], ["leak.2", "ambient"]],
     })
     .to_string();
     let times: Vec<f64> = (0..100).map(|k| 0.05 * f64::from(k)).collect();
@@ -131,14 +138,14 @@ fn tank() {
         sample_times: times,
         starts: vec![0],
         initial: vec![1.2e5, ROOM],
-        parameters: vec!["line.conductance_m3_s_pa".into(), "volume.volume_m3".into()],
+        parameters: vec!["line.conductance".into(), "volume.volume".into()],
         with_initial: true.into(),
-        outputs: vec!["pressure_pa".into(), "mass_flow_kg_s".into()],
+        outputs: vec!["volume.pressure_pa".into(), "volume.mass_flow_kg_s".into()],
         options: options(1e-6),
         threads: 1,
     };
-    let tank = Tank::assemble(&serde_json::from_str(&json).expect("fits")).expect("fits");
-    let shot = tank.shoot(&json, &asked, &mut |_| false).expect("runs");
+    let tank = Network::assemble(&serde_json::from_str(&json).expect("fits"), false).expect("assembles");
+    let shot = tank.shoot(&json, Some("line.opening"), &asked, &mut |_| false).expect("runs");
     pinned("tank", [shot.values, shot.sensitivities, shot.ends, shot.end_sensitivities].concat());
 }
 

@@ -1,7 +1,8 @@
 //! Derivatives through the integrator: those of a run by numbers of the description and by its start are
 //! those of the discrete solution, and its values are the plain run's to the bit.
 
-use circuit::{Circuit, Drive, Shooting, Shot};
+use crate::support::drive::Drive;
+use circuit::{Circuit, Shooting, Shot};
 use math::{Dual, Real};
 use ode::{NoOutput, Stepper};
 use serde_json::Value;

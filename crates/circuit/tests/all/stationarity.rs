@@ -1,13 +1,13 @@
 //! What is at rest stays at rest: with the valve closed, no leak and a piston that sticks, no state
 //! moves within 1000 s, whatever the law that holds it; a piston that sticks exactly not by one bit.
 
+use crate::support::drive::{self, Drive};
 use crate::support::*;
-use circuit::{Drive, specification};
 use ode::{NoOutput, Stepper, System};
 
 /// From `settle` s to 1000 s later: the largest change of any state, relative to its size and scale, and
 /// whether position and velocity kept their bits.
-fn drift(spec: &specification::Drive, pressures: (f64, f64), settle: f64) -> (f64, bool) {
+fn drift(spec: &drive::Spec, pressures: (f64, f64), settle: f64) -> (f64, bool) {
     let drive = Drive::assemble(spec, false).expect("assembles");
     let mut initial = at_rest(0.2, pressures.0);
     initial.pressure_b_pa = pressures.1;

@@ -2,8 +2,9 @@
 //! sold and built, at the default tolerance against a tight one. The rules that every run keeps are held by
 //! `tests/acceptance/test_random_runs.py`.
 
+use crate::support::drive::{self, Drive};
 use crate::support::*;
-use circuit::{Drive, Error, Run, specification as spec};
+use circuit::{Error, Run};
 use ode::Options;
 use physics::friction::LAWS;
 use serde_json::{Value, json};
@@ -186,9 +187,9 @@ const BUDGET: u64 = 40_000;
 
 /// A random drive, its command and where it starts.
 struct Member {
-    drive: spec::Drive,
+    drive: drive::Spec,
     plan: (Vec<f64>, Vec<f64>),
-    initial: spec::Initial,
+    initial: drive::Initial,
 }
 
 impl Member {
@@ -198,7 +199,7 @@ impl Member {
             draw.unit();
         }
         let description = drive(&mut draw, laws);
-        let drive: spec::Drive = serde_json::from_value(description).expect("a description");
+        let drive: drive::Spec = serde_json::from_value(description).expect("a description");
         let plan = plan(&mut draw);
         let x = drive.cylinder.stroke_m * draw.unit();
         let mut initial = at_rest(x, draw.linear(1e5, drive.supply.pressure_pa));

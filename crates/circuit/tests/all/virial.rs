@@ -2,8 +2,9 @@
 //! coefficient nothing changes.
 
 use crate::support::circuits::run as run_columns;
+use crate::support::drive::Drive;
 use crate::support::*;
-use circuit::{ChamberLaw, Circuit, Drive, Network, specification as spec};
+use circuit::{ChamberLaw, Circuit, Network, specification as spec};
 use math::Dual;
 use ode::{Stepper, System};
 use physics::{Gas, IdealGas, Virial};

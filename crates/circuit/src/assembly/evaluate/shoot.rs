@@ -1,14 +1,12 @@
 //! Several runs of an assembly, each from its own start, with derivatives, for multiple shooting.
 
-use crate::assembly::drive::{Drive, Wired};
 use crate::assembly::driven::later;
 use crate::assembly::session::Session;
 use crate::assembly::variables::Assembly;
 use crate::circuit::{Circuit, Look, budget};
 use crate::component::Starting;
-use crate::ground::{DIRECTIONS, Error, Lifted, Net, Sensitive, run_jobs, seeds};
-use crate::specification;
-use math::{Dual, Lane};
+use crate::ground::{DIRECTIONS, Error, Net, Sensitive, run_jobs};
+use math::Lane;
 use ode::{Options, Output, System};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -19,8 +17,8 @@ pub enum ByStart {
     None,
     /// Every start value.
     All,
-    /// These start values, by index in [`Drive::start_names`].
-    Of(Vec<usize>),
+    /// Groups of start values, by index in [`Assembly::start_names`]. The values of a group move together.
+    Of(Vec<Vec<usize>>),
 }
 
 impl From<bool> for ByStart {
@@ -30,13 +28,13 @@ impl From<bool> for ByStart {
 }
 
 impl ByStart {
-    fn places(&self, states: usize) -> Result<Vec<usize>, Error> {
+    fn groups(&self, states: usize) -> Result<Vec<Vec<usize>>, Error> {
         match self {
             ByStart::None => Ok(Vec::new()),
-            ByStart::All => Ok((0..states).collect()),
-            ByStart::Of(places) => match places.iter().find(|&&place| place >= states) {
+            ByStart::All => Ok((0..states).map(|place| vec![place]).collect()),
+            ByStart::Of(groups) => match groups.iter().flatten().find(|&&place| place >= states) {
                 Some(place) => refuse(format!("a start has {states} numbers; there is no number {place}")),
-                None => Ok(places.clone()),
+                None => Ok(groups.clone()),
             },
         }
     }
@@ -66,7 +64,7 @@ pub struct Shooting {
     pub sample_times: Vec<f64>,
     /// Sample index at which each segment starts.
     pub starts: Vec<usize>,
-    /// The start of each segment, row by row; see [`Drive::start_names`].
+    /// The start of each segment, row by row; see [`Assembly::start_names`].
     pub initial: Vec<f64>,
     /// Numbers of the description to differentiate by, as paths of its JSON.
     pub parameters: Vec<String>,
@@ -95,48 +93,6 @@ pub struct Shot {
     pub failures: Vec<Option<String>>,
     /// Number of derivatives of each value.
     pub directions: usize,
-}
-
-impl Drive {
-    /// Names of the numbers that a run starts from.
-    pub fn start_names(&self) -> Vec<String> {
-        self.assembly().start_names()
-    }
-
-    /// Runs the segments of `asked`, with exact derivatives of the discrete solution. The result does not depend on the
-    /// number of threads. `json` is the description of this drive.
-    pub fn shoot(
-        &self,
-        json: &str,
-        asked: &Shooting,
-        interrupted: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<Shot, Error> {
-        let all = All::of(asked, self.assembly())?;
-        if all.directions == 0 {
-            return all.run(std::slice::from_ref(self.assembly()), interrupted);
-        }
-        let seeds = seeds::<specification::Drive>(json, "", &asked.parameters)?;
-        let like = Some(self.circuit()).filter(|circuit| circuit.channels().is_empty());
-        if all.directions == 1 && self.circuit().serves_all() {
-            let own = Wired::<Dual<f64, 1>>::lifted(&Lifted::new(&seeds, 0), false, like);
-            // The checks for unknown numbers and refusals hold for all scalar types.
-            if let Some(own) = own.ok().filter(|own| own.assembly.circuit.serves_all()) {
-                return all.run(&[own.assembly], interrupted);
-            }
-        }
-        let lift = |first| Ok(Wired::lifted(&Lifted::new(&seeds, first), false, like)?.assembly);
-        all.shoot(self.assembly(), || Ok(lift), interrupted)
-    }
-}
-
-/// Runs `plain`, or with derivatives the assembly that `lift` makes for each pass of directions.
-pub(in crate::assembly) fn shoot<F: Fn(usize) -> Result<Assembly<Sensitive>, Error>>(
-    plain: &Assembly,
-    lift: impl FnOnce() -> Result<F, Error>,
-    asked: &Shooting,
-    interrupted: &mut dyn FnMut(f64) -> bool,
-) -> Result<Shot, Error> {
-    All::of(asked, plain)?.shoot(plain, lift, interrupted)
 }
 
 fn refuse<T>(message: String) -> Result<T, Error> {
@@ -200,7 +156,7 @@ pub(in crate::assembly) struct All<'a> {
     others: Vec<usize>,
     columns: Vec<usize>,
     states: usize,
-    by_start: Vec<usize>,
+    by_start: Vec<Vec<usize>>,
     n_parameters: usize,
     pub directions: usize,
 }
@@ -225,7 +181,7 @@ impl<'a> All<'a> {
         };
         let others = asked.others.iter().map(input).collect::<Result<Vec<_>, _>>()?;
         let n_parameters = asked.parameters.len();
-        let by_start = asked.with_initial.places(states)?;
+        let by_start = asked.with_initial.groups(states)?;
         let directions = n_parameters + by_start.len();
         Ok(All { asked, others, columns, states, by_start, n_parameters, directions })
     }
@@ -302,7 +258,7 @@ impl<'a> All<'a> {
         let first = pass * P::DIRECTIONS;
         let seed = |i: usize, direction: usize| {
             let of = direction.checked_sub(self.n_parameters).and_then(|k| self.by_start.get(k));
-            f64::from(u8::from(of == Some(&i)))
+            f64::from(u8::from(of.is_some_and(|group| group.contains(&i))))
         };
         let start: Vec<P> = (0..self.states)
             .map(|i| P::from_parts(|part| if part == 0 { row[i] } else { seed(i, first + part - 1) }))

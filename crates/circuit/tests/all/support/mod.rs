@@ -3,6 +3,7 @@
 #![allow(dead_code, unused_imports)] // every contract uses its own part
 
 pub mod circuits;
+pub mod drive;
 pub mod pins;
 
 use circuit::{Circuit, Net, Record, specification};
@@ -134,12 +135,12 @@ pub fn assert_close(what: &str, a: f64, b: f64, relative: f64) {
 }
 
 /// The reference drive: rodless, 25 mm bore, 0.5 m stroke, lugre.
-pub fn reference() -> specification::Drive {
+pub fn reference() -> drive::Spec {
     serde_json::from_str(include_str!("../../../examples/case_a.json")).expect("valid")
 }
 
 /// The same with exact sticking.
-pub fn reference_stribeck() -> specification::Drive {
+pub fn reference_stribeck() -> drive::Spec {
     let mut spec = reference();
     spec.friction.law = "stribeck".into();
     for name in ["bristle_stiffness", "bristle_damping"] {
@@ -182,8 +183,8 @@ pub fn everything(law: &str) -> specification::Friction {
 }
 
 /// At rest at `x` m with `p` Pa in both chambers, at room temperature.
-pub fn at_rest(x: f64, p: f64) -> specification::Initial {
-    specification::Initial {
+pub fn at_rest(x: f64, p: f64) -> drive::Initial {
+    drive::Initial {
         position_m: x,
         velocity_m_s: 0.0,
         pressure_a_pa: p,
