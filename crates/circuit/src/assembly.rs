@@ -5,6 +5,8 @@ mod evaluate;
 mod exchange;
 mod friction;
 mod gas;
+mod instance;
+mod joints;
 mod members;
 mod names;
 mod network;

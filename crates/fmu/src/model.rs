@@ -1,11 +1,12 @@
 //! A drive as a tool runs it: values before the run, one session during it.
 
+mod saved;
+mod start;
+
 use crate::law::Law;
 use crate::plan::{Plan, Role};
 use crate::refusal::{Refusal, SAME_INSTANT, refuse};
-use circuit::specification::{self, FromJson};
-use circuit::{AxisId, Look, Network, Session};
-use ode::Options;
+use circuit::{AxisId, Look, Session};
 use std::sync::Arc;
 
 /// Relative tolerances that the solver accepts.
@@ -19,9 +20,6 @@ const SHARE_OF_SIZES: f64 = 0.02;
 const MOST_CHANGE: f64 = 10.0;
 /// Halvings on the way back to a valid state of the circuit.
 const HALVINGS: i32 = 50;
-/// First bytes of a stored state.
-const MAGIC: &[u8; 8] = b"pnd-fmu\x02";
-
 /// Place of a variable in the session.
 #[derive(Clone, Copy, Debug)]
 enum Place {
@@ -250,103 +248,6 @@ impl Model {
         Ok(self.running.as_mut().expect("just made"))
     }
 
-    /// Returns the description with the present parameter values, including the text form.
-    fn description(&self) -> Result<(String, specification::Circuit), Refusal> {
-        let mut table = self.plan.circuit.clone();
-        for (own, value) in self.plan.variables.iter().zip(&self.values) {
-            if let Role::Parameter { of } = &own.role {
-                let Some(place) = table.pointer_mut(of) else {
-                    return refuse(format!("{}: the description has no number {of}", own.name));
-                };
-                *place = (*value).into();
-            }
-        }
-        let json = table.to_string();
-        let spec = specification::Circuit::from_json(&json);
-        let spec = spec.or_else(|error| refuse(format!("the description cannot be read: {error}")))?;
-        Ok((json, spec))
-    }
-
-    fn start(&self) -> Result<Running, Refusal> {
-        let (json, spec) = self.description()?;
-        let network = Network::assemble(&spec, false)?;
-        let (mut start, mut age) = (self.plan.start.clone(), 0.0);
-        let mut inputs = Vec::new();
-        for (own, &value) in self.plan.variables.iter().zip(&self.values) {
-            match &own.role {
-                Role::Start { of } => start.extend(of.iter().map(|name| (name.clone(), value))),
-                Role::Age => age = value,
-                Role::Input { of, .. } => {
-                    let known = &network.assembly().variables.inputs;
-                    match known.iter().position(|input| input.name == *of) {
-                        Some(input) => inputs.push((input, value)),
-                        None => return refuse(format!("the circuit has no input \"{of}\"")),
-                    }
-                }
-                _ => {}
-            }
-        }
-        let names = network.start_names();
-        let mut other = names.iter().copied().filter(|name| !start.contains_key(*name));
-        let mut gone = start.keys().map(String::as_str).filter(|name| !names.contains(name));
-        if let Some(name) = other.next().or_else(|| gone.next()) {
-            return refuse(format!(
-                "with these values the circuit has other states, as {name}: cells are laid out where it is exported. \
-                 Export the drive with them"
-            ));
-        }
-        let options = Options { rtol: self.rtol, ..Options::default() };
-        let session = network.session_at(self.t0, &inputs, &start, age, options)?.of_description(&json);
-        let places = self.places(&session)?;
-        let motion = match &self.plan.actuator {
-            None => None,
-            Some(start) => match session.axis(start) {
-                Some(axis) => Some(axis),
-                None => return refuse(format!("the circuit has no piston that starts at \"{start}\"")),
-            },
-        };
-        let origin = session.state().to_vec();
-        Ok(Running { session, places, motion, origin, good: Vec::new() })
-    }
-
-    fn places(&self, session: &Session) -> Result<Arc<[Place]>, Refusal> {
-        let column = |of: &str| session.columns().iter().position(|name| name == of);
-        let state = |of: &str| session.state_names().iter().position(|(name, _)| name == of);
-        let each = self.plan.variables.iter().map(|own| {
-            let place = match &own.role {
-                Role::Time => Some(Place::Time),
-                Role::Input { of, discrete } => {
-                    let input = session.inputs().iter().position(|input| input.name == *of);
-                    input.filter(|input| *discrete || session.is_continuous(*input)).map(Place::Input)
-                }
-                Role::Output { of } => column(of).map(Place::Output),
-                Role::State { of } => state(of).map(Place::State),
-                Role::Change { of } => state(of).map(Place::Change),
-                Role::Rate { of } => state(of).map(Place::Rate),
-                Role::Event { of } => Some(Place::Event(*of)),
-                Role::Force => Some(Place::Force),
-                _ => Some(Place::Kept),
-            };
-            place.ok_or_else(|| Refusal {
-                message: format!(
-                    "with these values the circuit has no place for {}, or it has a history. Export the drive with them",
-                    own.name
-                ),
-                discard: false,
-            })
-        });
-        let places: Arc<[Place]> = each.collect::<Result<_, _>>()?;
-        let motion = if self.plan.actuator.is_some() { 2 } else { 0 };
-        let told = places.iter().filter(|place| matches!(place, Place::Rate(_))).count();
-        if told + motion != session.state_names().len() {
-            return refuse(format!(
-                "with these values the circuit has {} states, but {told} rates are described. Export the drive with them",
-                session.state_names().len() - motion
-            ));
-        }
-        Ok(places)
-    }
-
     /// Sets the piston of an actuator to the given position. End stops act at every position.
     fn follow(&mut self) -> Result<(), Refusal> {
         if !self.outside {
@@ -534,49 +435,6 @@ impl Model {
         }
         Ok(out)
     }
-
-    /// Returns the whole model as bytes.
-    pub fn save(&self) -> Result<Vec<u8>, Refusal> {
-        if self.plan.law.is_some() {
-            return refuse("the state of a controller is kept by the tool, but not as bytes");
-        }
-        let mut bytes = MAGIC.to_vec();
-        let flags = [self.begun, self.outside, self.running.is_some()];
-        let words = [self.t0, self.rtol, self.values.len() as f64].into_iter();
-        let words =
-            words.chain(flags.map(|flag| f64::from(u8::from(flag)))).chain(self.values.iter().copied());
-        bytes.extend(words.flat_map(f64::to_le_bytes));
-        if let Some(running) = &self.running {
-            bytes.extend(running.origin.iter().copied().flat_map(f64::to_le_bytes));
-            bytes.extend(running.session.save()?);
-        }
-        Ok(bytes)
-    }
-
-    /// Returns a model of the same plan from bytes.
-    pub fn restored(&self, bytes: &[u8]) -> Result<Self, Refusal> {
-        const HEAD: usize = 6;
-        let Some(rest) = bytes.strip_prefix(MAGIC) else {
-            return refuse("these bytes are not a state of this FMU");
-        };
-        let n = HEAD + self.values.len();
-        let damaged = || Refusal { message: "these bytes of a state are damaged".into(), discard: false };
-        let (words, session) = rest.split_at_checked(8 * n).ok_or_else(damaged)?;
-        let words = numbers(words);
-        if words[2] != self.values.len() as f64 || words[4] != f64::from(u8::from(self.outside)) {
-            return refuse("these bytes are of a state of another FMU");
-        }
-        let mut model = Model::new(self.plan.clone(), self.outside);
-        (model.t0, model.rtol, model.values) = (words[0], words[1], words[HEAD..].to_vec());
-        if words[5] != 0.0 {
-            let running = model.running()?;
-            let (origin, session) = session.split_at_checked(8 * running.origin.len()).ok_or_else(damaged)?;
-            running.origin = numbers(origin);
-            running.session.restore(session)?;
-        }
-        model.begun = words[3] != 0.0;
-        Ok(model)
-    }
 }
 
 /// Refuses rates that are not finite. The places are those of their states.
@@ -592,11 +450,6 @@ fn finite_at(session: &Session, mut rates: impl Iterator<Item = (usize, f64)>) -
             discard: true,
         }),
     }
-}
-
-/// Appends the numbers of a state as bytes.
-fn numbers(bytes: &[u8]) -> Vec<f64> {
-    bytes.as_chunks().0.iter().map(|word| f64::from_le_bytes(*word)).collect()
 }
 
 /// Returns the input of the session at a place.

@@ -1,5 +1,6 @@
 //! Friction laws. A law is one file and one line in `laws!` below.
 
+mod arguments;
 mod armstrong;
 mod bouc_wen;
 mod bristles;
@@ -20,6 +21,7 @@ mod stribeck;
 use crate::parameter::Parameter;
 use math::{Lane, Over, Real};
 
+pub use arguments::{At, Levels};
 pub use armstrong::Armstrong;
 pub use bouc_wen::BoucWen;
 pub use contact::{COMPOSITION_STATES, Composition, Contact};
@@ -41,116 +43,6 @@ pub use modifiers::temperature::Heating;
 pub use modifiers::wear::Wear;
 pub use rate_and_state::{Evolution, RateAndState};
 pub use stribeck::{Shape, Stribeck, weight};
-
-/// Arguments at which a law is evaluated.
-#[derive(Clone, Copy, Debug)]
-pub struct At<S> {
-    /// Sliding velocity, m/s.
-    pub v: S,
-    /// Position, m.
-    pub x: S,
-    /// Gauge pressure in chamber a, Pa.
-    pub gauge_a: S,
-    /// Gauge pressure in chamber b, Pa.
-    pub gauge_b: S,
-    /// Sum of all other forces in +x, N: friction balances it in stick.
-    pub applied: S,
-    /// Result of [`Law::prepare`] for this velocity.
-    pub prepared: S,
-}
-
-impl<S: Real> At<S> {
-    /// Returns the state of rest at x = 0 under ambient pressure, without applied force.
-    pub fn at_rest() -> Self {
-        let o = S::zero();
-        At { v: o, x: o, gauge_a: o, gauge_b: o, applied: o, prepared: o }
-    }
-
-    /// Returns the same arguments in other numbers.
-    pub fn map<T>(&self, f: impl Fn(S) -> T) -> At<T> {
-        let At { v, x, gauge_a, gauge_b, applied, prepared } = *self;
-        At {
-            v: f(v),
-            x: f(x),
-            gauge_a: f(gauge_a),
-            gauge_b: f(gauge_b),
-            applied: f(applied),
-            prepared: f(prepared),
-        }
-    }
-
-    /// Returns the same with gauge pressures, Pa, in chambers a and b.
-    pub fn pressed(self, gauge_a: S, gauge_b: S) -> Self {
-        At { gauge_a, gauge_b, ..self }
-    }
-}
-
-/// Force levels that dependences change, before the law is evaluated.
-#[derive(Clone, Copy, Debug)]
-pub struct Levels<S> {
-    /// Coulomb force Fc, N.
-    pub coulomb: S,
-    /// Breakaway force Fs, N.
-    pub breakaway: S,
-    /// Viscous coefficient Fv, N s/m.
-    pub viscous: S,
-    /// Addition to Fc and Fs for a contact deflected towards +x, and the same subtraction towards -x: see
-    /// [`Sense::Deflection`].
-    pub lean: [S; 2],
-}
-
-impl<S: Real> Levels<S> {
-    /// Creates equal levels in both directions.
-    #[inline(always)]
-    pub fn new(coulomb: S, breakaway: S, viscous: S) -> Self {
-        Levels { coulomb, breakaway, viscous, lean: [S::zero(); 2] }
-    }
-
-    /// Returns the levels under the seal lips of a contact, if it has any.
-    #[inline(always)]
-    fn under<P: Real>(self, lips: Option<&SealLips<P>>, at: &At<S>) -> Self
-    where
-        S: Over<P>,
-    {
-        match lips {
-            Some(lips) => lips.apply(&self, at),
-            None => self,
-        }
-    }
-
-    /// Returns each level in other numbers.
-    #[inline(always)]
-    pub fn map<T>(&self, f: impl Fn(S) -> T) -> Levels<T> {
-        let Levels { coulomb, breakaway, viscous, lean } = *self;
-        Levels { coulomb: f(coulomb), breakaway: f(breakaway), viscous: f(viscous), lean: lean.map(f) }
-    }
-
-    /// Returns the levels in the direction that has the sign of `way`.
-    #[inline(always)]
-    fn towards(&self, way: S) -> Self {
-        let [coulomb, breakaway] = self.lean.map(|lean| S::select(way.lt(S::zero()), -lean, lean));
-        Levels::new(self.coulomb + coulomb, self.breakaway + breakaway, self.viscous)
-    }
-
-    /// Returns Fc and Fs times a factor.
-    #[inline(always)]
-    fn times(&self, factor: S) -> Self {
-        let lean = self.lean.map(|lean| lean * factor);
-        Levels { coulomb: self.coulomb * factor, breakaway: self.breakaway * factor, lean, ..*self }
-    }
-
-    /// Returns Fc and Fs plus a force, N.
-    #[inline(always)]
-    fn plus(&self, force: S) -> Self {
-        Levels { coulomb: self.coulomb + force, breakaway: self.breakaway + force, ..*self }
-    }
-
-    /// Returns Fc + (Fs - Fc) weight, N.
-    #[inline(always)]
-    fn at(&self, weight: S) -> S {
-        (self.breakaway - self.coulomb).fma(weight, self.coulomb)
-    }
-}
 
 /// Least fraction of a level that a dependence may leave.
 const FLOOR: f64 = 0.01;

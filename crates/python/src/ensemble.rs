@@ -2,7 +2,7 @@
 
 use crate::convert::{Teller, to_python, watched};
 use crate::network::{ShortNames, called};
-use ensemble::{Asked, Column, Ensemble, Kernel, Plan, Reduction, What};
+use ensemble::{Asked, Column, Ensemble, Kernel, Outcome, Plan, Reduction, What};
 use numpy::{
     PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
@@ -64,6 +64,21 @@ fn kernel(name: &str) -> PyResult<Kernel> {
         "eight" => Ok(Kernel::Eight),
         other => refuse(format!("there is no kernel \"{other}\"; there are scalar, four, eight")),
     }
+}
+
+/// Returns a plan in the form of the core; its values are one row for all members, or one for each.
+fn plan<'a>(
+    (input, times, values): &(String, Vec<f64>, PyReadonlyArrayDyn<'_, f64>),
+    members: usize,
+) -> PyResult<Plan<'a>> {
+    let row = values.shape().last().copied().unwrap_or(0);
+    let is_table = values.ndim() == 2;
+    if row != times.len() || values.ndim() > 2 || (is_table && ![1, members].contains(&values.shape()[0])) {
+        let of = format!("({},) or ({members}, {})", times.len(), times.len());
+        return refuse(format!("the values of {input} have shape {:?}: it must be {of}", values.shape()));
+    }
+    let values = Column::new(values.as_array().iter().copied().collect::<Vec<_>>(), row);
+    Ok(Plan { input: input.clone(), times: times.clone(), values })
 }
 
 impl PyEnsemble {
@@ -162,21 +177,6 @@ impl PyEnsemble {
                 asked.values.shape()[1]
             ));
         }
-        let plan = |(input, times, values): &'_ (String, Vec<f64>, PyReadonlyArrayDyn<'py, f64>)| {
-            let row = values.shape().last().copied().unwrap_or(0);
-            if row != times.len()
-                || values.ndim() > 2
-                || (values.ndim() == 2 && ![1, members].contains(&values.shape()[0]))
-            {
-                let of = format!("({},) or ({members}, {})", times.len(), times.len());
-                return refuse(format!(
-                    "the values of {input} have shape {:?}: it must be {of}",
-                    values.shape()
-                ));
-            }
-            let values = Column::new(values.as_array().iter().copied().collect::<Vec<_>>(), row);
-            Ok(Plan { input: input.clone(), times: times.clone(), values })
-        };
         let all = |array: &PyReadonlyArray2<'py, f64>| array.as_array().iter().copied().collect::<Vec<_>>();
         // A large design is not copied.
         let copied;
@@ -190,7 +190,7 @@ impl PyEnsemble {
         let request = Asked {
             members,
             values,
-            plans: asked.plans.iter().map(plan).collect::<PyResult<_>>()?,
+            plans: asked.plans.iter().map(|own| plan(own, members)).collect::<PyResult<_>>()?,
             duration: Column::new(asked.duration.as_array().to_vec(), 1),
             initial: Column::new(all(&asked.initial), asked.initial.shape()[1]),
             contact_age: asked.contact_age_s,
@@ -201,23 +201,28 @@ impl PyEnsemble {
             kernel: asked.kernel.as_deref().map(kernel).transpose()?,
         };
         let outcome = watched(py, look, |interrupted| self.ensemble.run(&request, interrupted))?;
-        let out = PyDict::new(py);
-        let columns = outcome.columns.into_iter().zip(&request.outputs).map(|(column, output)| {
-            let width = column.len() / members.max(1);
-            let column = PyArray1::from_vec(py, column);
-            match output.what {
-                What::Samples { .. } => Ok(column.reshape([members, width])?.into_any()),
-                _ => Ok(column.into_any()),
-            }
-        });
-        out.set_item("outputs", columns.collect::<PyResult<Vec<_>>>()?)?;
-        out.set_item("status", PyArray1::from_vec(py, outcome.status))?;
-        let reasons = PyDict::new(py);
-        for (member, reason) in outcome.reasons {
-            reasons.set_item(member, reason)?;
-        }
-        out.set_item("reasons", reasons)?;
-        out.set_item("attempts", outcome.attempts)?;
-        Ok(out)
+        outcome_to_dict(py, outcome, &request)
     }
+}
+
+/// Returns the results of a request as arrays by name.
+fn outcome_to_dict<'py>(py: Python<'py>, outcome: Outcome, asked: &Asked) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    let columns = outcome.columns.into_iter().zip(&asked.outputs).map(|(column, output)| {
+        let width = column.len() / asked.members.max(1);
+        let column = PyArray1::from_vec(py, column);
+        match output.what {
+            What::Samples { .. } => Ok(column.reshape([asked.members, width])?.into_any()),
+            _ => Ok(column.into_any()),
+        }
+    });
+    out.set_item("outputs", columns.collect::<PyResult<Vec<_>>>()?)?;
+    out.set_item("status", PyArray1::from_vec(py, outcome.status))?;
+    let reasons = PyDict::new(py);
+    for (member, reason) in outcome.reasons {
+        reasons.set_item(member, reason)?;
+    }
+    out.set_item("reasons", reasons)?;
+    out.set_item("attempts", outcome.attempts)?;
+    Ok(out)
 }

@@ -2,7 +2,8 @@
 
 use crate::convert::parse;
 use crate::friction::refused;
-use circuit::{ComponentKind, Extra, Holds, PortKind, Stroke, formula_kind, kinds};
+use circuit::own::Row;
+use circuit::{Choice, ComponentKind, Extra, Holds, Port, PortKind, Stroke, Symbol, formula_kind, kinds};
 use physics::Parameter;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -64,99 +65,125 @@ pub fn formula_component<'py>(py: Python<'py>, kind: &str, json: &str) -> PyResu
     Ok(entry)
 }
 
-fn kind_entry<'py>(py: Python<'py>, kind: &ComponentKind) -> PyResult<Bound<'py, PyDict>> {
-    let table = |items: &[(&str, Bound<'_, PyAny>)]| {
-        let out = PyDict::new(py);
-        items.iter().try_for_each(|(key, value)| out.set_item(key, value))?;
-        PyResult::Ok(out)
+type Dict<'py> = Bound<'py, PyDict>;
+
+/// Returns a dict of texts.
+fn texts<'py>(py: Python<'py>, items: &[(&str, &str)]) -> PyResult<Dict<'py>> {
+    let out = PyDict::new(py);
+    items.iter().try_for_each(|(key, value)| out.set_item(key, value))?;
+    Ok(out)
+}
+
+/// Returns an entry for each of the items.
+fn each<'py, T>(items: &[T], entry: impl Fn(&T) -> PyResult<Dict<'py>>) -> PyResult<Vec<Dict<'py>>> {
+    items.iter().map(entry).collect()
+}
+
+fn port_entry<'py>(py: Python<'py>, port: &Port) -> PyResult<Dict<'py>> {
+    let kind = match port.kind {
+        PortKind::Gas => "gas",
+        PortKind::Axis => "axis",
+        PortKind::Pilot => "pilot",
     };
-    let any = |value: &str| value.into_pyobject(py).map(Bound::into_any);
-    let ports = kind.ports.iter().map(|port| {
-        let out = table(&[("name", any(port.name)?)])?;
-        let kind = match port.kind {
-            PortKind::Gas => "gas",
-            PortKind::Axis => "axis",
-            PortKind::Pilot => "pilot",
-        };
-        out.set_item("kind", kind)?;
-        let holds = match port.holds {
-            Holds::Nothing => "",
-            Holds::Volume => "volume",
-            Holds::Pressure => "pressure",
-            Holds::Set => "set",
-            Holds::Motion => "motion",
-        };
-        out.set_item("holds", holds)?;
-        out.set_item("exhaust", port.exhaust)?;
-        out.set_item("optional", port.optional)?;
-        PyResult::Ok(out)
-    });
-    let number = |own: &Parameter| {
-        let out = table(&[("key", any(own.key)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])?;
-        out.set_item("rule", own.bounds.to_string())?;
-        out.set_item("lower", own.bounds.lower)?;
-        out.set_item("upper", own.bounds.upper)?;
-        out.set_item("open", own.bounds.open)?;
-        out.set_item("open_above", own.bounds.open_above)?;
-        out.set_item("default", own.default)?;
-        PyResult::Ok(out)
+    let holds = match port.holds {
+        Holds::Nothing => "",
+        Holds::Volume => "volume",
+        Holds::Pressure => "pressure",
+        Holds::Set => "set",
+        Holds::Motion => "motion",
     };
-    let parameters = kind.parameters.iter().map(|own| {
-        let out = number(&own.parameter)?;
-        out.set_item("assumed", own.assumed)?;
-        out.set_item("follows", own.follows)?;
-        out.set_item("unless", own.unless)?;
-        out.set_item("within", own.within)?;
-        out.set_item("only", own.only)?;
-        out.set_item("was", own.was)?;
-        PyResult::Ok(out)
-    });
-    let choices = kind.choices.iter().map(|own| {
-        let out = table(&[("name", any(own.name)?), ("meaning", any(own.meaning)?)])?;
-        out.set_item("options", own.options)?;
-        out.set_item("default", own.options[0])?;
-        PyResult::Ok(out)
-    });
-    let variables = |variables: &'static [(&str, &str, &str)]| {
-        let each = variables.iter().map(|&(name, unit, meaning)| {
-            table(&[("name", any(name)?), ("unit", any(unit)?), ("meaning", any(meaning)?)])
-        });
-        each.collect::<PyResult<Vec<_>>>()
+    let out = texts(py, &[("name", port.name), ("kind", kind), ("holds", holds)])?;
+    out.set_item("exhaust", port.exhaust)?;
+    out.set_item("optional", port.optional)?;
+    Ok(out)
+}
+
+fn number_entry<'py>(py: Python<'py>, own: &Parameter) -> PyResult<Dict<'py>> {
+    let out = texts(py, &[("key", own.key), ("unit", own.unit), ("meaning", own.meaning)])?;
+    out.set_item("rule", own.bounds.to_string())?;
+    out.set_item("lower", own.bounds.lower)?;
+    out.set_item("upper", own.bounds.upper)?;
+    out.set_item("open", own.bounds.open)?;
+    out.set_item("open_above", own.bounds.open_above)?;
+    out.set_item("default", own.default)?;
+    Ok(out)
+}
+
+fn parameter_entry<'py>(py: Python<'py>, own: &Row) -> PyResult<Dict<'py>> {
+    let out = number_entry(py, &own.parameter)?;
+    let told = [
+        ("assumed", own.assumed),
+        ("follows", own.follows),
+        ("unless", own.unless),
+        ("within", own.within),
+        ("only", own.only),
+        ("was", own.was),
+    ];
+    told.iter().try_for_each(|(key, value)| out.set_item(key, value))?;
+    Ok(out)
+}
+
+fn choice_entry<'py>(py: Python<'py>, own: &Choice) -> PyResult<Dict<'py>> {
+    let out = texts(py, &[("name", own.name), ("meaning", own.meaning)])?;
+    out.set_item("options", own.options)?;
+    out.set_item("default", own.options[0])?;
+    Ok(out)
+}
+
+/// Adds the formula or the points that a kind takes.
+fn add_extra(py: Python<'_>, extra: &Extra, out: &Dict<'_>) -> PyResult<()> {
+    match extra {
+        Extra::Nothing => Ok(()),
+        Extra::Formula(role) => {
+            let names =
+                role.variables.iter().chain(role.constants).map(|own| {
+                    texts(py, &[("name", own.name), ("unit", own.unit), ("meaning", own.meaning)])
+                });
+            let formula = texts(py, &[("output", role.output.0), ("unit", role.output.1)])?;
+            formula.set_item("names", names.collect::<PyResult<Vec<_>>>()?)?;
+            out.set_item("formula", formula)
+        }
+        Extra::Points(own) => {
+            let points = PyDict::new(py);
+            points.set_item("key", own.key)?;
+            points.set_item("optional", own.optional)?;
+            points.set_item("columns", each(own.columns, |column| number_entry(py, column))?)?;
+            points.set_item("most", Extra::MOST_POINTS)?;
+            out.set_item("points", points)
+        }
+    }
+}
+
+fn symbol_entry<'py>(py: Python<'py>, own: &Symbol) -> PyResult<Dict<'py>> {
+    let out = PyDict::new(py);
+    out.set_item("strokes", strokes(py, own.strokes)?)?;
+    let when = own.when.iter().map(|(option, own)| Ok((option, strokes(py, own)?)));
+    out.set_item("when", when.collect::<PyResult<Vec<_>>>()?)?;
+    out.set_item("ports", own.ports)?;
+    Ok(out)
+}
+
+fn kind_entry<'py>(py: Python<'py>, kind: &ComponentKind) -> PyResult<Dict<'py>> {
+    let variables = |variables: &[(&str, &str, &str)]| {
+        each(variables, |&(name, unit, meaning)| {
+            texts(py, &[("name", name), ("unit", unit), ("meaning", meaning)])
+        })
     };
-    let out = table(&[("kind", any(kind.key)?), ("title", any(kind.title)?), ("doc", any(kind.text)?)])?;
+    let out = texts(py, &[("kind", kind.key), ("title", kind.title), ("doc", kind.text)])?;
     out.set_item("sources", kind.sources)?;
-    out.set_item("ports", ports.collect::<PyResult<Vec<_>>>()?)?;
-    out.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
-    out.set_item("choices", choices.collect::<PyResult<Vec<_>>>()?)?;
+    out.set_item("ports", each(kind.ports, |port| port_entry(py, port))?)?;
+    out.set_item("parameters", each(kind.parameters, |row| parameter_entry(py, row))?)?;
+    out.set_item("choices", each(kind.choices, |choice| choice_entry(py, choice))?)?;
     for key in ["formula", "points"] {
         out.set_item(key, py.None())?;
     }
-    if let Extra::Formula(role) = kind.extra {
-        let names = role.variables.iter().chain(role.constants).map(|own| {
-            table(&[("name", any(own.name)?), ("unit", any(own.unit)?), ("meaning", any(own.meaning)?)])
-        });
-        let formula = table(&[("output", any(role.output.0)?), ("unit", any(role.output.1)?)])?;
-        formula.set_item("names", names.collect::<PyResult<Vec<_>>>()?)?;
-        out.set_item("formula", formula)?;
-    } else if let Extra::Points(own) = kind.extra {
-        let points = PyDict::new(py);
-        points.set_item("key", own.key)?;
-        points.set_item("optional", own.optional)?;
-        points.set_item("columns", own.columns.iter().map(number).collect::<PyResult<Vec<_>>>()?)?;
-        points.set_item("most", Extra::MOST_POINTS)?;
-        out.set_item("points", points)?;
-    }
+    add_extra(py, &kind.extra, &out)?;
     out.set_item("open", kind.open)?;
     out.set_item("discrete", kind.discrete)?;
     let friction = if kind.needs_friction { "needed" } else { "optional" };
     out.set_item("friction", if kind.friction { friction } else { "" })?;
     out.set_item("inputs", variables(kind.inputs)?)?;
     out.set_item("outputs", variables(kind.outputs)?)?;
-    let symbol = PyDict::new(py);
-    symbol.set_item("strokes", strokes(py, kind.symbol.strokes)?)?;
-    let when = kind.symbol.when.iter().map(|(option, own)| Ok((option, strokes(py, own)?)));
-    symbol.set_item("when", when.collect::<PyResult<Vec<_>>>()?)?;
-    symbol.set_item("ports", kind.symbol.ports)?;
-    out.set_item("symbol", symbol)?;
+    out.set_item("symbol", symbol_entry(py, &kind.symbol)?)?;
     Ok(out)
 }

@@ -2,10 +2,11 @@
 
 use super::friction::{contact, meta, with_values};
 use super::gas::gas;
+use super::joints::Joints;
 use super::network::Network;
 use super::numbers::{place, refuse, split, unfit};
 use super::variables::Assembly;
-use super::wiring::{Joints, wire};
+use super::wiring::wire;
 use crate::component::{Instance, check};
 use crate::ground::{Error, Lifted, Seeds, seeds, with_unit};
 use crate::specification::{self, Friction, FromJson};

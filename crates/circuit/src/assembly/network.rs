@@ -1,24 +1,25 @@
 //! A circuit of components as a user describes it: named components, and the joints of their ports.
 
 use super::driven::Driven;
-use super::friction::contact;
 use super::friction_law;
 use super::gas::{VIRIAL_SOURCE, gas, virial_warning};
+use super::instance::instance;
+use super::joints::{AMBIENT, Joint, Joints, one_of, refuse};
 use super::names::Names;
 use super::session::Session;
 use super::variables::Assembly;
-use super::wiring::{AMBIENT, Joint, Joints, one_of, refuse, wire};
+use super::wiring::wire;
 use crate::assembly::recorder::{Recorder, Run, sample_times};
 use crate::assembly::warnings::{impact_warning, stop_warning, through_warning};
 use crate::circuit::{Impact, Look};
 use crate::component::mechanics::end_stop::Taken;
-use crate::component::{Given as Extra, Instance, Piston, PortId, PortKind, Row, check, kinds};
+use crate::component::{Instance, Piston, PortId, PortKind};
 use crate::ground::{AxisId, Error, Lifted, with_unit};
 use crate::specification;
 use ode::Options;
 use physics::above;
 use physics::mechanics::EndStop;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Source of the interpolation of points, cited if a component has points.
@@ -35,82 +36,6 @@ pub struct Network {
     each: Vec<Instance<f64>>,
     is_air: bool,
     names: Arc<Names>,
-}
-
-/// A component with its numbers, checked.
-fn instance(spec: &specification::Component) -> Result<Instance<f64>, Error> {
-    let name = &spec.name;
-    let kinds = kinds();
-    let Some(kind) = kinds.iter().position(|kind| kind.key == spec.kind) else {
-        let kinds = one_of(kinds.iter().map(|kind| kind.key));
-        return refuse(format!("{name}: there is no kind \"{}\" of component; kinds: {kinds}", spec.kind));
-    };
-    let extra = Extra::of(kinds[kind], spec)?;
-    let table = extra.kind(kinds[kind]);
-    let known = |key: &String| table.parameters.iter().any(|parameter| parameter.key == key);
-    if let Some(key) = spec.numbers.keys().find(|key| !known(key)) {
-        let keys = one_of(table.parameters.iter().map(|parameter| parameter.key));
-        return refuse(format!("{name}: a {} has no parameter \"{key}\"; it has {keys}", table.key));
-    }
-    // A separate table, such as a cushion, exists if any of its numbers exists.
-    let left_out = |within: &str| {
-        let own = |row: &&Row| row.within == within && spec.numbers.contains_key(row.key);
-        !within.is_empty() && !table.parameters.iter().any(|row| own(&row))
-    };
-    let choice = |choice: &crate::component::Choice| match spec.choices.get(choice.name) {
-        None => Ok(0),
-        Some(option) => match choice.options.iter().position(|own| own == option) {
-            Some(place) => Ok(place),
-            None => refuse(format!(
-                "{name}.{} = \"{option}\": choose of {}",
-                choice.name,
-                one_of(choice.options.iter().copied())
-            )),
-        },
-    };
-    let choices = table.choices.iter().map(choice).collect::<Result<Vec<_>, _>>()?;
-    let spared = |unless: &str| match unless.split_once(" = ") {
-        Some((of, option)) => {
-            let mut each = table.choices.iter().zip(&choices);
-            each.any(|(choice, place)| choice.name == of && choice.options[*place] == option)
-        }
-        None => {
-            let is_given = spec.points.is_some() && table.extra.key() == Some(unless);
-            is_given || spec.numbers.contains_key(unless)
-        }
-    };
-    let number = |parameter: &Row| {
-        if left_out(parameter.within) {
-            return Ok(None);
-        }
-        let value = spec.numbers.get(parameter.key).copied().or(parameter.default);
-        match value {
-            Some(value) if !value.is_finite() || !parameter.bounds.contain(value) => refuse(format!(
-                "{name}.{} = {} is out of bounds: it must be {}",
-                parameter.key,
-                with_unit(value, parameter.unit),
-                parameter.bounds.rule(value)
-            )),
-            None if parameter.follows.is_empty() && !spared(parameter.unless) => {
-                refuse(format!("{name}.{} is missing", parameter.key))
-            }
-            value => Ok(value),
-        }
-    };
-    let numbers = table.parameters.iter().map(number).collect::<Result<_, _>>()?;
-    if let Some(key) = spec.choices.keys().find(|key| !table.choices.iter().any(|own| own.name == *key)) {
-        return refuse(format!("{name}: a {} has no choice \"{key}\"", table.key));
-    }
-    let friction = match &spec.friction {
-        Some(_) if !table.friction => return refuse(format!("{name}: a {} takes no friction", table.key)),
-        Some(friction) => Some(contact(&Lifted::plain(friction))?),
-        None => None,
-    };
-    let free = vec![false; table.parameters.len()];
-    let name = name.clone();
-    let instance = Instance { name, kind, table, extra, numbers, free, choices, friction };
-    check(&instance)?;
-    Ok(instance)
 }
 
 /// Returns the joints with their ports. Unconnected ports come last.
@@ -186,6 +111,55 @@ fn ambient(spec: &specification::GasState) -> Result<[f64; 2], Error> {
     }
 }
 
+/// What is said about a description: warnings, and the sources of its laws.
+struct Said<'a> {
+    names: &'a Names,
+    /// Highest gauge pressure, Pa.
+    gauge: f64,
+    warnings: Vec<String>,
+    citations: Vec<&'static str>,
+}
+
+impl Said<'_> {
+    /// Adds what there is to say about a component, which may have a piston.
+    fn component(
+        &mut self,
+        own: &Instance<f64>,
+        spec: &specification::Component,
+        piston: Option<&Piston<f64>>,
+    ) -> Result<(), Error> {
+        let names = self.names;
+        let sources = own.kind().sources.iter().copied();
+        self.citations.extend(sources.filter(|key| *key != OF_POINTS || spec.points.is_some()));
+        if own.chosen("chamber_law") == Some("as-printed") {
+            let text =
+                "chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only";
+            self.warnings.push(names.said(&own.name, text));
+            self.citations.push("bracha");
+        }
+        if spec.numbers.get("incline").is_some_and(|incline| *incline != 0.0) {
+            self.citations.push("bipm2019");
+        }
+        let Some(friction) = &spec.friction else { return Ok(()) };
+        let law = friction_law(friction)?;
+        self.citations.extend(law.sources());
+        let stroke = spec.numbers.get("stroke").copied().unwrap_or_default();
+        let dead_volume = names.key(&own.name, "dead_volume_a");
+        let mut warnings = law.warnings(self.gauge, stroke);
+        warnings.extend(piston.and_then(|piston| {
+            stop_warning(
+                piston.ends.stop.stiffness,
+                piston.dead_volumes,
+                piston.areas,
+                self.gauge,
+                [&names.key(&own.name, "end_stop_stiffness"), dead_volume.trim_end_matches('a')],
+            )
+        }));
+        self.warnings.extend(warnings.iter().map(|text| names.said(&own.name, text)));
+        Ok(())
+    }
+}
+
 impl Network {
     /// Assembles the circuit. With `ledger`, its balances are integrated as well.
     pub fn assemble(spec: &specification::Circuit, ledger: bool) -> Result<Self, Error> {
@@ -215,46 +189,16 @@ impl Network {
         let joint_volumes = std::mem::take(&mut wired.joint_volumes);
         let (assembly, pistons) = wired.named();
         let gauge = assembly.highest_pressure() - ambient[0];
-        let mut citations = Vec::new();
-        let mut warnings = Vec::from_iter(virial_warning(&gas, assembly.highest_pressure(), ambient[1]));
+        let mut said = Said { names: &names, gauge, warnings: Vec::new(), citations: Vec::new() };
+        said.warnings.extend(virial_warning(&gas, assembly.highest_pressure(), ambient[1]));
         for (own, spec) in each.iter().zip(&spec.components) {
-            let sources = own.kind().sources.iter().copied();
-            citations.extend(sources.filter(|key| *key != OF_POINTS || spec.points.is_some()));
-            if own.chosen("chamber_law") == Some("as-printed") {
-                let text = "chamber law \"as-printed\" breaks the energy balance; it is for reproducing the paper only";
-                warnings.push(names.said(&own.name, text));
-                citations.push("bracha");
-            }
-            if spec.numbers.get("incline").is_some_and(|incline| *incline != 0.0) {
-                citations.push("bipm2019");
-            }
-            let Some(friction) = &spec.friction else { continue };
-            let law = friction_law(friction)?;
-            citations.extend(law.sources());
-            let number = |key: &str| spec.numbers.get(key).copied().unwrap_or_default();
-            let dead_volume = names.key(&own.name, "dead_volume_a");
-            let mut own_warnings = law.warnings(gauge, number("stroke"));
-            let piston = pistons.iter().find(|piston| piston.name == own.name);
-            own_warnings.extend(piston.and_then(|piston| {
-                stop_warning(
-                    piston.ends.stop.stiffness,
-                    piston.dead_volumes,
-                    piston.areas,
-                    gauge,
-                    [&names.key(&own.name, "end_stop_stiffness"), dead_volume.trim_end_matches('a')],
-                )
-            }));
-            warnings.extend(own_warnings.iter().map(|text| names.said(&own.name, text)));
+            said.component(own, spec, pistons.iter().find(|piston| piston.name == own.name))?;
         }
+        let Said { warnings, mut citations, .. } = said;
         citations.extend(gas.virial.map(|_| VIRIAL_SOURCE));
         citations.extend(["steinebach2023", "hairer1996"]);
-        let mut seen = Vec::new();
-        citations.retain(|key| {
-            !seen.contains(key) && {
-                seen.push(*key);
-                true
-            }
-        });
+        let mut seen = BTreeSet::new();
+        citations.retain(|key| seen.insert(*key));
         let assembly = if names.table.is_empty() { assembly } else { assembly.called(&names) };
         Ok(Network {
             assembly,

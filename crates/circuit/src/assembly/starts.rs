@@ -1,7 +1,7 @@
 //! Starts of a circuit by name, and sessions from them.
 
+use super::joints::refuse;
 use super::session::Session;
-use super::wiring::refuse;
 use crate::assembly::variables::{Assembly, Target};
 use crate::circuit::Circuit;
 use crate::component::Starting;

@@ -107,9 +107,23 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
             "a larger budget (budget = ... in Python, --budget on the command line), a shorter duration or a looser rtol",
         ),
     };
+    let (reason, remedy) = physical(circuit, y, lane).unwrap_or((reason, remedy.to_string()));
+    let shown: Vec<String> = (0..circuit.n_states().min(SHOWN)).map(state).collect();
+    format!(
+        "the simulation cannot go on at t = {t:.6} s: {reason}. State: {}. Try {remedy}.",
+        shown.join(", ")
+    )
+}
+
+/// Returns the physical reason of a failed run, if there is one, and a remedy.
+fn physical<R: Lane>(circuit: &Circuit<R>, y: &[R], lane: usize) -> Option<(String, String)> {
     let scarce = circuit.scarcest(y, lane).filter(|scarce| scarce.share < 2.0 * scarce.what.least());
-    let (reason, remedy) = match scarce {
-        Some(Scarce { volume, what: Lacking::Room, share }) => (
+    let Some(Scarce { volume, what, share }) = scarce else {
+        let leg = circuit.stretched(y, lane)?;
+        return Some((leg, "another start or command, shorter strokes or longer arms".into()));
+    };
+    Some(match what {
+        Lacking::Room => (
             format!(
                 "the piston has gone through the end stop to the cover of {volume}, where {:.2} % of the dead volume is left",
                 100.0 * share
@@ -126,7 +140,7 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
                 }
             },
         ),
-        Some(Scarce { volume, what: Lacking::Gas, .. }) => (
+        Lacking::Gas => (
             format!("no gas is left in {volume}"),
             if volume.starts_with("chamber ") {
                 "another start or command, or a larger cylinder.dead_volume".into()
@@ -134,16 +148,7 @@ fn in_words<R: Lane>(failure: Failure, lane: usize, stepper: &Stepper<R, Circuit
                 format!("another start or command, or more volume in {volume}")
             },
         ),
-        None => match circuit.stretched(y, lane) {
-            Some(leg) => (leg, "another start or command, shorter strokes or longer arms".into()),
-            None => (reason, remedy.to_string()),
-        },
-    };
-    let shown: Vec<String> = (0..circuit.n_states().min(SHOWN)).map(state).collect();
-    format!(
-        "the simulation cannot go on at t = {t:.6} s: {reason}. State: {}. Try {remedy}.",
-        shown.join(", ")
-    )
+    })
 }
 
 /// Largest number of states in a message: those of one cylinder.

@@ -99,6 +99,30 @@ pub struct Build<P> {
 }
 
 impl<P: Lane> Build<P> {
+    /// Nothing yet, with a gas and ambient air of a pressure, Pa, and a temperature, K.
+    pub(crate) fn new(gas: &Gas<P>, is_air: bool, ambient: [P; 2], is_like: bool) -> Self {
+        Build {
+            circuit: Circuit::new(gas, ambient[0], ambient[1]),
+            gas: *gas,
+            is_air,
+            ambient,
+            highest: None,
+            hottest: ambient[1],
+            masses: Vec::new(),
+            springs: Vec::new(),
+            pistons: Vec::new(),
+            met: Vec::new(),
+            coupled: Vec::new(),
+            legs: Vec::new(),
+            open: Vec::new(),
+            paths: Vec::new(),
+            is_like,
+            inputs: Vec::new(),
+            columns: vec![("time_s".into(), Quantity::Time)],
+            starts: Vec::new(),
+        }
+    }
+
     /// A volume.
     pub fn volume(&mut self, vessel: Vessel<P>) -> GasId {
         let Vessel { law, dead_volume, wall, heat_transfer, wall_temperature } = vessel;

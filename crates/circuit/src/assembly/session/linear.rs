@@ -34,10 +34,8 @@ pub struct Linear {
 }
 
 impl Session {
-    /// Returns the exact derivatives of rates and outputs by the states and by some inputs. Outputs are all columns
-    /// except time and command.
-    pub fn linearise(&self, inputs: &[usize]) -> Result<Linear, Error> {
-        self.alive()?;
+    /// Refuses inputs without derivatives. Returns the commands of valves among the others: direction, input and value.
+    fn smooth(&self, inputs: &[usize]) -> Result<Vec<(usize, usize, f64)>, Error> {
         let commands: Vec<(usize, usize, f64)> = (inputs.iter().enumerate())
             .filter(|(_, input)| matches!(self.inputs()[**input].target, Target::Edges(_)))
             .map(|(direction, &input)| (direction, input, self.input(input)))
@@ -64,6 +62,14 @@ impl Session {
                 ));
             }
         }
+        Ok(commands)
+    }
+
+    /// Returns the exact derivatives of rates and outputs by the states and by some inputs. Outputs are all columns
+    /// except time and command.
+    pub fn linearise(&self, inputs: &[usize]) -> Result<Linear, Error> {
+        self.alive()?;
+        let commands = self.smooth(inputs)?;
         let (circuit, n) = (self.stepper.system(), self.stepper.system().n_states());
         let mut y0 = self.stepper.state().to_vec();
         circuit.settle(&mut y0);

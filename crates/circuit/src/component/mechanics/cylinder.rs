@@ -1,14 +1,19 @@
+mod chamber;
+mod cushion;
+mod drawing;
+
 use crate::component::flow::seal::leak;
-use crate::component::mechanics::end_stop::{Driven, ends};
+use crate::component::mechanics::end_stop::{Driven, Ends, ends};
 use crate::component::{
     Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, Quantity, Row,
-    SUBSONIC_INDEX, Stroke, Symbol, Terminals, Variable, Vessel, WALL, axis, chamber, count, exhaust, join,
-    table,
+    SUBSONIC_INDEX, Stroke, Symbol, Terminals, Variable, WALL, axis, chamber, count, exhaust, join, table,
 };
 use crate::ground::{AxisId, Error, GasId};
-use crate::part::{ChamberLaw, Cushion, PistonSide};
+use crate::part::{ChamberLaw, PistonSide};
+use chamber::{chamber_law, dead_volume, vessel};
+use cushion::{CUSHION_A, CUSHION_B, check_cushions, cushion, cushioned, room};
+use drawing::{BARREL, PISTON, PORT_A, PORT_B, ROD, RODLESS, SINGLE_ROD, TANDEM, THROUGH_ROD};
 use math::Lane;
-use physics::flow::{BORE_CONDUCTANCE, Iso6358};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Cylinders with two chambers. The port of a chamber has no separate volume, because the dead volume includes it.
@@ -36,61 +41,6 @@ const PARAMETERS: &[Row] = table! {
     end_stop_damping_depth: "m", physics::above(0.0), follows "the dead volumes",
         "Depth from which the damper acts fully";
 };
-
-/// Parameters of the cushion at an end, with these keys.
-macro_rules! cushion_rows {
-    ($table:literal, [$length:ident, $plunger_diameter:ident, $needle_conductance:ident, $port_volume:ident, $check_conductance:ident, $cracking_pressure:ident, $bore_conductance:ident, $critical_pressure_ratio:ident, $transition:ident $(,)?]) => {
-        table! {
-            $length: "m", physics::above(0.0), within $table,
-                    "Distance from the end at which the plunger enters its bore";
-            $plunger_diameter: "m", physics::above(0.0), within $table,
-                    "Diameter of the plunger";
-            $needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within $table,
-                    "Sonic conductance of the needle at its setting, for air";
-            $port_volume: "m3", physics::above(0.0), within $table,
-                    "Volume of port and line behind the bore with the plunger fully inserted; dead_volume is then the volume of the chamber alone";
-            $check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "usual for a lip seal of this size", within $table,
-                    "Sonic conductance of the check valve that lets gas from the port into the chamber";
-            $cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "usual for a lip seal", within $table,
-                    "Cracking pressure of the check valve, a difference";
-            $bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within $table,
-                    "Sonic conductance of the bore without the plunger";
-            $critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a needle", within $table,
-                    "Critical pressure ratio of needle, check valve and bore";
-            $transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within $table,
-                    "Distance over which the bore shuts";
-        }
-    };
-}
-
-const CUSHION_A: &[Row] = cushion_rows!(
-    "cushion_a",
-    [
-        cushion_a_length,
-        cushion_a_plunger_diameter,
-        cushion_a_needle_conductance,
-        cushion_a_port_volume,
-        cushion_a_check_conductance,
-        cushion_a_cracking_pressure,
-        cushion_a_bore_conductance,
-        cushion_a_critical_pressure_ratio,
-        cushion_a_transition,
-    ]
-);
-const CUSHION_B: &[Row] = cushion_rows!(
-    "cushion_b",
-    [
-        cushion_b_length,
-        cushion_b_plunger_diameter,
-        cushion_b_needle_conductance,
-        cushion_b_port_volume,
-        cushion_b_check_conductance,
-        cushion_b_cracking_pressure,
-        cushion_b_bore_conductance,
-        cushion_b_critical_pressure_ratio,
-        cushion_b_transition,
-    ]
-);
 
 const OUTPUTS: &[Variable] = &[
     ("position_m", "m", "position"),
@@ -130,44 +80,11 @@ const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {
-    if own.choices[0] == 0 { ChamberLaw::EnergyBalance } else { ChamberLaw::AsPrinted }
-}
-
-/// Returns whether an end has a cushion.
-fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
-    let is_length = |key: &str| {
-        key.strip_prefix("cushion_").and_then(|key| key.strip_suffix("_length")).is_some_and(|of| of == end)
-    };
-    let rows = own.kind().parameters.iter().zip(&own.numbers);
-    rows.into_iter().any(|(row, number)| number.is_some() && is_length(row.key))
-}
-
 /// Returns the volume at the port of a chamber: the chamber itself, or the volume behind its cushion.
 fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> Brings<P> {
     let behind = || own.number(&format!("cushion_{end}_port_volume"));
     let volume = if cushioned(own, end) { behind() } else { dead_volume(own, end) };
     Brings::Volume(vessel(own, volume, ambient_temperature))
-}
-
-/// Returns the dead volume of the chamber at an end, m3.
-fn dead_volume<P: Lane>(own: &Instance<P>, end: &str) -> P {
-    let mut each = own.kind().parameters.iter().zip(&own.numbers);
-    let own = each.find(|(row, _)| row.key.strip_prefix("dead_volume_") == Some(end));
-    own.and_then(|(_, number)| *number).expect("a number that was checked")
-}
-
-/// Adds a chamber with this dead volume, m3.
-fn vessel<P: Lane>(own: &Instance<P>, dead_volume: P, ambient_temperature: P) -> Vessel<P> {
-    // A wall that stores heat gives the heat itself.
-    let by_wall = own.given("wall_capacity").is_some();
-    Vessel {
-        law: chamber_law(own),
-        dead_volume,
-        wall: P::zero(),
-        heat_transfer: if by_wall { P::zero() } else { own.number("heat_transfer") },
-        wall_temperature: own.given("wall_temperature").unwrap_or(ambient_temperature),
-    }
 }
 
 fn bring_rod<P: Lane>(own: &Instance<P>) -> Brings<P> {
@@ -203,120 +120,6 @@ fn check(own: &Instance<f64>, has_rod: bool) -> Result<(), Error> {
         }
         _ => Ok(()),
     }
-}
-
-/// Returns the area of the plunger at an end, m2.
-fn plunger<P: Lane>(own: &Instance<P>, end: &str) -> P {
-    let diameter = own.number(&format!("cushion_{end}_plunger_diameter"));
-    P::c(0.25 * PI) * diameter * diameter
-}
-
-fn check_cushions(own: &Instance<f64>) -> Result<(), Error> {
-    check_cushion(own, "a")?;
-    check_cushion(own, "b")?;
-    if !(cushioned(own, "a") && cushioned(own, "b")) {
-        return Ok(());
-    }
-    let [a, b, stroke] = ["cushion_a_length", "cushion_b_length", "stroke"].map(|key| own.number(key));
-    if a + b > stroke {
-        return Err(Error::Specification(format!(
-            "{}.cushion_b_length = {b} m overlaps {}.cushion_a_length = {a} m: together they must not be longer than the \
-             stroke, {stroke} m",
-            own.name, own.name
-        )));
-    }
-    Ok(())
-}
-
-fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error> {
-    if !cushioned(own, end) {
-        return Ok(());
-    }
-    let number = |key: &str| own.number(&format!("cushion_{end}_{key}"));
-    let refuse = |message: String| Err(Error::Specification(message));
-    let (diameter, bore) = (number("plunger_diameter"), own.number("bore"));
-    let (length, stroke) = (number("length"), own.number("stroke"));
-    if diameter >= bore {
-        return refuse(format!(
-            "{}.cushion_{end}_plunger_diameter = {diameter} m must be less than the bore, {bore} m",
-            own.name
-        ));
-    }
-    if length >= stroke {
-        return refuse(format!(
-            "{}.cushion_{end}_length = {length} m must be less than the stroke, {stroke} m",
-            own.name
-        ));
-    }
-    if chamber_law(own) == ChamberLaw::AsPrinted {
-        return refuse(format!("{}: chamber law \"as-printed\" does not support a cushion", own.name));
-    }
-    Ok(())
-}
-
-/// Returns the chamber at an end with this port. With a cushion, it is a separate volume with paths to the port.
-fn cushion<P: Lane>(
-    own: &Instance<P>,
-    end: &str,
-    (port, axis): (GasId, AxisId),
-    build: &mut Build<P>,
-) -> GasId {
-    if !cushioned(own, end) {
-        return port;
-    }
-    let chamber = build.volume(vessel(own, dead_volume(own, end), build.ambient[1]));
-    build.circuit.starts_as(chamber, port);
-    build.circuit.call_gas(chamber, format!("{}.{end}.", own.name));
-    build.circuit.call_gas(port, format!("{}.{end}.port_", own.name));
-    let key = |key: &str| format!("cushion_{end}_{key}");
-    let number = |name: &str| own.number(&key(name));
-    let area = plunger(own, end);
-    let law = |conductance: P, build: &Build<P>| {
-        let (b, linear) = (number("critical_pressure_ratio"), P::c(physics::flow::LINEAR_ABOVE));
-        Iso6358::for_gas(conductance, b, P::c(0.5), linear, true, &build.gas, build.is_air)
-    };
-    for way in ["needle_conductance", "check_conductance"] {
-        let conductance = number(way);
-        if conductance.get(0) == 0.0 && !own.is_free(&key(way)) {
-            continue;
-        }
-        let law = law(conductance, build);
-        if way == "needle_conductance" {
-            build.passage(law, chamber, port);
-        } else {
-            build.check_valve(law, number("cracking_pressure"), port, chamber);
-        }
-    }
-    let conductance = own.given(&key("bore_conductance")).unwrap_or(P::c(BORE_CONDUCTANCE) * area);
-    let grows = end == "a";
-    let part = Cushion {
-        area,
-        length: number("length"),
-        transition: number("transition"),
-        offset: if grows { P::zero() } else { own.number("stroke") },
-        bore: law(conductance, build),
-        axis: axis.index(),
-        grows,
-        path: build.circuit.between(chamber, port),
-    };
-    build.flow_part(part, &[conductance]);
-    let columns =
-        [("port_pressure_pa", Quantity::Pressure(port)), ("port_mass_flow_kg_s", Quantity::MassFlow(port))];
-    for (name, quantity) in columns {
-        build.columns.push((format!("{}.{end}.{name}", own.name), quantity));
-    }
-    chamber
-}
-
-/// Returns the volume that an end stop may use, m3. This is the dead volume, or a smaller volume that keeps the plunger
-/// inside its cushion.
-fn room<P: Lane>(own: &Instance<P>, end: &str, area: P) -> P {
-    let chamber = dead_volume(own, end);
-    if !cushioned(own, end) {
-        return chamber;
-    }
-    let behind = own.number(&format!("cushion_{end}_port_volume"));
-    chamber.min(behind / plunger(own, end) * area)
 }
 
 /// A chamber of a cylinder.
@@ -389,14 +192,8 @@ fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, wides
         conductance: widest * P::c(0.5 * chambers.len() as f64),
         given: ["end_stop_stiffness", "end_stop_damping", "end_stop_damping_depth"].map(|key| own.given(key)),
     });
-    build.circuit.end_stops(axis, ends.stop.clone(), stroke);
-    if let Some(follows) = &ends.follows {
-        build.circuit.stops_follow(axis, follows.clone());
-    }
-    if let Some(covers) = &ends.covers {
-        build.circuit.covers(axis, covers.clone());
-    }
     let areas = sides.map(|side| side.area);
+    stop(axis, stroke, &ends, build);
     build.pistons.push(Piston { axis, name: own.name.clone(), stroke, ends, areas, dead_volumes });
     let leakage = own.number("leakage");
     if leakage.get(0) != 0.0 || own.is_free("leakage") {
@@ -405,98 +202,38 @@ fn compose<P: Lane>(own: &Instance<P>, chambers: &[Chamber], axis: AxisId, wides
             build.passage(law, pair[0].gas, pair[1].gas);
         }
     }
+    let gas: Vec<GasId> = chambers.iter().map(|chamber| chamber.gas).collect();
     if own.given("wall_capacity").is_some() {
-        let gas: Vec<GasId> = chambers.iter().map(|chamber| chamber.gas).collect();
         build.wall(own, &gas);
     }
+    show(own, &gas, axis, build);
+}
+
+/// Adds the end stops of a cylinder, with the covers behind them.
+fn stop<P: Lane>(axis: AxisId, stroke: P, ends: &Ends<P>, build: &mut Build<P>) {
+    build.circuit.end_stops(axis, ends.stop.clone(), stroke);
+    if let Some(follows) = &ends.follows {
+        build.circuit.stops_follow(axis, follows.clone());
+    }
+    if let Some(covers) = &ends.covers {
+        build.circuit.covers(axis, covers.clone());
+    }
+}
+
+/// Adds the input and the columns of a cylinder with these chambers.
+fn show<P: Lane>(own: &Instance<P>, chambers: &[GasId], axis: AxisId, build: &mut Build<P>) {
     build.input(own, 0, Acts::Force(axis));
     build.motion(own, axis);
     build.column(own, 4, Quantity::EndStop(axis));
-    let each = chambers.iter().map(|chamber| chamber.gas);
-    let quantities =
-        each.flat_map(|gas| [Quantity::Pressure(gas), Quantity::Temperature(gas), Quantity::MassFlow(gas)]);
+    let quantities = chambers
+        .iter()
+        .copied()
+        .flat_map(|gas| [Quantity::Pressure(gas), Quantity::Temperature(gas), Quantity::MassFlow(gas)]);
     for (output, quantity) in quantities.enumerate() {
         build.column(own, 5 + output, quantity);
     }
     build.inner_states(own, axis);
 }
-
-/// Draws the barrel with an opening for the rod on the right.
-const BARREL: Stroke =
-    Stroke::Line(&[[12.0, 2.3], [12.0, 4.0], [0.0, 4.0], [0.0, 0.0], [12.0, 0.0], [12.0, 1.7]]);
-const PISTON: Stroke = Stroke::Line(&[[3.0, 0.0], [3.0, 4.0], [3.8, 4.0], [3.8, 0.0]]);
-const PORT_A: Stroke = Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]);
-const PORT_B: Stroke = Stroke::Line(&[[11.0, 0.0], [11.0, -1.0]]);
-const ROD: Stroke = Stroke::Line(&[[3.8, 2.3], [15.0, 2.3], [15.0, 1.7], [3.8, 1.7]]);
-/// Draws cushions at the piston, with an arrow if they are adjustable.
-const CUSHIONS: &[(&str, &[Stroke])] = &[
-    (
-        "cushion_a_length",
-        &[
-            Stroke::Line(&[[2.2, 1.4], [2.2, 2.6], [3.0, 2.6], [3.0, 1.4], [2.2, 1.4]]),
-            Stroke::Line(&[[2.0, 0.6], [4.9, 3.5]]),
-            Stroke::Head([[5.2, 3.8], [4.65, 3.55], [4.95, 3.25]]),
-        ],
-    ),
-    (
-        "cushion_b_length",
-        &[
-            Stroke::Line(&[[3.8, 1.4], [4.6, 1.4], [4.6, 2.6], [3.8, 2.6]]),
-            Stroke::Line(&[[2.0, 0.6], [4.9, 3.5]]),
-            Stroke::Head([[5.2, 3.8], [4.65, 3.55], [4.95, 3.25]]),
-        ],
-    ),
-];
-
-const SINGLE_ROD: Symbol = Symbol {
-    strokes: &[BARREL, PISTON, PORT_A, PORT_B, ROD],
-    when: CUSHIONS,
-    ports: &[[1.0, -1.0], [11.0, -1.0], [15.0, 2.0]],
-};
-const THROUGH_ROD: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 2.3], [0.0, 4.0], [12.0, 4.0], [12.0, 2.3]]),
-        Stroke::Line(&[[0.0, 1.7], [0.0, 0.0], [12.0, 0.0], [12.0, 1.7]]),
-        PISTON,
-        PORT_A,
-        PORT_B,
-        ROD,
-        Stroke::Line(&[[3.0, 2.3], [-3.0, 2.3], [-3.0, 1.7], [3.0, 1.7]]),
-    ],
-    ..SINGLE_ROD
-};
-const RODLESS: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[0.0, 0.0], [0.0, 4.0], [12.0, 4.0], [12.0, 0.0], [0.0, 0.0]]),
-        PISTON,
-        PORT_A,
-        PORT_B,
-        // Draws the carriage.
-        Stroke::Line(&[[1.0, 4.5], [1.0, 6.0], [5.0, 6.0], [5.0, 4.5], [1.0, 4.5]]),
-        Stroke::Line(&[[3.4, 4.0], [3.4, 4.5]]),
-    ],
-    ports: &[[1.0, -1.0], [11.0, -1.0], [3.0, 6.0]],
-    ..SINGLE_ROD
-};
-
-const TANDEM: Symbol = Symbol {
-    strokes: &[
-        Stroke::Line(&[[16.0, 2.3], [16.0, 4.0], [0.0, 4.0], [0.0, 0.0], [16.0, 0.0], [16.0, 1.7]]),
-        Stroke::Line(&[[8.0, 0.0], [8.0, 1.7]]),
-        Stroke::Line(&[[8.0, 2.3], [8.0, 4.0]]),
-        Stroke::Line(&[[2.4, 0.0], [2.4, 4.0], [3.2, 4.0], [3.2, 0.0]]),
-        Stroke::Line(&[[10.4, 0.0], [10.4, 4.0], [11.2, 4.0], [11.2, 0.0]]),
-        Stroke::Line(&[[3.2, 2.3], [10.4, 2.3]]),
-        Stroke::Line(&[[3.2, 1.7], [10.4, 1.7]]),
-        Stroke::Line(&[[11.2, 2.3], [19.0, 2.3], [19.0, 1.7], [11.2, 1.7]]),
-        Stroke::Line(&[[1.0, 0.0], [1.0, -1.0]]),
-        Stroke::Line(&[[7.0, 0.0], [7.0, -1.0]]),
-        Stroke::Line(&[[9.0, 0.0], [9.0, -1.0]]),
-        Stroke::Line(&[[15.0, 0.0], [15.0, -1.0]]),
-    ],
-    when: &[],
-    ports: &[[1.0, -1.0], [7.0, -1.0], [9.0, -1.0], [15.0, -1.0], [19.0, 2.0]],
-};
 
 macro_rules! cylinder {
     ($(#[$attribute:meta])* $name:ident = $key:literal, $title:literal, rods $rods:expr, $symbol:expr) => {

@@ -37,3 +37,17 @@ impl<P: Real> SealLips<P> {
         }
     }
 }
+
+impl<S: Real> Levels<S> {
+    /// Returns the levels under the seal lips of a contact, if it has any.
+    #[inline(always)]
+    pub(in crate::friction) fn under<P: Real>(self, lips: Option<&SealLips<P>>, at: &At<S>) -> Self
+    where
+        S: Over<P>,
+    {
+        match lips {
+            Some(lips) => lips.apply(&self, at),
+            None => self,
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! Cushions at the ends of a cylinder.
+
+use super::chamber::{chamber_law, dead_volume, vessel};
+use crate::component::{Build, Instance, Quantity, Row, table};
+use crate::ground::{AxisId, Error, GasId};
+use crate::part::{ChamberLaw, Cushion};
+use math::Lane;
+use physics::flow::{BORE_CONDUCTANCE, Iso6358};
+use std::f64::consts::PI;
+
+/// Parameters of the cushion at an end, with these keys.
+macro_rules! cushion_rows {
+    ($table:literal, [$length:ident, $plunger_diameter:ident, $needle_conductance:ident, $port_volume:ident, $check_conductance:ident, $cracking_pressure:ident, $bore_conductance:ident, $critical_pressure_ratio:ident, $transition:ident $(,)?]) => {
+        table! {
+            $length: "m", physics::above(0.0), within $table,
+                    "Distance from the end at which the plunger enters its bore";
+            $plunger_diameter: "m", physics::above(0.0), within $table,
+                    "Diameter of the plunger";
+            $needle_conductance: "m3/(s Pa)", physics::at_least(0.0), within $table,
+                    "Sonic conductance of the needle at its setting, for air";
+            $port_volume: "m3", physics::above(0.0), within $table,
+                    "Volume of port and line behind the bore with the plunger fully inserted; dead_volume is then the volume of the chamber alone";
+            $check_conductance: "m3/(s Pa)", physics::at_least(0.0), default 1e-8, assumed "usual for a lip seal of this size", within $table,
+                    "Sonic conductance of the check valve that lets gas from the port into the chamber";
+            $cracking_pressure: "Pa", physics::at_least(0.0), default 1e4, assumed "usual for a lip seal", within $table,
+                    "Cracking pressure of the check valve, a difference";
+            $bore_conductance: "m3/(s Pa)", physics::above(0.0), follows "the area of the plunger, 0.2 dm3/(s bar) for each mm2", within $table,
+                    "Sonic conductance of the bore without the plunger";
+            $critical_pressure_ratio: "1", physics::between(0.0, 1.0), default 0.3, assumed "usual for a needle", within $table,
+                    "Critical pressure ratio of needle, check valve and bore";
+            $transition: "m", physics::above(0.0), default 2e-4, assumed "a modelling parameter", within $table,
+                    "Distance over which the bore shuts";
+        }
+    };
+}
+
+pub(super) const CUSHION_A: &[Row] = cushion_rows!(
+    "cushion_a",
+    [
+        cushion_a_length,
+        cushion_a_plunger_diameter,
+        cushion_a_needle_conductance,
+        cushion_a_port_volume,
+        cushion_a_check_conductance,
+        cushion_a_cracking_pressure,
+        cushion_a_bore_conductance,
+        cushion_a_critical_pressure_ratio,
+        cushion_a_transition,
+    ]
+);
+pub(super) const CUSHION_B: &[Row] = cushion_rows!(
+    "cushion_b",
+    [
+        cushion_b_length,
+        cushion_b_plunger_diameter,
+        cushion_b_needle_conductance,
+        cushion_b_port_volume,
+        cushion_b_check_conductance,
+        cushion_b_cracking_pressure,
+        cushion_b_bore_conductance,
+        cushion_b_critical_pressure_ratio,
+        cushion_b_transition,
+    ]
+);
+
+/// Returns whether an end has a cushion.
+pub(super) fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
+    let is_length = |key: &str| {
+        key.strip_prefix("cushion_").and_then(|key| key.strip_suffix("_length")).is_some_and(|of| of == end)
+    };
+    let rows = own.kind().parameters.iter().zip(&own.numbers);
+    rows.into_iter().any(|(row, number)| number.is_some() && is_length(row.key))
+}
+
+/// Returns the area of the plunger at an end, m2.
+pub(super) fn plunger<P: Lane>(own: &Instance<P>, end: &str) -> P {
+    let diameter = own.number(&format!("cushion_{end}_plunger_diameter"));
+    P::c(0.25 * PI) * diameter * diameter
+}
+
+pub(super) fn check_cushions(own: &Instance<f64>) -> Result<(), Error> {
+    check_cushion(own, "a")?;
+    check_cushion(own, "b")?;
+    if !(cushioned(own, "a") && cushioned(own, "b")) {
+        return Ok(());
+    }
+    let [a, b, stroke] = ["cushion_a_length", "cushion_b_length", "stroke"].map(|key| own.number(key));
+    if a + b > stroke {
+        return Err(Error::Specification(format!(
+            "{}.cushion_b_length = {b} m overlaps {}.cushion_a_length = {a} m: together they must not be longer than the \
+             stroke, {stroke} m",
+            own.name, own.name
+        )));
+    }
+    Ok(())
+}
+
+pub(super) fn check_cushion(own: &Instance<f64>, end: &str) -> Result<(), Error> {
+    if !cushioned(own, end) {
+        return Ok(());
+    }
+    let number = |key: &str| own.number(&format!("cushion_{end}_{key}"));
+    let refuse = |message: String| Err(Error::Specification(message));
+    let (diameter, bore) = (number("plunger_diameter"), own.number("bore"));
+    let (length, stroke) = (number("length"), own.number("stroke"));
+    if diameter >= bore {
+        return refuse(format!(
+            "{}.cushion_{end}_plunger_diameter = {diameter} m must be less than the bore, {bore} m",
+            own.name
+        ));
+    }
+    if length >= stroke {
+        return refuse(format!(
+            "{}.cushion_{end}_length = {length} m must be less than the stroke, {stroke} m",
+            own.name
+        ));
+    }
+    if chamber_law(own) == ChamberLaw::AsPrinted {
+        return refuse(format!("{}: chamber law \"as-printed\" does not support a cushion", own.name));
+    }
+    Ok(())
+}
+
+/// Returns the chamber at an end with this port. With a cushion, it is a separate volume with paths to the port.
+pub(super) fn cushion<P: Lane>(
+    own: &Instance<P>,
+    end: &str,
+    (port, axis): (GasId, AxisId),
+    build: &mut Build<P>,
+) -> GasId {
+    if !cushioned(own, end) {
+        return port;
+    }
+    let chamber = build.volume(vessel(own, dead_volume(own, end), build.ambient[1]));
+    build.circuit.starts_as(chamber, port);
+    build.circuit.call_gas(chamber, format!("{}.{end}.", own.name));
+    build.circuit.call_gas(port, format!("{}.{end}.port_", own.name));
+    let key = |key: &str| format!("cushion_{end}_{key}");
+    let number = |name: &str| own.number(&key(name));
+    let area = plunger(own, end);
+    let law = |conductance: P, build: &Build<P>| {
+        let (b, linear) = (number("critical_pressure_ratio"), P::c(physics::flow::LINEAR_ABOVE));
+        Iso6358::for_gas(conductance, b, P::c(0.5), linear, true, &build.gas, build.is_air)
+    };
+    for way in ["needle_conductance", "check_conductance"] {
+        let conductance = number(way);
+        if conductance.get(0) == 0.0 && !own.is_free(&key(way)) {
+            continue;
+        }
+        let law = law(conductance, build);
+        if way == "needle_conductance" {
+            build.passage(law, chamber, port);
+        } else {
+            build.check_valve(law, number("cracking_pressure"), port, chamber);
+        }
+    }
+    let conductance = own.given(&key("bore_conductance")).unwrap_or(P::c(BORE_CONDUCTANCE) * area);
+    let grows = end == "a";
+    let part = Cushion {
+        area,
+        length: number("length"),
+        transition: number("transition"),
+        offset: if grows { P::zero() } else { own.number("stroke") },
+        bore: law(conductance, build),
+        axis: axis.index(),
+        grows,
+        path: build.circuit.between(chamber, port),
+    };
+    build.flow_part(part, &[conductance]);
+    let columns =
+        [("port_pressure_pa", Quantity::Pressure(port)), ("port_mass_flow_kg_s", Quantity::MassFlow(port))];
+    for (name, quantity) in columns {
+        build.columns.push((format!("{}.{end}.{name}", own.name), quantity));
+    }
+    chamber
+}
+
+/// Returns the volume that an end stop may use, m3. This is the dead volume, or a smaller volume that keeps the plunger
+/// inside its cushion.
+pub(super) fn room<P: Lane>(own: &Instance<P>, end: &str, area: P) -> P {
+    let chamber = dead_volume(own, end);
+    if !cushioned(own, end) {
+        return chamber;
+    }
+    let behind = own.number(&format!("cushion_{end}_port_volume"));
+    chamber.min(behind / plunger(own, end) * area)
+}

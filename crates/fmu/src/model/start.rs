@@ -1,0 +1,108 @@
+//! The session that the values before a run describe.
+
+use super::{Model, Place, Running};
+use crate::plan::Role;
+use crate::refusal::{Refusal, refuse};
+use circuit::specification::{self, FromJson};
+use circuit::{Network, Session};
+use ode::Options;
+use std::sync::Arc;
+
+impl Model {
+    /// Returns the description with the present parameter values, including the text form.
+    fn description(&self) -> Result<(String, specification::Circuit), Refusal> {
+        let mut table = self.plan.circuit.clone();
+        for (own, value) in self.plan.variables.iter().zip(&self.values) {
+            if let Role::Parameter { of } = &own.role {
+                let Some(place) = table.pointer_mut(of) else {
+                    return refuse(format!("{}: the description has no number {of}", own.name));
+                };
+                *place = (*value).into();
+            }
+        }
+        let json = table.to_string();
+        let spec = specification::Circuit::from_json(&json);
+        let spec = spec.or_else(|error| refuse(format!("the description cannot be read: {error}")))?;
+        Ok((json, spec))
+    }
+
+    pub(super) fn start(&self) -> Result<Running, Refusal> {
+        let (json, spec) = self.description()?;
+        let network = Network::assemble(&spec, false)?;
+        let (mut start, mut age) = (self.plan.start.clone(), 0.0);
+        let mut inputs = Vec::new();
+        for (own, &value) in self.plan.variables.iter().zip(&self.values) {
+            match &own.role {
+                Role::Start { of } => start.extend(of.iter().map(|name| (name.clone(), value))),
+                Role::Age => age = value,
+                Role::Input { of, .. } => {
+                    let known = &network.assembly().variables.inputs;
+                    match known.iter().position(|input| input.name == *of) {
+                        Some(input) => inputs.push((input, value)),
+                        None => return refuse(format!("the circuit has no input \"{of}\"")),
+                    }
+                }
+                _ => {}
+            }
+        }
+        let names = network.start_names();
+        let mut other = names.iter().copied().filter(|name| !start.contains_key(*name));
+        let mut gone = start.keys().map(String::as_str).filter(|name| !names.contains(name));
+        if let Some(name) = other.next().or_else(|| gone.next()) {
+            return refuse(format!(
+                "with these values the circuit has other states, as {name}: cells are laid out where it is exported. \
+                 Export the drive with them"
+            ));
+        }
+        let options = Options { rtol: self.rtol, ..Options::default() };
+        let session = network.session_at(self.t0, &inputs, &start, age, options)?.of_description(&json);
+        let places = self.places(&session)?;
+        let motion = match &self.plan.actuator {
+            None => None,
+            Some(start) => match session.axis(start) {
+                Some(axis) => Some(axis),
+                None => return refuse(format!("the circuit has no piston that starts at \"{start}\"")),
+            },
+        };
+        let origin = session.state().to_vec();
+        Ok(Running { session, places, motion, origin, good: Vec::new() })
+    }
+
+    fn places(&self, session: &Session) -> Result<Arc<[Place]>, Refusal> {
+        let column = |of: &str| session.columns().iter().position(|name| name == of);
+        let state = |of: &str| session.state_names().iter().position(|(name, _)| name == of);
+        let each = self.plan.variables.iter().map(|own| {
+            let place = match &own.role {
+                Role::Time => Some(Place::Time),
+                Role::Input { of, discrete } => {
+                    let input = session.inputs().iter().position(|input| input.name == *of);
+                    input.filter(|input| *discrete || session.is_continuous(*input)).map(Place::Input)
+                }
+                Role::Output { of } => column(of).map(Place::Output),
+                Role::State { of } => state(of).map(Place::State),
+                Role::Change { of } => state(of).map(Place::Change),
+                Role::Rate { of } => state(of).map(Place::Rate),
+                Role::Event { of } => Some(Place::Event(*of)),
+                Role::Force => Some(Place::Force),
+                _ => Some(Place::Kept),
+            };
+            place.ok_or_else(|| Refusal {
+                message: format!(
+                    "with these values the circuit has no place for {}, or it has a history. Export the drive with them",
+                    own.name
+                ),
+                discard: false,
+            })
+        });
+        let places: Arc<[Place]> = each.collect::<Result<_, _>>()?;
+        let motion = if self.plan.actuator.is_some() { 2 } else { 0 };
+        let told = places.iter().filter(|place| matches!(place, Place::Rate(_))).count();
+        if told + motion != session.state_names().len() {
+            return refuse(format!(
+                "with these values the circuit has {} states, but {told} rates are described. Export the drive with them",
+                session.state_names().len() - motion
+            ));
+        }
+        Ok(places)
+    }
+}
