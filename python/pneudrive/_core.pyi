@@ -83,7 +83,7 @@ class Shooting(TypedDict):
     starts: Sequence[int]
     initial: NDArray[float64]
     parameters: NotRequired[Sequence[str]]
-    with_initial: NotRequired[bool | Sequence[Sequence[int]]]
+    with_initial: NotRequired[bool | Sequence[int] | Sequence[Sequence[int]]]
     outputs: Sequence[str]
     rtol: float
     threads: NotRequired[int]

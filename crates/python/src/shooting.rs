@@ -7,18 +7,20 @@ use ode::Options;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Whether to differentiate by the starts, or the groups of start values to differentiate by.
+/// Whether to differentiate by the starts, or the start values, or groups of them, to differentiate by.
 #[derive(FromPyObject)]
 enum WithInitial {
     All(bool),
-    Of(Vec<Vec<usize>>),
+    Of(Vec<usize>),
+    Together(Vec<Vec<usize>>),
 }
 
 impl From<WithInitial> for ByStart {
     fn from(asked: WithInitial) -> Self {
         match asked {
             WithInitial::All(all) => all.into(),
-            WithInitial::Of(groups) => ByStart::Of(groups),
+            WithInitial::Of(places) => ByStart::Of(places.into_iter().map(|place| vec![place]).collect()),
+            WithInitial::Together(groups) => ByStart::Of(groups),
         }
     }
 }

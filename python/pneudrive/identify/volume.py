@@ -211,7 +211,7 @@ class TankFamily(DriveFamily):
         together = [[i for i, own in enumerate(of) if own == quantity] for quantity in (0, 1)]
         by_start = asked["with_initial"]
         if by_start is not False:
-            by_start = together if by_start is True else [together[own] for (own,) in by_start]
+            by_start = together if by_start is True else [together[own] for own in by_start]
         asked = asked | {
             "initial": np.ascontiguousarray(asked["initial"][:, of]),
             "with_initial": by_start,

@@ -324,11 +324,8 @@ fn what_cannot_be_free_is_refused() {
     let json = case_a().to_string();
     let drive = Drive::assemble(&serde_json::from_str(&json).expect("fits"), false).expect("assembles");
     for (path, message) in [
-        (
-            "cylinder.bor_m",
-            "\"cylinder.bor_m\" is not a number of this description; it has ambient.pressure_pa",
-        ),
-        ("cylinder.kind", "\"cylinder.kind\" is not a number of this description"),
+        ("cylinder.bor_m", "a cylinder/rodless has no parameter \"bor\"; it has bore, "),
+        ("cylinder.kind", "a cylinder/rodless has no parameter \"kind\""),
         ("friction.parameters.stiffness", "friction.stiffness is not a parameter of \"lugre\""),
         ("gas.gas_constant_j_kg_k", "\"gas.gas_constant_j_kg_k\" is a number of the gas and cannot be free"),
     ] {

@@ -209,7 +209,7 @@ class Shooter:
             "starts": self.starts.tolist(),
             "initial": np.ascontiguousarray(initial),
             "parameters": self.family.paths if derivatives else [],
-            "with_initial": derivatives if by_start is None or not derivatives else by_start[:, None].tolist(),
+            "with_initial": derivatives if by_start is None or not derivatives else by_start.tolist(),
             "outputs": self.outputs,
             "rtol": self._rtol,
             "threads": self._threads,
