@@ -122,13 +122,8 @@ fn read<T: FromJson>(json: &str) -> Result<T, Error> {
 }
 
 impl Ensemble {
-    /// Creates an ensemble of a circuit, from its description (JSON). Names of the numbers that differ have the form
-    /// "left.bore".
-    pub fn of_circuit(json: &str, names: &[String]) -> Result<Self, Error> {
-        Ensemble::called(json, names, Arc::default())
-    }
-
-    /// Returns the same under short names.
+    /// Creates an ensemble of a circuit, from its description (JSON), under short names. Numbers that differ have names
+    /// such as "left.bore".
     pub fn called(json: &str, names: &[String], short: Arc<Names>) -> Result<Self, Error> {
         let spec: specification::Circuit = read(json)?;
         Ok(Ensemble { members: Network::called(&spec, false, short)?.members(json, names)?.general()? })

@@ -8,6 +8,7 @@ use circuit::{Network, specification};
 use drive::Drive;
 use ensemble::{Asked, Column, Ensemble, Outcome, Plan, Reduction, Status, What};
 use ode::Options;
+use std::sync::Arc;
 
 const DRIVE: &str = include_str!("../../circuit/examples/case_a.json");
 const VARY: [&str; 6] = [
@@ -251,7 +252,7 @@ fn a_circuit_has_members_too() {
         "joints": [["supply.1", "line.1"], ["line.2", "tank.1"]]
     }"#;
     let names = vec!["line.conductance".to_string(), "tank.volume".to_string()];
-    let ensemble = match Ensemble::of_circuit(json, &names) {
+    let ensemble = match Ensemble::called(json, &names, Arc::default()) {
         Ok(ensemble) => ensemble,
         Err(error) => panic!("{error}"),
     };

@@ -20,13 +20,14 @@ fn spread(one: usize, other: usize, low: f64, high: f64) -> f64 {
     low + share(one, other) * (high - low)
 }
 
-/// The circuit of the reference drive with another friction law.
+/// The circuit of the reference drive with a load and another friction law.
 fn drive(law: &str, parameters: &[(&str, f64)]) -> String {
     let json = include_str!("../../circuit/examples/case_a.json");
     let mut table: serde_json::Value = serde_json::from_str(json).expect("valid");
     let own: serde_json::Map<_, _> =
         parameters.iter().map(|(key, value)| ((*key).into(), (*value).into())).collect();
     table["friction"] = serde_json::json!({ "law": law, "parameters": own });
+    table["load"]["mass_kg"] = 1.0.into();
     drive::expand(&table).to_string()
 }
 
@@ -82,9 +83,7 @@ fn lanes_have_the_bits_of_members_alone() {
         [("lugre", &lugre[..]), ("stribeck", &stribeck), ("karnopp", &karnopp), ("dahl", &dry)]
     {
         let names = ["cylinder.bore", "supply.pressure", "load.mass"].map(String::from);
-        let mut json: serde_json::Value = serde_json::from_str(&drive(law, parameters)).expect("valid");
-        json["load"]["mass_kg"] = 1.0.into();
-        let ensemble = Ensemble::called(&json.to_string(), &names, drive::names()).expect(law);
+        let ensemble = Ensemble::called(&drive(law, parameters), &names, drive::names()).expect(law);
         let alone = run(&ensemble, Kernel::Scalar, 1);
         for kernel in [Kernel::Base, Kernel::Eight] {
             if !kernel.is_there() {
