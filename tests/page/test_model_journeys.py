@@ -169,7 +169,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     page.click(".home")
     page.click("text=Read the folder again")
     page.click("a[title='lift.toml']")
-    page.wait_for_selector("td:text-is('0.8 J')")
+    page.wait_for_selector("td:has-text('0.8 J')")
     page.fill("label:has-text('Into results/') input", "lift")
     page.fill("label:has-text('Samples of each') input", "8")
     page.click("button:text-is('Size')")

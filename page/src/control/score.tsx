@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame } from "../server/frame";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { digits, look, pretty } from "../plots/looks";
+import { digits, fitting, look, pretty } from "../plots/looks";
 import { Copied, Problems, ReportOf, Table } from "../workspace/parts";
 import { curveOf, Plot, zooming } from "../plots/plot";
 import { link } from "../routes";
@@ -273,26 +273,26 @@ function Along({ found }: { found: Card }) {
 
 const curve = (of: Frame<Tracks>, law: string, column: string, label: string) => curveOf(of.arrays, of.arrays.get(`${law}/time_s`)!, `${law}/${column}`, label);
 
-const WIDTH = 700;
 const ROW = 26;
-const LEFT = 120;
 
 /** Each run as a tick on its controller's line, over a logarithmic axis. */
 function Strip({ found }: { found: Card }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
   const runs = found.each.filter((one) => one.reference === along.value);
+  const width = fitting(700);
+  const left = Math.min(120, 0.3 * width);
   const known = runs.filter((one) => one.value !== null && one.value > 0) as { law: string; seed: number; value: number }[];
   if (!known.length) return <p class="note">{now.title}: no number above zero along this reference.</p>;
   const logs = known.map((one) => Math.log10(one.value / now.size));
   const [low, high] = [Math.floor(Math.min(...logs)), Math.ceil(Math.max(...logs) + 1e-9)];
-  const at = (value: number) => LEFT + ((Math.log10(value / now.size) - low) / (high - low)) * (WIDTH - LEFT - 20);
+  const at = (value: number) => left + ((Math.log10(value / now.size) - low) / (high - low)) * (width - left - 20);
   const height = ROW * found.laws.length + 36;
   const decades = Array.from({ length: high - low + 1 }, (_, index) => 10 ** (low + index));
   const said = `${now.title} of each run, ${now.unit}, one row for each controller: ${found.laws.map((law) => `${law} ${known.filter((one) => one.law === law).length} runs`).join(", ")}`;
   return (
     <figure class="plot strip">
       <figcaption>{now.title} of each run, {pretty(now.unit)}</figcaption>
-      <svg viewBox={`0 0 ${WIDTH} ${height}`} role="img" aria-label={said}>
+      <svg viewBox={`0 0 ${width} ${height}`} role="img" aria-label={said}>
         {decades.map((one) => (
           <g key={one}>
             <line x1={at(one * now.size)} x2={at(one * now.size)} y1={4} y2={height - 30} class="grid" />
@@ -303,7 +303,7 @@ function Strip({ found }: { found: Card }) {
           const y = 4 + ROW * (index + 0.5);
           return (
             <g key={law} data-strip={law}>
-              <text x={LEFT - 10} y={y + 4} text-anchor="end">{law}</text>
+              <text x={left - 10} y={y + 4} text-anchor="end">{law}</text>
               {known.filter((one) => one.law === law).map((one) => (
                 <line key={one.seed} x1={at(one.value)} x2={at(one.value)} y1={y - 8} y2={y + 8} stroke={look(index).color} stroke-width="1.6">
                   <title>{law}, {found.spread ? "member" : "seed"} {one.seed}: {digits(one.value / now.size)} {now.unit}</title>

@@ -4,7 +4,7 @@ import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs } from "../workspace/jobs";
-import { count, digits } from "../plots/looks";
+import { count, digits, fitting } from "../plots/looks";
 import { wasSaved } from "./opened";
 import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, Tiles, useCopied } from "../workspace/parts";
 import { isToml, link, route } from "../routes";
@@ -368,11 +368,11 @@ function DataSheet({ folder }: { folder: string }) {
   );
 }
 
-const WIDTH = 520;
 const HEIGHT = 300;
 const EDGE = { left: 64, right: 12, top: 10, bottom: 40 };
 
 function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
+  const width = fitting(520);
   const timed = (one: Candidate) => (way === "out" ? one.time_out : one.time_back);
   const shown = now.candidates.filter((one) => timed(one) !== null && one.air !== null);
   const airs = shown.map((one) => one.air!);
@@ -381,23 +381,23 @@ function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
   const times = [limit, ...shown.map((one) => timed(one)!)];
   const room = 0.1 * (Math.max(...times) - Math.min(...times)) || 0.05 * limit;
   const [bottom, top] = [Math.max(0, Math.min(...times) - room), Math.max(...times) + room];
-  const x = (air: number) => EDGE.left + ((air - low) / (high - low)) * (WIDTH - EDGE.left - EDGE.right);
+  const x = (air: number) => EDGE.left + ((air - low) / (high - low)) * (width - EDGE.left - EDGE.right);
   const y = (time: number) => HEIGHT - EDGE.bottom - ((time - bottom) / (top - bottom)) * (HEIGHT - EDGE.top - EDGE.bottom);
   return (
     <figure class="plot candidates" data-plot={`Stroke ${way}`}>
       <figcaption>Stroke {way}</figcaption>
-      <svg viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={`Time of the stroke ${way} over air of a cycle; the table has the numbers`}>
+      <svg viewBox={`0 0 ${width} ${HEIGHT}`} role="img" aria-label={`Time of the stroke ${way} over air of a cycle; the table has the numbers`}>
         {ticks(bottom, top).map((one) => (
           <g key={one}>
-            <line class="grid" x1={EDGE.left} x2={WIDTH - EDGE.right} y1={y(one)} y2={y(one)} />
+            <line class="grid" x1={EDGE.left} x2={width - EDGE.right} y1={y(one)} y2={y(one)} />
             <text x={EDGE.left - 6} y={y(one) + 4} text-anchor="end">{digits(one, 3)}</text>
           </g>
         ))}
         {shown.length > 0 && ticks(low, high).map((one) => <text key={one} x={x(one)} y={HEIGHT - EDGE.bottom + 16} text-anchor="middle">{digits(one, 3)}</text>)}
-        <text x={WIDTH / 2} y={HEIGHT - 4} text-anchor="middle">air of a cycle, l ANR</text>
+        <text x={width / 2} y={HEIGHT - 4} text-anchor="middle">air of a cycle, l ANR</text>
         <text x={12} y={HEIGHT / 2} text-anchor="middle" transform={`rotate(-90 12 ${HEIGHT / 2})`}>time {way}, worst 1 %, s</text>
-        <line class="limit" x1={EDGE.left} x2={WIDTH - EDGE.right} y1={y(limit)} y2={y(limit)} />
-        <text x={WIDTH - EDGE.right} y={y(limit) - 4} text-anchor="end">longest time allowed</text>
+        <line class="limit" x1={EDGE.left} x2={width - EDGE.right} y1={y(limit)} y2={y(limit)} />
+        <text x={width - EDGE.right} y={y(limit) - 4} text-anchor="end">longest time allowed</text>
         {shown.map((one) => {
           const [cx, cy] = [x(one.air!), y(timed(one)!)];
           const isMarked = chosen.value === one.name || pinned.value.includes(one.name);
@@ -414,11 +414,11 @@ function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
   );
 }
 
-const PERCENT = 100;
-const FULL = 100; // %: a load ratio above it does not move
+const [PERCENT, FULL] = [100, 100]; // %: a load ratio above FULL does not move
 
 /** Text of an interval. */
-const between = (ends: Ends | undefined, unit = "") => ends && <small>{ends.map((one) => (one === null ? "does not end" : digits(one, 3))).join(" … ")} {unit}</small>;
+const range = (ends: Ends | undefined, unit = "") => ends && `${ends.map((one) => (one === null ? "does not end" : digits(one, 3))).join(" … ")} ${unit}`;
+const between = (ends: Ends | undefined) => ends && <small>{range(ends)}</small>;
 
 const marked = (text: string, isMissed: boolean) => <span class={isMissed ? "missed" : ""}>{text}</span>;
 
@@ -518,10 +518,10 @@ function Chosen({ now }: { now: Sizing }) {
         heads={["Figure", "1 % of the samples exceed", "98 % lie between", "Limit", "Margin of 99 %"]}
         rows={[
           ...one.limits.map(({ name, value, unit, interval, limit, margin }) => ({
-            cells: [name, marked(value === null ? "does not end" : `${digits(value)} ${unit}`, margin === null || margin < 0), between(interval, unit) ?? "–", `${digits(limit)} ${unit}`, margin === null ? "–" : `${digits(PERCENT * margin, 3)} %`],
+            cells: [name, marked(value === null ? "does not end" : `${digits(value)} ${unit}`, margin === null || margin < 0), range(interval, unit) ?? "–", `${digits(limit)} ${unit}`, margin === null ? "–" : `${digits(PERCENT * margin, 3)} %`],
             data: { "data-limit": name },
           })),
-          ...(one.load_ratio === null ? [] : [["load ratio", marked(`${digits(PERCENT * one.load_ratio)} %`, one.load_ratio > 1), between(one.intervals["load_ratio"], "%"), `${FULL} %`, `${digits(PERCENT * (1 - one.load_ratio), 3)} %`]]),
+          ...(one.load_ratio === null ? [] : [["load ratio", marked(`${digits(PERCENT * one.load_ratio)} %`, one.load_ratio > 1), range(one.intervals["load_ratio"], "%"), `${FULL} %`, `${digits(PERCENT * (1 - one.load_ratio), 3)} %`]]),
         ]}
       />
       <p class="note">Load ratio: weight, external force and friction at rest over the force of the supply on the piston, the worse of both strokes. Above 100 % the drive does not move. The simulation includes all further forces.</p>

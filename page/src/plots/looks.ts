@@ -82,6 +82,11 @@ export const count = (number: number, thing: string): string => `${number} ${thi
 /** A message of the server as a sentence. A name at its beginning stays as it is. */
 export const sentence = (words: string): string => `${/^[a-z]+[ ,]/.test(words) ? words.charAt(0).toUpperCase() : words.charAt(0)}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
 
+const MARGINS = 40; // beside a drawing on a phone, pixels
+
+/** Return the width of a drawing whose text keeps its size: `most`, or what the window has room for. */
+export const fitting = (most: number): number => Math.min(most, Math.max(innerWidth - MARGINS, 300));
+
 const RAISED: Record<string, string> = { 2: "²", 3: "³" };
 
 /** Units as people write them: µm, cm³. In fields they stay as files write them. */
