@@ -10,6 +10,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
+from pneudrive.numbers import plain as three
 from pneudrive.sizing.shortage import Shortage
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ class MachineCheck(NamedTuple):
 
     def __str__(self) -> str:
         known = "not decided" if self.is_kept is None else "kept" if self.is_kept else "NOT KEPT"
-        value, limit = (f"{one:.3g} {self.unit}" if one is not None else "not on the sheet" for one in self[1:3])
+        value, limit = (f"{three(one)} {self.unit}" if one is not None else "not on the sheet" for one in self[1:3])
         return f"{self.name}: {value}, limit {limit}: {known} ({self.rule})"
 
 
@@ -82,10 +83,11 @@ def mechanical_shortage(cylinder: PartChoice, task: SizingTask) -> Shortage | No
     """Return the reason why a cylinder cannot carry the load: side load of its sheet, or buckling of its rod."""
     load, weight = cylinder.printed_si("max_load", "N"), side_load_n(task)
     if load is not None and weight > load:
-        return Shortage("side load", load / weight, f"it permits {load:.3g} N across, the load weighs {weight:.3g} N")
+        said = f"it permits {three(load)} N across, the load weighs {three(weight)} N"
+        return Shortage("side load", load / weight, said)
     limit, push = buckling_n(cylinder, task), push_n(cylinder, task)
     if limit is not None and push > limit:
-        said = f"the rod can bear {limit:.3g} N without buckling, and the piston pushes with {push:.3g} N"
+        said = f"the rod can bear {three(limit)} N without buckling, and the piston pushes with {three(push)} N"
         return Shortage("buckling", limit / push, said)
     return None
 

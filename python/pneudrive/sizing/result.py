@@ -186,13 +186,11 @@ def sentences(result: SizingResult) -> list[str]:
     best = result.best
     if best is not None:
         said += yearly(best, result.task)
-        said += [f"{one}." for one in result.savings]
-        said += [f"{one}." for one in result.checks]
-        following = result.by_cylinder[1:2]
+        said += [f"{one}." for one in (*result.savings, *result.checks)]
         said += [
             f"Next best cylinder: {taken(one.parts).removeprefix('Take ')}, {three(one.air_litres_anr)} l ANR a cycle, "
             f"margin {three(100.0 * one.margin)} %."
-            for one in following
+            for one in result.by_cylinder[1:2]
         ]
     if result.miss is not None:
         parts = " + ".join(name for name in result.miss.parts.values() if name != "*")

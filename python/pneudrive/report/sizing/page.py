@@ -72,7 +72,7 @@ def _verdict(found: SizingResult) -> list[str]:
         first = cheaper[0]
         said = f"{plural(len(cheaper), 'choice')} of less air missed a limit; {_called(first)}: {_missed(first)}."
         lines.insert(-1 - len(found.notes), said)
-    return lines
+    return [f"{line[:1].upper()}{line[1:]}" for line in lines]
 
 
 def _ends(one: SizedDrive, name: str, factor: float) -> str:
@@ -144,7 +144,7 @@ def _against(one: SizedDrive, name: str) -> str:
         return "–"
     value, _, unit = one.worst[name]
     factor, _ = READ.get(unit, (1.0, unit))
-    return f"{_ends(one, name, factor) or _read(value, unit)} ({100.0 * one.margins[name]:.0f} %)"
+    return f"{_ends(one, name, factor) or _read(value, unit)} ({100.0 * one.margins[name]:.0f}\u00a0%)"
 
 
 def _best(found: SizingResult) -> list[Section]:
