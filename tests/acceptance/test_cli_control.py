@@ -17,7 +17,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
-from pneudrive.control.measures import score_of
+from pneudrive.control.results.measures import score_of
 from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.simulation.trajectory import columns
 

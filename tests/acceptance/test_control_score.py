@@ -14,8 +14,8 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.cli.main import run
-from pneudrive.control.measures import SCORED, score_of
 from pneudrive.control.mismatch import Mismatch, ready_mismatches
+from pneudrive.control.results.measures import SCORED, score_of
 from pneudrive.errors import PneudriveWarning
 from pneudrive.report.control.figures import boxes
 from pneudrive.simulation.trajectory import save

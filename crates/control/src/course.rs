@@ -1,8 +1,8 @@
 //! Course that a law follows: a reference or a place of rest, and the path to it from the present state.
 
 use crate::number::Number;
-use crate::reference::{PEAKS, Reference, Wanted, blend, series};
-use crate::thresholds::{RETURN_LEAST_TIME, SLOWS_WITHIN, STOP_LEAST_TIME};
+use crate::reference::{PEAKS, Reference, Wanted, series};
+use crate::thresholds::{RETURN_LEAST_TIME, STOP_LEAST_TIME};
 
 /// A path that starts with a distance, a speed and an acceleration and ends with all three at zero. It has three
 /// continuous derivatives. With the fraction s of its duration T, it is
@@ -85,73 +85,18 @@ impl Fade {
 /// Largest deceleration of a path to rest, relative to the mean deceleration.
 const STEEPEST: f64 = 1.875;
 
-/// A clock whose rate changes within 0.2 s, with three continuous derivatives of its time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Slowed {
-    /// Time of the samples, s, and time of this clock, s, when the change begins.
-    begin: [f64; 2],
-    /// Rate of the clock before and after the change.
-    rates: [f64; 2],
-}
-
-impl Slowed {
-    /// Returns a clock that follows the clock of the samples, or another clock, up to a time, s. After this time, the
-    /// rate is a
-    /// fraction of the earlier rate.
-    pub fn from(before: Option<Self>, t: f64, share: f64) -> Self {
-        let [time, rate, ..] = before.map_or([t, 1.0, 0.0, 0.0], |own| own.at(t));
-        Slowed { begin: [t, time], rates: [rate, share * rate] }
-    }
-
-    /// Returns the rate after the change.
-    pub fn rate(&self) -> f64 {
-        self.rates[1]
-    }
-
-    /// Returns the time at which the change ends, s.
-    pub fn end(&self) -> f64 {
-        self.begin[0] + SLOWS_WITHIN
-    }
-
-    /// Returns the clock's time, s, and three derivatives at a time, s.
-    fn at(&self, t: f64) -> [f64; 4] {
-        let ([begin, time], [before, behind]) = (self.begin, self.rates);
-        let (s, less) = (((t - begin) / SLOWS_WITHIN).clamp(0.0, 1.0), behind - before);
-        let [gone, slope, bend, _] = blend(s);
-        // The integral of the blend up to s.
-        let so_far = s.powi(5) * (7.0 + s * (-14.0 + s * (10.0 - 2.5 * s)));
-        let over = (t - begin - SLOWS_WITHIN).max(0.0);
-        let time = time + before * (t - begin) + less * (SLOWS_WITHIN * so_far + over);
-        [time, before + less * gone, less * slope / SLOWS_WITHIN, less * bend / (SLOWS_WITHIN * SLOWS_WITHIN)]
-    }
-
-    /// Returns the wanted state of a reference by this clock.
-    pub fn along(&self, reference: &Reference, t: f64) -> Wanted {
-        let [time, rate, slows, bends] = self.at(t);
-        let Wanted { position, velocity: v, acceleration: a, jerk: j } = reference.at(time);
-        Wanted {
-            position,
-            velocity: v * rate,
-            acceleration: a * rate * rate + v * slows,
-            jerk: j * rate.powi(3) + 3.0 * a * rate * slows + v * bends,
-        }
-    }
-}
-
 /// Course that a law follows.
 #[derive(Clone, Copy, Debug)]
 pub struct Course<'a> {
     /// The reference; `None` if the drive is at rest.
     reference: Option<&'a Reference>,
-    /// Clock of the reference, if it differs from that of the samples.
-    clock: Option<Slowed>,
     stands_at: f64,
     fade: Option<Fade>,
 }
 
 impl<'a> From<&'a Reference> for Course<'a> {
     fn from(reference: &'a Reference) -> Self {
-        Course { reference: Some(reference), clock: None, stands_at: 0.0, fade: None }
+        Course { reference: Some(reference), stands_at: 0.0, fade: None }
     }
 }
 
@@ -163,24 +108,18 @@ impl<'a> Course<'a> {
 
     /// Returns a course to a place, m, at which a path ends.
     pub fn to_stand(at: f64, fade: Fade) -> Self {
-        Course { reference: None, clock: None, stands_at: at, fade: Some(fade) }
+        Course { reference: None, stands_at: at, fade: Some(fade) }
     }
 
-    /// Returns the same course on another clock.
-    #[must_use]
-    pub fn by(self, clock: Option<Slowed>) -> Self {
-        Course { clock, ..self }
-    }
-
-    /// Returns the reference, if no path is added to it and its clock is that of the samples.
+    /// Returns the reference, if no path is added to it.
     pub fn reference(&self) -> Option<&'a Reference> {
-        self.reference.filter(|_| self.fade.is_none() && self.clock.is_none())
+        self.reference.filter(|_| self.fade.is_none())
     }
 
     /// Returns the wanted state at a time, s.
     pub fn at(&self, t: f64) -> Wanted {
         let base = match self.reference {
-            Some(reference) => self.clock.map_or_else(|| reference.at(t), |own| own.along(reference, t)),
+            Some(reference) => reference.at(t),
             None => Wanted { position: self.stands_at, ..Wanted::default() },
         };
         let Some(fade) = self.fade else { return base };
@@ -196,17 +135,13 @@ impl<'a> Course<'a> {
     /// Returns the growth of the load from one time to another, s, and the rate of the load then: N and N/s.
     pub fn load_growth(&self, from: f64, to: f64) -> [f64; 2] {
         let Some(reference) = self.reference else { return [0.0; 2] };
-        let at = |t: f64| {
-            let [time, rate, ..] = self.clock.map_or([t, 1.0, 0.0, 0.0], |own| own.at(t));
-            reference.effort(time).map(|own| [own.load, rate * own.load_rate])
-        };
+        let at = |t: f64| reference.effort(t).map(|own| [own.load, own.load_rate]);
         at(from).zip(at(to)).map_or([0.0; 2], |([before, _], [load, rate])| [load - before, rate])
     }
 
     /// Returns whether the course is at rest for `span` s from a time on.
     pub fn stands(&self, t: f64, span: f64) -> bool {
-        let time = self.clock.map_or(t, |own| own.at(t)[0]);
         self.fade.is_none_or(|fade| fade.end() <= t)
-            && self.reference.is_none_or(|reference| reference.stands(time, span))
+            && self.reference.is_none_or(|reference| reference.stands(t, span))
     }
 }

@@ -12,11 +12,12 @@ use guard::{Asked, Fixed, GUARD, Guard, Limits};
 pub use print::Language;
 pub use traced::{Function, Graph, Node, Operator, Traced, record};
 
-use crate::controller::{Ahead, AnyLaw, Controller, Decided, Takeover};
+use crate::controller::Controller;
 use crate::course::Course;
+use crate::follower::{Ahead, Decided, Follower, Takeover};
 use crate::gains::Gain;
 use crate::hold::Hold;
-use crate::law::Law;
+use crate::law::{AnyLaw, Law};
 use crate::observer::Observer;
 use crate::reference::{Reference, Wanted, between, blend};
 use crate::thresholds::FARTHEST;
@@ -201,7 +202,7 @@ impl Recorder<'_> {
     /// Returns two observers of a controller in steady operation: at time zero after its last command, and at the next
     /// sample.
     fn settled(&self) -> [Observer; 2] {
-        let Controller { model, period, noise, .. } = self.controller;
+        let Follower { model, period, noise, .. } = &**self.controller;
         let sample =
             |k: u32| Sample { time: -f64::from(k) * period, position: 0.5 * model.stroke, pressures: None };
         let mut own = Observer::new(model, &sample(SETTLED), *period, *noise);
@@ -214,9 +215,9 @@ impl Recorder<'_> {
         [own, next]
     }
 
-    fn traced<L: Law<Traced>>(&self, law: L, observer: &Observer) -> Controller<L, Traced> {
-        let Controller { model, plant, hold, period, noise, .. } = self.controller;
-        Controller {
+    fn traced<L: Law<Traced>>(&self, law: L, observer: &Observer) -> Follower<L, Traced> {
+        let Follower { model, plant, hold, period, noise, .. } = &**self.controller;
+        Follower {
             model: model.clone(),
             plant: *plant,
             law,
@@ -224,7 +225,6 @@ impl Recorder<'_> {
             hold: hold.as_ref().map(|own| Hold::new(own.band, own.after)),
             adaptation: None,
             period: *period,
-            supervisor: None,
             takeover: Takeover::default(),
             noise: *noise,
             speed: 0.0,
@@ -232,7 +232,6 @@ impl Recorder<'_> {
             friction: Some(Traced::zero()),
             push: Traced::zero(),
             coupling: 0.0,
-            factors: self.controller.factors,
         }
     }
 
@@ -294,7 +293,7 @@ impl Recorder<'_> {
 
     /// The checks of a sample. Their state ends with the velocity of the last command.
     fn check(&self, inputs: usize, parameters: usize, gains: usize) -> Graph {
-        let Controller { model, plant, period, .. } = self.controller;
+        let Follower { model, plant, period, .. } = &**self.controller;
         let fixed = Fixed {
             period: *period,
             ahead: self.controller.ahead(),
@@ -322,7 +321,7 @@ impl Recorder<'_> {
     fn step<L: Law<Traced>>(
         &self,
         piece: Piece,
-        own: &mut Controller<L, Traced>,
+        own: &mut Follower<L, Traced>,
         given: &Asked<Traced>,
     ) -> Vec<Traced> {
         let at = given.sample(self.controller.period);

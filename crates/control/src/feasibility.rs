@@ -1,7 +1,7 @@
 //! Whether a drive can follow a reference: the inverse of its model, run along the reference.
 
 use crate::model::Model;
-use crate::reference::Reference;
+use crate::reference::{Reference, Wanted};
 use crate::thresholds::{
     FEASIBLE_FOLLOWS, FEASIBLE_FOUND, FEASIBLE_LEAST_STEP, FEASIBLE_PIECES, FEASIBLE_SLOW, FEASIBLE_SLOWEST,
     FEASIBLE_STEP,
@@ -62,6 +62,23 @@ fn least_force(model: &Model, reference: &Reference, duration: f64) -> f64 {
     shares.fold(0.0, f64::max)
 }
 
+/// Moves a piston to a wanted state, with friction after a step, s. Returns the force of the gas that this needs, N:
+///
+///   F = M a_d + F_fr + F_v v_d - F_load
+///
+/// Friction follows the direction of motion, however slow the motion is.
+fn followed(model: &Model, state: &mut State, wanted: &Wanted, step: f64) -> f64 {
+    (state.position, state.velocity) = (wanted.position, wanted.velocity);
+    let [level, viscous] = model.friction_levels([wanted.position, wanted.velocity], state.pressures);
+    let speed = wanted.velocity.abs();
+    let share = (speed / FEASIBLE_SLOW).min(1.0);
+    let slides = wanted.velocity.signum() * speed.max(FEASIBLE_SLOW);
+    let rate = share * model.stick_rate(slides, state.friction, level, step);
+    state.friction += step * rate;
+    let friction = state.friction + model.stick_damping_time * rate + viscous * wanted.velocity;
+    model.mass * wanted.acceleration + friction - model.load
+}
+
 /// Returns the demands of a reference that is slowed by a factor in time, over `duration` s of the unslowed
 /// reference. The piston follows the reference exactly. The model simulates the gas under the opening that produces the
 /// required force. If `stop` returns true, the demands up to then are returned.
@@ -92,25 +109,7 @@ pub fn demand(
         spool_rate: 0.0,
         pressures: [f64::INFINITY, f64::NEG_INFINITY],
     };
-    let wanted_force = |state: &mut State, t: f64| {
-        let wanted = reference.slowed(t, factor);
-        (state.position, state.velocity) = (wanted.position, wanted.velocity);
-        let [level, viscous] = model.friction_levels([wanted.position, wanted.velocity], state.pressures);
-        // Friction follows the direction of motion, however slow the motion is.
-        let speed = wanted.velocity.abs();
-        let share = (speed / FEASIBLE_SLOW).min(1.0);
-        let rate = share
-            * model.stick_rate(
-                wanted.velocity.signum() * speed.max(FEASIBLE_SLOW),
-                state.friction,
-                level,
-                step,
-            );
-        state.friction += step * rate;
-        let friction = state.friction + model.stick_damping_time * rate + viscous * wanted.velocity;
-        model.mass * wanted.acceleration + friction - model.load
-    };
-    let mut force = wanted_force(&mut state, 0.0);
+    let mut force = followed(model, &mut state, &first, step);
     let mut before = None;
     for k in 0..(factor * duration / step).ceil() as u64 {
         let t = step * k as f64;
@@ -118,7 +117,7 @@ pub fn demand(
             break;
         }
         let now = state;
-        let next = wanted_force(&mut state, t + step);
+        let next = followed(model, &mut state, &reference.slowed(t + step, factor), step);
         let rate = (next - force) / step + FEASIBLE_FOLLOWS * (force - model.gas_force(now.pressures));
         let (way, share) = model.opening_for(&now, rate);
         let share = if share >= 0.0 { share } else { f64::INFINITY };

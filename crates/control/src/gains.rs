@@ -17,19 +17,6 @@ pub struct Gain {
     pub rule: &'static str,
 }
 
-/// A choice of a law: one of several words.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Choice {
-    /// The word of the law.
-    pub law: &'static str,
-    /// Name in the law's table of a controller file.
-    pub key: &'static str,
-    /// The words; the first one is the default.
-    pub options: &'static [&'static str],
-    /// Its meaning, in words.
-    pub meaning: &'static str,
-}
-
 /// Gain that a factor of a controller file multiplies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Factor {

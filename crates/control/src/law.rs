@@ -1,28 +1,21 @@
 //! Control laws: they compute the command that moves a drive along its reference.
 
+mod any;
 mod base;
 mod fuzzy;
 mod inversion;
-/// Nonlinear predictive control.
-pub mod nmpc;
+mod nmpc;
 mod pid;
 mod sliding;
 
-use crate::gains::{Choice, Factor};
+use crate::gains::Factor;
+pub use any::{AnyLaw, LAWS};
 pub use base::{Law, Tick, Tuned};
 pub use fuzzy::{Fuzzy, sugeno};
 pub use inversion::Inversion;
-pub use nmpc::{Nmpc, Predicting, Predictor};
+pub use nmpc::Nmpc;
 pub use pid::Pid;
 pub use sliding::{Sliding, SuperTwisting};
-
-/// Choices of laws.
-pub const CHOICES: &[Choice] = &[Choice {
-    law: "nmpc",
-    key: "predictor",
-    options: &["model", "circuit"],
-    meaning: "predictor of the horizon: the model in fixed steps, or the assumed circuit with any components",
-}];
 
 /// Gain that a factor of a controller file multiplies. A factor has no effect on a law without a gain for it.
 pub const FACTORED: &[Factor] = &[

@@ -3,8 +3,7 @@
 use crate::model::{Model, Openings, Valve};
 use crate::number::Number;
 use crate::thresholds::SPOOL_ROUNDING;
-use crate::types::{Arrangement, Edges};
-use crate::valves::MOST_VALVES;
+use crate::types::{Arrangement, Edges, MOST_VALVES};
 use std::collections::VecDeque;
 
 /// A second-order spool after a dead time. It is advanced exactly for piecewise constant commands.

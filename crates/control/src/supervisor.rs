@@ -7,145 +7,26 @@
 mod brake;
 mod event;
 mod gas;
+mod mode;
 mod motion;
 mod position;
+mod rules;
 
-use crate::controller::{Answer, AnyLaw, Controller};
-use crate::course::{Course, Fade, Slowed};
-use crate::model::Model;
+use crate::course::{Course, Fade};
+use crate::follower::{Answer, Follower};
+use crate::law::AnyLaw;
 use crate::reference::{Reference, Wanted};
-use crate::thresholds::{
-    CLOCK_WITHIN, LIMIT_ROUNDING, MODEL_TRUSTED, REFERENCE_JUMP, REVERSED_FOR, SLOW_FACTOR, SLOW_FULL,
-    SLOW_FULL_FOR, SLOW_LEAST, STOP_APART, STOP_NEAR,
-};
+use crate::thresholds::{CLOCK_WITHIN, MODEL_TRUSTED, REFERENCE_JUMP};
 use crate::types::{Edges, Moment, Sample, State};
 use brake::Braking;
 pub use event::{Event, EventKind, Log};
 use gas::Gas;
+use mode::Mode;
 pub use motion::MotionRules;
 use motion::{Motion, Moves};
 use position::{Position, Read};
-
-/// Reaction to a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reaction {
-    /// The fault is reported.
-    Tell,
-    /// Stop ramp, then the law holds the position.
-    Stop,
-    /// The valve is shut immediately.
-    Block,
-    /// The reference is slowed in time until commands no longer saturate; if this fails, a stop ramp follows.
-    Slow,
-}
-
-/// Prediction of the model for a sample.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Believed<'a> {
-    /// The model.
-    pub model: &'a Model,
-    /// The state at the last sample.
-    pub last: &'a State,
-    /// Predicted state.
-    pub foreseen: &'a State,
-    /// Openings of the edges since the last sample.
-    pub edges: Edges<f64>,
-}
-
-/// Rules of a supervisor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rules {
-    /// Positions that the drive may reach, m.
-    pub position: [f64; 2],
-    /// m/s.
-    pub speed: f64,
-    /// Pa absolute.
-    pub pressure: [f64; 2],
-    /// Deceleration of stop ramps, m/s2.
-    pub stop_deceleration: f64,
-    /// Condition of a completed motion.
-    pub motion: MotionRules,
-    /// Reaction to a lost position sensor.
-    pub on_position: Reaction,
-    /// Reaction to a lost pressure sensor. The model then replaces its readings.
-    pub on_pressure: Reaction,
-    /// Reaction to a valve that does not respond.
-    pub on_valve: Reaction,
-    /// Reaction to a fallen supply.
-    pub on_supply: Reaction,
-}
-
-impl Default for Rules {
-    fn default() -> Self {
-        Rules {
-            position: [f64::NEG_INFINITY, f64::INFINITY],
-            speed: f64::INFINITY,
-            pressure: [0.0, f64::INFINITY],
-            stop_deceleration: 10.0,
-            motion: MotionRules::default(),
-            on_position: Reaction::Block,
-            on_pressure: Reaction::Tell,
-            on_valve: Reaction::Block,
-            on_supply: Reaction::Block,
-        }
-    }
-}
-
-impl Rules {
-    /// Returns the reason why a reference is rejected, in words; `None` if it is accepted.
-    pub fn refuses(&self, wanted: &Wanted, stroke: f64) -> Option<String> {
-        let Wanted { position: x, velocity: v, .. } = *wanted;
-        let [low, high] = [self.position[0].max(0.0), self.position[1].min(stroke)];
-        if !(low - LIMIT_ROUNDING..=high + LIMIT_ROUNDING).contains(&x) {
-            let whose = if [low, high] == [0.0, stroke] { "the stroke" } else { "limits.position" };
-            return Some(format!(
-                "the reference has the position {x} m: it must stay within {whose}, {low} to {high} m"
-            ));
-        }
-        let fastest = self.speed;
-        (v.is_nan() || v.abs() > fastest + LIMIT_ROUNDING)
-            .then(|| format!("the reference has the speed {v} m/s: limits.speed is {fastest} m/s"))
-    }
-}
-
-/// External inputs of the supervisor for one sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Inputs {
-    /// Whether the drive may move.
-    pub enabled: bool,
-    /// Emergency stop.
-    pub emergency_stop: bool,
-    /// Limit switches at x = 0 and at the stroke.
-    pub switches: [bool; 2],
-    /// Whether the law missed its deadline.
-    pub late: bool,
-    /// Standard deviation of the time at which a position is read, s.
-    pub jitter: f64,
-}
-
-impl Default for Inputs {
-    fn default() -> Self {
-        Inputs { enabled: true, emergency_stop: false, switches: [false; 2], late: false, jitter: 0.0 }
-    }
-}
-
-/// Mode of the drive.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Mode {
-    Follows,
-    /// Back to the reference.
-    Returns(Fade),
-    /// Stop ramp to rest, then the law holds the position.
-    Stops {
-        fade: Fade,
-        at: f64,
-        stood: bool,
-    },
-    /// The valve is shut.
-    Shut,
-    /// The valve is shut until the drive is enabled.
-    Off,
-}
+use rules::Believed;
+pub use rules::{Inputs, Reaction, Rules};
 
 /// A supervisor with its state.
 #[derive(Clone, Debug)]
@@ -166,10 +47,6 @@ pub struct Supervisor {
     /// Time of the last sample and correction of the clock, s.
     clock: Option<f64>,
     correction: f64,
-    /// Clock of the slowed reference, and the time for which commands have been saturated, s.
-    slows: bool,
-    slowed: Option<Slowed>,
-    full_for: f64,
     /// Reference and course at the last sample.
     asked: Option<Wanted>,
     followed: Option<Wanted>,
@@ -187,10 +64,6 @@ pub struct Supervisor {
     /// Time for which the position has been lost, s.
     lost_for: f64,
     switched: [bool; 2],
-    /// Direction of commands with a reversed effect on a fallen supply, and the time until which they are blocked, s.
-    reversed: Option<(f64, f64)>,
-    /// Time until which a command that is tried again may have a reversed effect, s.
-    doubted_until: f64,
 }
 
 impl Supervisor {
@@ -208,9 +81,6 @@ impl Supervisor {
             motion: Motion::default(),
             clock: None,
             correction: 0.0,
-            slows: false,
-            slowed: None,
-            full_for: 0.0,
             asked: None,
             followed: None,
             command: 0.0,
@@ -222,8 +92,6 @@ impl Supervisor {
             measures_gas: false,
             lost_for: 0.0,
             switched: [false; 2],
-            reversed: None,
-            doubted_until: 0.0,
         }
     }
 
@@ -239,14 +107,11 @@ impl Supervisor {
     }
 
     /// Returns the command for a sample.
-    pub(crate) fn decide(&mut self, own: &mut Controller, sample: &Sample, reference: &Reference) -> Answer {
+    pub(crate) fn decide(&mut self, own: &mut Follower, sample: &Sample, reference: &Reference) -> Answer {
         let mut sample = *sample;
         let skipped = self.keep_time(own.period, &mut sample);
         let mut returns = self.inputs.enabled && self.mode == Mode::Off;
-        if returns {
-            (self.slows, self.slowed) = (false, None);
-        }
-        let asked = Course::from(reference).by(self.slowed).at(sample.time);
+        let asked = reference.at(sample.time);
         let place = own.state().map_or(f64::NAN, |state| state.position);
         if returns && self.position.is_off(sample.position, place) {
             self.log.tell(sample.time, EventKind::PositionLost, sample.position - place);
@@ -276,23 +141,22 @@ impl Supervisor {
         self.check_reference(own, &sample, &asked);
         self.check_inputs(own, &sample, &state);
         let [position, gas] = reactions;
-        match if position == Some(Reaction::Block) || gas.is_none() { position } else { gas } {
-            Some(Reaction::Slow) => self.slows = true,
-            Some(reaction) => self.react(own, &sample, reaction),
-            None => {}
+        if let Some(reaction) =
+            if position == Some(Reaction::Block) || gas.is_none() { position } else { gas }
+        {
+            self.react(own, &sample, reaction);
         }
-        self.slow(own, &sample);
-        let course = self.course(sample.time, &state, reference).by(self.slowed);
+        let course = self.mode.course(sample.time, &state, reference, &mut self.log);
         let mut answer = self.ask(own, &sample, &course);
         if !asked.position.is_nan() {
             answer.wanted = asked;
         }
         let (wanted, stands) = (course.at(sample.time), course.stands(sample.time, own.plant.lag));
         self.followed = Some(wanted);
-        answer.command = self.guarded(own, &sample, answer.command, stands);
-        if !self.is_shut() {
+        answer.command = self.guarded(own, &sample, answer.command);
+        if !self.mode.is_shut() {
             let at = Moment { time: sample.time, period: own.period };
-            let moves = Moves { state, wanted, stands, no_air: self.reversed.is_some() };
+            let moves = Moves { state, wanted, stands, no_air: self.gas.supplied_below().is_some() };
             self.motion.watch(&self.rules.motion, &own.model, at, &moves, &mut self.log);
         }
         (self.command, self.is_held) = (answer.command, answer.holds);
@@ -319,7 +183,7 @@ impl Supervisor {
     /// Replaces readings that are not credible. Returns the reactions to faults of the position and of the gas.
     fn check_sensors(
         &mut self,
-        own: &mut Controller,
+        own: &mut Follower,
         sample: &mut Sample,
         last: Option<(State, (State, Edges<f64>))>,
     ) -> [Option<Reaction>; 2] {
@@ -353,9 +217,6 @@ impl Supervisor {
             let believed = Believed { model: &own.model, last: &before, foreseen: &foreseen, edges };
             let found = self.gas.checked(at, pressures, &believed, &mut self.log);
             self.modelled = found.modelled;
-            if let Some(way) = found.reversed {
-                self.reverse_for(sample.time, way);
-            }
             let Rules { on_pressure, on_valve, mut on_supply, .. } = self.rules;
             if on_supply == Reaction::Block && !found.starved {
                 // A low supply that still fills the chambers is only reported.
@@ -372,13 +233,7 @@ impl Supervisor {
         reactions
     }
 
-    /// Registers a command that acted in reverse: commands in its direction are blocked for a time.
-    fn reverse_for(&mut self, time: f64, way: f64) {
-        self.reversed = Some((way, time + REVERSED_FOR));
-        self.doubted_until = time + 2.0 * REVERSED_FOR;
-    }
-
-    fn check_reference(&mut self, own: &Controller, sample: &Sample, asked: &Wanted) {
+    fn check_reference(&mut self, own: &Follower, sample: &Sample, asked: &Wanted) {
         let Wanted { position, velocity, acceleration, jerk } = *asked;
         let is_number = [position, velocity, acceleration, jerk].iter().all(|own| own.is_finite());
         let jumps = self.asked.is_some_and(|last| {
@@ -387,12 +242,12 @@ impl Supervisor {
         });
         self.asked = is_number.then_some(*asked);
         let refused = !is_number || jumps || self.rules.refuses(asked, own.model.stroke).is_some();
-        if refused && matches!(self.mode, Mode::Follows | Mode::Returns(_)) {
+        if refused && self.mode.moves() {
             self.stop(own, sample, EventKind::Reference, position);
         }
     }
 
-    fn check_inputs(&mut self, own: &Controller, sample: &Sample, state: &State) {
+    fn check_inputs(&mut self, own: &Follower, sample: &Sample, state: &State) {
         let v = state.velocity;
         if !self.inputs.enabled {
             if self.mode != Mode::Off {
@@ -401,7 +256,7 @@ impl Supervisor {
             }
             return;
         }
-        let moves = matches!(self.mode, Mode::Follows | Mode::Returns(_));
+        let moves = self.mode.moves();
         if moves && self.inputs.emergency_stop {
             self.stop(own, sample, EventKind::EmergencyStop, v);
         } else if moves {
@@ -414,7 +269,7 @@ impl Supervisor {
         }
     }
 
-    fn react(&mut self, own: &Controller, sample: &Sample, reaction: Reaction) {
+    fn react(&mut self, own: &Follower, sample: &Sample, reaction: Reaction) {
         match (reaction, self.mode) {
             (Reaction::Stop, Mode::Follows | Mode::Returns(_)) => self.begin_stop(own, sample),
             (Reaction::Block, Mode::Follows | Mode::Returns(_) | Mode::Stops { .. }) => {
@@ -424,44 +279,20 @@ impl Supervisor {
         }
     }
 
-    /// Slows the reference while the law commands the full opening and the supply pressure is low.
-    fn slow(&mut self, own: &Controller, sample: &Sample) {
-        let is_over = self.slowed.is_none_or(|clock| clock.end() <= sample.time);
-        let is_full = self.command.abs() >= SLOW_FULL && self.mode == Mode::Follows;
-        self.full_for = if is_full && is_over { self.full_for + own.period } else { 0.0 };
-        if !self.slows || self.full_for < SLOW_FULL_FOR {
-            return;
-        }
-        let clock = Slowed::from(self.slowed, sample.time, SLOW_FACTOR);
-        if clock.rate() < SLOW_LEAST {
-            return self.react(own, sample, Reaction::Stop);
-        }
-        self.log.tell(sample.time, EventKind::Slowed, 1.0 / clock.rate());
-        self.slowed = Some(clock);
-    }
-
-    fn stop(&mut self, own: &Controller, sample: &Sample, kind: EventKind, value: f64) {
+    fn stop(&mut self, own: &Follower, sample: &Sample, kind: EventKind, value: f64) {
         self.log.tell(sample.time, kind, value);
         self.react(own, sample, Reaction::Stop);
     }
 
-    /// Begins a stop ramp at the wanted position, or at the actual position if the two differ.
-    fn begin_stop(&mut self, own: &Controller, sample: &Sample) {
-        let Some(state) = own.state() else { return };
-        let period = own.period;
-        let seen = [state.position, state.velocity, state.acceleration(&own.model)];
-        let from = self.followed.map_or(seen, |last| {
-            let Wanted { position, velocity, acceleration, jerk } = last;
-            let x = position + period * (velocity + 0.5 * period * acceleration);
-            let v = velocity + period * acceleration;
-            if (x - state.position).abs() < STOP_NEAR { [x, v, acceleration + period * jerk] } else { seen }
-        });
-        let ahead = if from[1] > 0.0 { own.model.stroke - from[0] } else { from[0] };
-        let (fade, at) = Fade::stop(sample.time, from, self.rules.stop_deceleration, ahead - STOP_APART);
-        self.mode = Mode::Stops { fade, at, stood: false };
+    /// Begins a stop ramp.
+    fn begin_stop(&mut self, own: &Follower, sample: &Sample) {
+        if let Some(state) = own.state() {
+            let at = Moment { time: sample.time, period: own.period };
+            self.mode = Mode::stop(at, &own.model, &state, self.followed, self.rules.stop_deceleration);
+        }
     }
 
-    fn begin_return(&mut self, own: &mut Controller, sample: &Sample, state: &State, asked: &Wanted) {
+    fn begin_return(&mut self, own: &mut Follower, sample: &Sample, state: &State, asked: &Wanted) {
         let from = [state.position - asked.position, state.velocity - asked.velocity, -asked.acceleration];
         self.log.tell(sample.time, EventKind::Enabled, from[0]);
         own.begin_anew(self.command);
@@ -471,32 +302,9 @@ impl Supervisor {
         self.mode = Mode::Returns(Fade::back(sample.time, from, self.rules.stop_deceleration));
     }
 
-    fn course<'a>(&mut self, time: f64, state: &State, reference: &'a Reference) -> Course<'a> {
-        match &mut self.mode {
-            Mode::Returns(fade) if fade.end() > time => Course::back_to(reference, *fade),
-            Mode::Stops { fade, at, stood, .. } => {
-                if fade.end() <= time && !*stood {
-                    *stood = true;
-                    self.log.tell(time, EventKind::Stopped, state.position);
-                }
-                Course::to_stand(*at, *fade)
-            }
-            Mode::Shut | Mode::Off => reference.into(),
-            mode => {
-                *mode = Mode::Follows;
-                reference.into()
-            }
-        }
-    }
-
-    /// Shuts the valve and suspends the law.
-    fn is_shut(&self) -> bool {
-        matches!(self.mode, Mode::Shut | Mode::Off)
-    }
-
     /// Returns the output of the law, or of the standby law.
-    fn ask(&mut self, own: &mut Controller, sample: &Sample, course: &Course) -> Answer {
-        if self.is_shut() {
+    fn ask(&mut self, own: &mut Follower, sample: &Sample, course: &Course) -> Answer {
+        if self.mode.is_shut() {
             return own.rest(course.at(sample.time), 0.0);
         }
         let time = sample.time;
@@ -532,15 +340,15 @@ impl Supervisor {
         Answer { command: 0.0, ..kept }
     }
 
-    fn stand_by(&mut self, own: &mut Controller, time: f64) {
+    fn stand_by(&mut self, own: &mut Follower, time: f64) {
         self.stands_by = true;
-        let number = crate::LAWS.iter().position(|key| *key == self.standby.key()).unwrap_or(0);
+        let number = crate::law::LAWS.iter().position(|key| *key == self.standby.key()).unwrap_or(0);
         self.log.tell(time, EventKind::StandBy, number as f64);
         own.switch(self.standby.clone());
     }
 
     /// Returns a command that keeps the drive off end stops and limit switches.
-    fn guarded(&mut self, own: &Controller, sample: &Sample, mut command: f64, stands: bool) -> f64 {
+    fn guarded(&mut self, own: &Follower, sample: &Sample, mut command: f64) -> f64 {
         let Some(state) = own.state() else { return command };
         if command.is_nan() {
             return command;
@@ -548,33 +356,12 @@ impl Supervisor {
         // Without readings, the model can be trusted only for a short time.
         self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
         let is_known = self.lost_for < MODEL_TRUSTED;
-        self.reversed = self.reversed.filter(|&(way, until)| command * way >= 0.0 && sample.time < until);
-        if self.reversed.is_some() {
-            // The command would drain the chamber that it should fill.
-            command = 0.0;
+        let brake = self.braking.needed(own, command, &self.gas, self.measures_gas).filter(|_| is_known);
+        if brake.is_some() && !self.braking.acts {
+            self.log.tell(sample.time, EventKind::EndStop, state.velocity);
         }
-        if let Some(brake) = self
-            .braking
-            .needed(own, command, &self.gas, self.measures_gas, self.doubted_until)
-            .filter(|_| is_known)
-        {
-            if !self.braking.acts {
-                self.log.tell(sample.time, EventKind::EndStop, state.velocity);
-                if let Some(times) = self.braking.swings.watch(sample.time, state.velocity, stands) {
-                    self.log.tell(sample.time, EventKind::Braked, f64::from(times));
-                    self.react(own, sample, Reaction::Block);
-                }
-            }
-            self.braking.acts = true;
-            let takes_air = !self.measures_gas && self.reversed.is_some_and(|(way, _)| brake * way > 0.0);
-            command = if takes_air { 0.0 } else { brake };
-            if self.gas.has_no_supply() {
-                // Every action of the law drains the chambers, and the supply does not refill them.
-                self.react(own, sample, Reaction::Block);
-            }
-        } else {
-            self.braking.acts = false;
-        }
+        self.braking.acts = brake.is_some();
+        command = brake.unwrap_or(command);
         let switches = self.inputs.switches;
         for (end, reached) in switches.into_iter().enumerate() {
             if reached && !self.switched[end] {

@@ -113,7 +113,6 @@ thresholds! {
     // Reference and feasibility.
     STOP_LEAST_TIME: f64 = 0.02, "s", "least time of a stop ramp", "assumed";
     RETURN_LEAST_TIME: f64 = 0.2, "s", "least time of a return to the reference", "assumed";
-    SLOWS_WITHIN: f64 = 0.2, "s", "time in which the clock of a reference slows down", "assumed";
     FEASIBLE_STEP: f64 = 1e-3, "s", "longest step along a reference", "assumed";
     FEASIBLE_LEAST_STEP: f64 = 1e-5, "s", "shortest step along a reference", "assumed";
     FEASIBLE_PIECES: f64 = 20.0, "1", "least steps of a move", "assumed";
@@ -129,11 +128,6 @@ thresholds! {
     STOP_NEAR: f64 = 2e-3, "m", "error up to which a stop ramp begins on the reference", "assumed";
     STOP_APART: f64 = 2e-3, "m", "distance from an end stop at which a stop ramp ends", "assumed";
     MODEL_TRUSTED: f64 = 0.08, "s", "time for which the position of the model is accurate without readings", "assumed";
-    SLOW_FULL: f64 = 0.95, "1", "command above which it counts as saturated", "assumed";
-    SLOW_FULL_FOR: f64 = 0.02, "s", "duration of saturation after which the reference is slowed down", "assumed";
-    SLOW_FACTOR: f64 = 0.8, "1", "factor by which the rate of the reference is reduced each time", "assumed";
-    SLOW_LEAST: f64 = 0.05, "1", "rate of the reference below which the drive is stopped", "assumed";
-    REVERSED_FOR: f64 = 1.0, "s", "time without commands that take air from the chamber that they should fill", "assumed";
 
     // Position sensor (supervisor).
     POSITION_JUMP: f64 = 5.0, "counts", "distance from the model above which a reading is not credible; also in standard deviations of its time", "assumed";
@@ -155,14 +149,11 @@ thresholds! {
     PRESSURE_FOLLOWS: f64 = 0.1, "s", "time in which the model follows the readings", "assumed";
     PRESSURE_FLOW: f64 = 0.4, "1", "error of the modelled flow", "assumed";
     PRESSURE_HARDLY_OPEN: f64 = 0.025, "1", "flow that may be completely wrong, relative to the full flow", "overlap and hysteresis of a valve that is hardly open; assumed";
-    PRESSURE_BEYOND: f64 = 1.0, "1", "unexplained force that is assigned to friction, relative to breakaway friction", "assumed";
-    PRESSURE_BORNE: f64 = 0.02, "s", "time in which a modelled pressure approaches the remaining difference", "assumed";
     PRESSURE_LOST: u32 = 3, "samples", "readings in a row that are not credible until the sensor is lost", "assumed";
     GUARD_PRESSURE: [f64; 2] = [1e4, 2.0], "Pa; 1", "pressures that exported code accepts: least pressure, and greatest relative to the supply", "assumed";
     SUPPLY_FALLEN: f64 = 1e5, "Pa", "fall of the supply pressure that is reported", "assumed";
     SUPPLY_FALLEN_FOR: f64 = 0.03, "s", "duration of this fall", "assumed";
     SUPPLY_FLOWN: f64 = 0.5e5, "Pa", "change of a pressure by flow that is needed to detect a fall of the supply", "assumed";
-    SUPPLY_REVERSED: f64 = 0.01, "s", "time for which a chamber must lose air to its supply to detect this", "assumed";
     SUPPLY_DOUBTED: f64 = 0.2e5, "Pa", "change of a pressure above which the supply is doubted", "assumed";
     SUPPLY_LESS: f64 = 0.3, "1", "error of the flow into a chamber", "assumed";
     SUPPLY_HARDLY_OPEN: f64 = 0.02, "1", "opening that may be zero in reality", "assumed";
@@ -183,16 +174,10 @@ thresholds! {
     BRAKE_TURN: f64 = 0.03, "s", "time in which the force of the gas turns", "assumed";
     BRAKE_GAIN: [f64; 2] = [2e-3, 6e-3], "s", "time for which the full force may act before braking: along the motion, after a turn", "assumed";
     BRAKE_AWAY: f64 = 0.03, "s", "time for which a drive that moves away from the end is simulated", "assumed";
-    BRAKE_MARGINS: [f64; 3] = [0.5, 1.0, 1.5], "1", "margin of the braking distance: usually, with trapped air alone, during braking", "assumed";
+    BRAKE_MARGINS: [f64; 2] = [0.5, 1.5], "1", "margin of the braking distance: before braking, during braking", "for errors of the model, and against chatter; assumed";
     BRAKE_MISSING: f64 = 2.0, "1", "unexplained force above which the supply is doubted, relative to Coulomb friction", "assumed";
     BRAKE_MISSED_FOR: f64 = 1.0, "s", "time for which the supply is doubted", "assumed";
     BRAKE_COUNTED_ON: f64 = 0.4, "1", "assumed pressure of a supply that did not fill a chamber, relative to the chamber pressure", "assumed";
-    BRAKE_HOPED_FOR: f64 = 0.8, "1", "the same, if the drive would otherwise hit the end", "assumed";
-    BRAKE_HITS: f64 = 0.15, "m/s", "speed of the hit above which this pressure is assumed", "assumed";
-    BRAKE_SURE: f64 = 0.2, "1", "spare part of the distance if little air is ahead", "assumed";
-    BRAKE_TIMES: u32 = 3, "1", "number of brakings of a drive at rest until its valve is shut", "assumed";
-    BRAKE_FAST: f64 = 0.1, "m/s", "speed above which braking before an end stop counts", "assumed";
-    BRAKE_WITHIN: f64 = 0.5, "s", "longest time between two such brakings", "assumed";
 
     // Motion monitor (supervisor).
     MOTION_SWING: f64 = 5.0, "tolerances", "least error of a limit cycle along a reference, peak to peak", "assumed";

@@ -150,6 +150,9 @@ impl Arrangement {
     }
 }
 
+/// Valves of a drive at most.
+pub const MOST_VALVES: usize = 4;
+
 /// Number of samples in a time.
 pub(crate) fn samples(time: f64, period: f64) -> f64 {
     (time / period - 1e-6).ceil().max(1.0)

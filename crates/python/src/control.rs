@@ -5,7 +5,7 @@ use crate::network::PyCircuit;
 use circuit::{Error, Look};
 use control::export::{RESULTS, STATUS, program};
 use control::{
-    AnyLaw, CHOICES, Demand, EventKind, FACTORED, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen,
+    AnyLaw, Demand, EventKind, FACTORED, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen,
 };
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
@@ -20,12 +20,6 @@ use std::collections::BTreeMap;
 #[pyfunction]
 pub fn control_laws() -> Vec<&'static str> {
     LAWS.to_vec()
-}
-
-/// Options of the controllers: controller, key, choices (the default first) and meaning.
-#[pyfunction]
-pub fn control_choices() -> Vec<(&'static str, &'static str, Vec<&'static str>, &'static str)> {
-    CHOICES.iter().map(|own| (own.law, own.key, own.options.to_vec(), own.meaning)).collect()
 }
 
 /// Thresholds of controllers, observer and supervisor: name, value, unit, meaning and reason.

@@ -82,7 +82,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::control_events, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_export, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_laws, m)?)?;
-    m.add_function(wrap_pyfunction!(control::control_choices, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_factors, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_thresholds, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_run, m)?)?;

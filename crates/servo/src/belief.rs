@@ -1,9 +1,10 @@
 //! Controller model of a drive, read from the description of its circuit.
 
+use crate::numbers::{given, number};
 use crate::refuse;
 use crate::valves::valves;
-use circuit::specification::{Circuit, Component};
-use circuit::{ComponentKind, Error, PistonSide, friction_law, kinds};
+use circuit::specification::{Circuit, Component, Friction};
+use circuit::{Error, PistonSide, friction_law};
 use control::{Held, Model, Side, Slip};
 use physics::{Gas, IdealGas};
 
@@ -41,20 +42,6 @@ fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Componen
     }
 }
 
-/// A number of a component: the given value, or the default.
-pub(crate) fn number(own: &Component, key: &str) -> Option<f64> {
-    let kind: &ComponentKind = kinds().into_iter().find(|kind| kind.key == own.kind)?;
-    let row = kind.parameters.iter().find(|row| row.key == key)?;
-    own.numbers.get(key).copied().or(row.default)
-}
-
-pub(crate) fn given(own: &Component, key: &str) -> Result<f64, Error> {
-    match number(own, key) {
-        Some(value) => Ok(value),
-        None => refuse(format!("{}.{key} is missing: a law needs it", own.name)),
-    }
-}
-
 /// Volume of the tubes that lead to a chamber, m3. This volume is filled and emptied together with the chamber.
 fn tubes_at(circuit: &Circuit, cylinder: &Component, chamber: &str) -> f64 {
     let mut tubes: Vec<_> = circuit.components.iter().filter(|own| own.kind.starts_with("tube")).collect();
@@ -73,22 +60,9 @@ fn tubes_at(circuit: &Circuit, cylinder: &Component, chamber: &str) -> f64 {
     volume
 }
 
-/// The controller model of a drive with one cylinder and valves, and its components.
-pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
-    let cylinder = only(circuit, "cylinder/", "cylinder")?;
-    let supply = only(circuit, "reservoir", "reservoir")?;
-    let gas = IdealGas::new(circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k);
-    let (commanded, valve) = valves(circuit, cylinder, supply, &gas)?;
-    let (loads, others): (Vec<&Component>, Vec<&Component>) = (circuit.components.iter())
-        .filter(|own| !commanded.iter().chain([&cylinder, &supply]).any(|known| known.name == own.name))
-        .partition(|own| own.kind == "load");
-    let of_loads = |key: &str| loads.iter().filter_map(|own| number(own, key)).sum::<f64>();
-    let [bore, rod, stroke, incline] = [
-        given(cylinder, "bore")?,
-        given(cylinder, "rod_diameter")?,
-        given(cylinder, "stroke")?,
-        given(cylinder, "incline")?,
-    ];
+/// Chambers a and b of a cylinder with a stroke, m.
+fn sides(circuit: &Circuit, cylinder: &Component, stroke: f64) -> Result<[Side; 2], Error> {
+    let [bore, rod] = [given(cylinder, "bore")?, given(cylinder, "rod_diameter")?];
     let rods = match &*cylinder.kind {
         "cylinder/rodless" => [0.0, 0.0],
         "cylinder/through-rod" => [rod, rod],
@@ -105,19 +79,37 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
             sign: [1.0, -1.0][i],
         })
     };
+    Ok([side(0, "dead_volume_a")?, side(1, "dead_volume_b")?])
+}
+
+/// Stiffness of the contact in stick, N/m, and its damping over its stiffness, s, of a moving mass, kg.
+fn stick(friction: &Friction, mass: f64) -> [f64; 2] {
+    let of_elements = friction.elements.iter().map(|own| own.stiffness_n_m).reduce(|sum, own| sum + own);
+    let bristle = |key: &str| friction.parameters.get(key).copied();
+    let Some(stiffness) = of_elements.or(bristle("bristle_stiffness")) else {
+        return [STICK_STIFFNESS * mass, STICK_DAMPING];
+    };
+    [stiffness, bristle("bristle_damping").unwrap_or(0.0) / stiffness]
+}
+
+/// The controller model of a drive with one cylinder and valves, and its components.
+pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
+    let cylinder = only(circuit, "cylinder/", "cylinder")?;
+    let supply = only(circuit, "reservoir", "reservoir")?;
+    let gas = IdealGas::new(circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k);
+    let (commanded, valve) = valves(circuit, cylinder, supply, &gas)?;
+    let (loads, others): (Vec<&Component>, Vec<&Component>) = (circuit.components.iter())
+        .filter(|own| !commanded.iter().chain([&cylinder, &supply]).any(|known| known.name == own.name))
+        .partition(|own| own.kind == "load");
+    let of_loads = |key: &str| loads.iter().filter_map(|own| number(own, key)).sum::<f64>();
+    let stroke = given(cylinder, "stroke")?;
     let mass = given(cylinder, "moving_mass")? + of_loads("mass");
+    let weight = mass * physics::constants::STANDARD_GRAVITY * given(cylinder, "incline")?.sin();
     let Some(friction) = &cylinder.friction else {
         return refuse(format!("{} has no friction", cylinder.name));
     };
-    let of_elements = friction.elements.iter().map(|own| own.stiffness_n_m).reduce(|sum, own| sum + own);
-    let bristle = |key: &str| friction.parameters.get(key).copied();
-    let stiffness = of_elements.or(bristle("bristle_stiffness"));
     let contact = friction_law(friction)?;
-    let stick_stiffness = stiffness.unwrap_or(STICK_STIFFNESS * mass);
-    let stick_damping_time = match (stiffness, bristle("bristle_damping")) {
-        (None, _) => STICK_DAMPING,
-        (_, damping) => damping.unwrap_or(0.0) / stick_stiffness,
-    };
+    let [stick_stiffness, stick_damping_time] = stick(friction, mass);
     let ambient = Held { pressure: circuit.ambient.pressure_pa, temperature: circuit.ambient.temperature_k };
     let model = Model {
         ambient,
@@ -125,10 +117,10 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
             pressure: given(supply, "pressure")?,
             temperature: number(supply, "temperature").unwrap_or(ambient.temperature),
         },
-        sides: [side(0, "dead_volume_a")?, side(1, "dead_volume_b")?],
+        sides: sides(circuit, cylinder, stroke)?,
         stroke,
         mass,
-        load: of_loads("force") - mass * physics::constants::STANDARD_GRAVITY * incline.sin(),
+        load: of_loads("force") - weight,
         heat_transfer: given(cylinder, "heat_transfer")?,
         wall_temperature: number(cylinder, "wall_temperature").unwrap_or(ambient.temperature),
         valve,
@@ -139,17 +131,13 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         friction: contact,
         gas: Gas::from(&gas),
     };
-    let switches = !model.valve.arrangement.is_proportional();
-    let left_out = others.into_iter().map(|own| own.name.clone()).collect();
     let name = |own: &Component| own.name.clone();
-    Ok((
-        model,
-        Axis {
-            cylinder: name(cylinder),
-            valves: commanded.into_iter().map(name).collect(),
-            switches,
-            supply: name(supply),
-            left_out,
-        },
-    ))
+    let axis = Axis {
+        cylinder: name(cylinder),
+        valves: commanded.into_iter().map(name).collect(),
+        switches: !model.valve.arrangement.is_proportional(),
+        supply: name(supply),
+        left_out: others.into_iter().map(name).collect(),
+    };
+    Ok((model, axis))
 }

@@ -3,9 +3,10 @@
 #![warn(missing_docs)]
 
 mod belief;
+mod controller;
 pub mod faults;
-mod horizon;
 mod noise;
+mod numbers;
 mod run;
 mod sensor;
 mod sensors;
@@ -13,9 +14,9 @@ pub mod specification;
 mod valves;
 
 pub use belief::{Axis, belief};
-pub use horizon::ByCircuit;
+pub use controller::controller;
 pub use noise::{Noise, philox};
-pub use run::{COLUMNS, Led, Loop, Rows, Servo, Turn, controller, run_together};
+pub use run::{COLUMNS, Led, Loop, Rows, Servo, Turn, run_together};
 pub use sensor::{Encoder, Sensor};
 pub use sensors::Sensors;
 

@@ -1,116 +1,13 @@
 //! The sampled loop: samples, law and command, each at its time.
 
-use crate::belief::{Axis, belief};
+use crate::belief::Axis;
 use crate::faults::Faults;
-use crate::horizon::ByCircuit;
 use crate::refuse;
 use crate::sensors::Sensors;
 use crate::specification;
 use circuit::{Error, Look, Session};
-use control::{
-    Answer, AnyLaw, CHOICES, Controller, FACTORS, Gain, Inputs, LAWS, Model, Predicting, Reference, Rules,
-    Sample, Valves,
-};
-use std::collections::BTreeMap;
+use control::{Answer, AnyLaw, Controller, Inputs, Reference, Rules, Sample, Valves};
 use std::time::Instant;
-
-/// A controller as it is described, with the axis that it commands. Position sensors have this deviation, m.
-pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(Controller, Axis), Error> {
-    let period = spec.period_s;
-    if !(LEAST_PERIOD..=LONGEST_PERIOD).contains(&period) {
-        return refuse(format!(
-            "period = {period} s: it must lie within {LEAST_PERIOD} and {LONGEST_PERIOD} s"
-        ));
-    }
-    let (model, axis) = belief(&spec.belief)?;
-    let Some(mut controller) = Controller::tuned(&spec.law, &model, period, deviation) else {
-        return refuse(format!("there is no law \"{}\"; there are {}", spec.law, LAWS.join(", ")));
-    };
-    let law = controller.law.key();
-    set(&format!("the law {law}"), law, controller.law.gains().collect(), &spec.gains)?;
-    choose(&mut controller, spec, &axis, &model)?;
-    controller.scale(spec.factors).map_err(Error::Specification)?;
-    controller.arrive();
-    let pulses = controller.model.valve.arrangement.acts_for(period);
-    if pulses < period * (1.0 - 1e-9) {
-        return refuse(format!(
-            "the valves pulse every {pulses} s, more often than the law is sampled, every {period} s: take a lower pwm_frequency or \
-             a shorter period"
-        ));
-    }
-    if spec.valves.is_empty() || !controller.valves.gains().is_empty() {
-        set("the valves", "valves", controller.valves.gains(), &spec.valves)?;
-    } else {
-        return refuse(
-            "valves: one proportional 5/3 valve has no numbers of its own here. Leave the table out",
-        );
-    }
-    if !spec.adaptation {
-        controller.adaptation = None;
-    }
-    controller.hold = spec.hold.map(|hold| control::Hold::new(hold.band_m, hold.after_s));
-    if let (Some(rules), Some(own)) = (&spec.supervision, &mut controller.supervisor) {
-        own.rules = rules.into();
-        if let Some(key) = &rules.standby {
-            let Some(standby) = AnyLaw::tuned(key, &model, &controller.plant) else {
-                return refuse(format!("there is no law \"{key}\"; there are {}", LAWS.join(", ")));
-            };
-            (own.standby, own.serves_own) = (standby, true);
-        }
-    }
-    Ok((controller, axis))
-}
-
-/// Passes the chosen options, such as names of methods, to a law.
-fn choose(
-    controller: &mut Controller,
-    spec: &specification::Controller,
-    axis: &Axis,
-    model: &Model,
-) -> Result<(), Error> {
-    let word = controller.law.key();
-    for (key, option) in &spec.choices {
-        let Some(choice) = CHOICES.iter().find(|own| own.law == word && own.key == key) else {
-            return refuse(format!("the law {word} has no choice \"{key}\""));
-        };
-        if !choice.options.contains(&option.as_str()) {
-            let options = choice.options.join(", ");
-            return refuse(format!("{word}.{key} = \"{option}\": choose of {options}"));
-        }
-        match &mut controller.law {
-            AnyLaw::Nmpc(law) if option == "circuit" => {
-                let circuit = ByCircuit::new(&spec.belief, axis, model)?;
-                law.predict_by(Predicting::By(Box::new(circuit)));
-            }
-            _ => {}
-        }
-    }
-    Ok(())
-}
-
-/// Sets numbers of the component of this name, under this name of their table.
-fn set(
-    what: &str,
-    table: &str,
-    mut own: Vec<(&'static Gain, &mut f64)>,
-    values: &BTreeMap<String, f64>,
-) -> Result<(), Error> {
-    for (key, &value) in values {
-        let keys: Vec<_> = own.iter().map(|(gain, _)| gain.key).collect();
-        let Some((Gain { unit, bounds, .. }, own)) = own.iter_mut().find(|(gain, _)| gain.key == key) else {
-            return refuse(format!("{what} has no gain \"{key}\"; it has {}", keys.join(", ")));
-        };
-        if !value.is_finite() || !bounds.contain(value) {
-            return refuse(format!("{table}.{key} = {value} {unit} is out of bounds: it must be {bounds}"));
-        }
-        **own = value;
-    }
-    Ok(())
-}
-
-/// Periods within which laws are sampled, s.
-const LEAST_PERIOD: f64 = 1e-5;
-const LONGEST_PERIOD: f64 = 0.1;
 
 /// Names of the columns of a run; SI units.
 pub const COLUMNS: [&str; 12] = [
@@ -153,8 +50,6 @@ pub struct Servo {
     switches: bool,
     commanded: Vec<f64>,
     faults: Faults,
-    /// Times, s, at which a user changes the factors.
-    factors: Vec<(f64, [f64; FACTORS.len()])>,
 }
 
 /// A sample whose command has not been given yet.
@@ -319,7 +214,6 @@ impl Servo {
         }
         Ok(Servo {
             faults,
-            factors: setup.factors.clone(),
             sensors: setup.into(),
             commands: (axis.valves.iter())
                 .map(|valve| input(session, format!("{valve}.command")))
@@ -342,10 +236,6 @@ impl Servo {
                 "the computing time, {} s, must be shorter than the period, {period} s",
                 self.computing_time
             ));
-        }
-        let mut scaled = controller.clone();
-        for &(_, factors) in &self.factors {
-            scaled.scale(factors).map_err(Error::Specification)?;
         }
         let stroke = controller.model.stroke;
         let free = Rules::default();
@@ -379,10 +269,6 @@ impl Servo {
         let t = sample.time;
         if let Some(supervisor) = &mut controller.supervisor {
             supervisor.inputs = Inputs { jitter: self.sensors.jitter[0], ..self.faults.inputs(t, truth[0]) };
-        }
-        let (begin, end) = (t - 0.5 * period, t + 0.5 * period);
-        for &(_, factors) in self.factors.iter().filter(|own| (begin..end).contains(&own.0)) {
-            controller.scale(factors).map_err(Error::Specification)?;
         }
         let seen = self.faults.spoil(&sample);
         let arrives = self.faults.reference(t, reference);

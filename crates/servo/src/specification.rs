@@ -19,9 +19,6 @@ pub struct Controller {
     /// Gains by their keys; gains that are left out are derived from the drive.
     #[serde(default)]
     pub gains: BTreeMap<String, f64>,
-    /// Options of the law by their keys; options that are left out have their defaults.
-    #[serde(default)]
-    pub choices: BTreeMap<String, String>,
     /// Factors of its gains: gain, damping, filter.
     #[serde(default = "ones")]
     pub factors: [f64; FACTORS.len()],
@@ -212,9 +209,6 @@ pub struct Setup {
     /// Faults of the run.
     #[serde(default)]
     pub faults: Vec<Fault>,
-    /// A time, s, from which on a user has these factors: gain, damping, filter.
-    #[serde(default)]
-    pub factors: Vec<(f64, [f64; FACTORS.len()])>,
 }
 
 /// Target of a fault.
@@ -303,8 +297,6 @@ pub enum Answering {
     Stop,
     /// The valve is shut immediately.
     Block,
-    /// The reference is slowed in time.
-    Slow,
 }
 
 impl From<Answering> for Reaction {
@@ -313,7 +305,6 @@ impl From<Answering> for Reaction {
             Answering::Tell | Answering::Model => Reaction::Tell,
             Answering::Stop => Reaction::Stop,
             Answering::Block => Reaction::Block,
-            Answering::Slow => Reaction::Slow,
         }
     }
 }

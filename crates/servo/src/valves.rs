@@ -1,6 +1,6 @@
 //! Valves of a circuit that a law commands, and their data for the law.
 
-use crate::belief::{given, number};
+use crate::numbers::{given, number};
 use crate::refuse;
 use circuit::Error;
 use circuit::specification::{Circuit, Component};
@@ -69,25 +69,27 @@ pub fn valves<'c>(
             };
             Ok((each.to_vec(), switching_as(a, arrangement, armature.mean(), gas)?))
         }
-        _ => {
-            let never = circuit.components.iter().find(|own| NEVER_SHUT.contains(&&*own.kind));
-            if let Some(own) = never {
-                return refuse(format!(
-                    "{} is a valve that shuts its chambers in no position, so that a drive on it cannot rest under a law: \
-                     {COMMANDED}",
-                    own.name
-                ));
-            }
-            let found: Vec<_> =
-                [&*threes, &*switching, &*twos].concat().iter().map(|own| &*own.name).collect();
-            let has = if found.is_empty() {
-                "no proportional 5/3 valve".into()
-            } else {
-                format!("the valves {}", found.join(", "))
-            };
-            refuse(format!("the circuit has {has}: {COMMANDED}"))
-        }
+        _ => Err(none_of_them(circuit, &[&*threes, &*switching, &*twos].concat())),
     }
+}
+
+/// The error of a circuit whose valves a law does not command.
+fn none_of_them(circuit: &Circuit, found: &[&Component]) -> Error {
+    let never = circuit.components.iter().find(|own| NEVER_SHUT.contains(&&*own.kind));
+    if let Some(own) = never {
+        return Error::Specification(format!(
+            "{} is a valve that shuts its chambers in no position, so that a drive on it cannot rest under a law: \
+             {COMMANDED}",
+            own.name
+        ));
+    }
+    let found: Vec<_> = found.iter().map(|own| &*own.name).collect();
+    let has = if found.is_empty() {
+        "no proportional 5/3 valve".into()
+    } else {
+        format!("the valves {}", found.join(", "))
+    };
+    Error::Specification(format!("the circuit has {has}: {COMMANDED}"))
 }
 
 fn flow(own: &Component, gas: &IdealGas<f64>) -> Result<Iso6358<f64>, Error> {

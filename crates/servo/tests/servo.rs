@@ -97,7 +97,7 @@ fn predictive_control_learns_friction_and_valve_of_its_drive() {
     let [coulomb, viscous] = controller.model.friction_shares;
     assert!((coulomb - 1.2).abs() < 0.03 && (viscous - 1.2).abs() < 0.06, "friction {coulomb}, {viscous}");
     let described = belief(&axis()).expect("a belief").0;
-    let (described, valve) = (described.valve, controller.model.valve);
+    let (described, valve) = (described.valve, controller.model.valve.clone());
     assert!((valve.flow.gain / described.flow.gain - 0.8).abs() < 0.03, "conductance");
     assert!((valve.overlap - 0.03).abs() < 0.002, "overlap {}", valve.overlap);
 }

@@ -314,48 +314,6 @@ fn a_valve_that_does_not_answer_and_a_supply_that_falls_are_told() {
     assert_eq!(count(&fallen, EventKind::Supply), 1, "{:?}", told(&fallen));
 }
 
-/// Largest distance from what is followed, m, from a time on, and the largest speed of that.
-fn followed(rows: &Rows, from: f64) -> [f64; 2] {
-    let late: Vec<_> = rows.iter().filter(|row| row[0] >= from).collect();
-    let fastest = late.windows(2).map(|two| (two[1][5] - two[0][5]).abs() / (two[1][0] - two[0][0]));
-    [late.iter().map(|row| (row[5] - row[1]).abs()).fold(0.0, f64::max), fastest.fold(0.0, f64::max)]
-}
-
-/// A supply that falls below what a reference takes of it: slowed, the reference is followed, and moves end where they were
-/// to end.
-#[test]
-fn a_reference_is_slowed_as_far_as_a_fallen_supply_allows() {
-    let fallen = setup(vec![Fault { value: Some(2.6e5), ..fault(FaultKind::SupplyFallen, 1.5, 99.0) }]);
-    let on = |reference: &Reference, reaction| {
-        run_with(("inversion", &fallen), (reference, 5.0), |own| {
-            own.supervisor.as_mut().expect("a supervisor").rules.on_supply = reaction;
-        })
-    };
-    let sine = Reference::Sine { centre: 0.25, amplitude: 0.12, frequency: 1.6 };
-    let [(told_alone, _), (slow, own)] = [Reaction::Tell, Reaction::Slow].map(|own| on(&sine, own));
-    let ([lost, fast], [error, slower]) = (followed(&told_alone, 3.0), followed(&slow, 3.0));
-    assert!(lost > 0.02 && error < 6e-3, "{error} m, {lost} m as it was");
-    let factor = own.supervisor.as_ref().expect("a supervisor").log().events();
-    let factor = factor.iter().rfind(|own| own.kind == EventKind::Slowed).expect("it is told").value;
-    assert!(
-        (1.2..2.5).contains(&factor) && (fast / slower / factor - 1.0).abs() < 0.02,
-        "{fast} {slower} {factor}"
-    );
-    // What is followed goes on without a step of its speed's slope.
-    let steps = slow.windows(3).map(|own| (own[2][5] - 2.0 * own[1][5] + own[0][5]).abs());
-    assert!(steps.fold(0.0, f64::max) < 20.0 * axis::PERIOD * axis::PERIOD);
-    let each = (0..9).map(|i| Move {
-        begin: 0.5 + 0.3 * f64::from(i),
-        duration: 0.28,
-        to: if i % 2 == 0 { 0.38 } else { 0.12 },
-    });
-    let moves = Reference::Moves { start: 0.12, moves: each.collect() };
-    let (rows, own) = on(&moves, Reaction::Slow);
-    assert!(count(&own, EventKind::Slowed) > 0, "{:?}", told(&own));
-    let last = rows[rows.len() - 1];
-    assert!((last[1] - 0.38).abs() < 1e-3 && last[5] == 0.38, "{} m, {} m", last[1], last[5]);
-}
-
 #[test]
 fn a_late_or_failing_law_is_bridged_then_replaced_without_a_bump() {
     let (rows, controller) = run(vec![fault(FaultKind::Late, 0.6, 0.6005)]);
@@ -378,9 +336,9 @@ fn a_late_or_failing_law_is_bridged_then_replaced_without_a_bump() {
     assert!(rows.iter().all(|row| row[6].is_finite()));
 }
 
-/// The command of the sample at which another law takes over, and while a gain changes.
+/// The command of the sample at which another law takes over.
 #[test]
-fn laws_are_switched_and_gains_changed_without_a_bump() {
+fn laws_are_switched_without_a_bump() {
     for law in ["pid", "super-twisting", "nmpc"] {
         let setup = setup(vec![]);
         let (mut under, mut controller) = begin(&axis(), "inversion", &setup, 0.22);
@@ -393,49 +351,26 @@ fn laws_are_switched_and_gains_changed_without_a_bump() {
                 let other = AnyLaw::tuned(law, &controller.model, &controller.plant).expect("a law");
                 controller.switch(other);
             }
-            if tick == 1200 && law == "pid" {
-                assert!(controller.retune("gain", 2.0) && !controller.retune("none", 1.0));
-            }
             let turn = under.observe(tick, &mut controller, &reference, look).expect("it runs");
             rows.push(under.give(&mut controller, &turn, turn.answer.command).expect("it runs"));
         }
         assert!((rows[800][6] - rows[799][6]).abs() < 1e-3, "{law}: {}", rows[800][6] - rows[799][6]);
         assert!(steepest(&rows, 0.7) < 0.2, "{law}: {}", steepest(&rows, 0.7));
         assert_eq!(controller.law.key(), law);
-        let gain = controller.law.gains().find(|own| own.0.key == "gain").map(|own| *own.1);
-        assert!(law != "pid" || gain == Some(2.0), "{gain:?}");
     }
 }
 
-/// Factors of gains that change while a drive runs.
+/// Factors multiply the gains that the drive gives.
 #[test]
-fn factors_multiply_gains_in_a_ramp_without_a_bump() {
-    let mut usual = setup(vec![]);
-    usual.factors = vec![(0.8, [2.0, 0.5, 3.0]), (0.9, [1.0, 0.5, 1.0])];
-    let (mut under, mut controller) = begin(&axis(), "pid", &usual, 0.22);
-    let reference = Reference::Moves { start: 0.22, moves: vec![] };
-    let mut never = |_| false;
-    let look = &mut circuit::Look::new(&mut never);
+fn factors_multiply_gains() {
     let keys = ["gain", "derivative_time", "filter_time"];
-    let gains = |own: &mut control::Controller| {
+    let (_, mut controller) = begin(&axis(), "pid", &setup(vec![]), 0.22);
+    let gains = |own: &mut Controller| {
         keys.map(|key| own.law.gains().find(|one| one.0.key == key).map_or(0.0, |one| *one.1))
     };
     let before = gains(&mut controller);
-    let mut last = before;
-    for tick in 0..1200_u32 {
-        let turn = under.observe(tick.into(), &mut controller, &reference, look).expect("it runs");
-        under.give(&mut controller, &turn, turn.answer.command).expect("it runs");
-        let now = gains(&mut controller);
-        for i in 0..3 {
-            // 2.1875 times the mean slope of a ramp of 200 samples, of the largest factor.
-            assert!((now[i] - last[i]).abs() < 0.05 * before[i], "{} at {tick} ms", keys[i]);
-        }
-        assert!(tick >= 800 || now == before);
-        last = now;
-    }
-    for (now, (before, factor)) in last.iter().zip(before.into_iter().zip([1.0, 0.5, 1.0])) {
-        assert!((now - factor * before).abs() < 1e-12 * before);
-    }
+    controller.scale([2.0, 0.5, 3.0]).expect("within bounds");
+    assert_eq!(gains(&mut controller), [2.0 * before[0], 0.5 * before[1], 3.0 * before[2]]);
     let refused = |law: &str, factors| begin(&axis(), law, &setup(vec![]), 0.22).1.scale(factors);
     let words = refused("inversion", [1.0, 2.0, 1.0]).expect_err("inversion has no damping");
     assert!(words.contains("factors.damping = 2") && words.contains("inversion"), "{words}");
@@ -443,25 +378,18 @@ fn factors_multiply_gains_in_a_ramp_without_a_bump() {
     assert!(refused("nmpc", [2.0, 0.5, 1.0]).is_ok());
 }
 
-/// Runs of the example `faults` whose supply falls, with pressure sensors and without: braking that counts on the supply
-/// as it is described hits at 0.24 to 0.70 m/s, a law that goes on to open the chamber ahead to a supply that presses less
-/// than that at 0.06 and 0.24 m/s, a brake that forgets the missing force as soon as it has braked at 0.14 m/s, one that
-/// counts on gas which the missing force says is not there at 0.60 m/s, and 0.18 m/s where the trapped air would have been
-/// enough. One that is behind the command which takes the air from where it is to brake hits at 0.15 m/s, and touches at
-/// 0.07 m/s where that is seen. A command that is tried again, near the end to which it led in reverse, hits at 0.23 m/s. A slow
-/// drive hits at 0.17 m/s where full braking takes the air ahead of it, one that the shut valve was just to stop at 0.34
-/// and 0.69 m/s, one that no longer tries what is left of the supply at 0.39 m/s.
+/// Runs of the example `faults` whose supply falls, with pressure sensors and without. A brake that counts on the
+/// described supply hits at 0.24 to 0.70 m/s, and one that counts on gas that the unmodelled force excludes at 0.60 m/s.
 #[test]
 fn braking_does_not_count_on_a_supply_that_has_fallen() {
-    let first = [251, 690, 709, 1011, 4456, 5757, 8388, 8932].map(|member| (1, member));
-    let others = [(13, 3125), (17, 2776), (23, 3904), (53, 357), (107, 4287)];
-    let further = [(1002, 7186), (1009, 8082), (1020, 5909)];
-    for (seed, member) in first.into_iter().chain(others).chain(further) {
-        let own = outcome(seed, member);
-        assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
-    }
-    let own = outcome(11, 5456);
-    assert!(own.speed < 0.1, "{} m/s: {}", own.speed, own.told);
+    let members = [251, 690, 709, 1011, 4456, 5757, 8388, 8932].map(|member| (1, member));
+    let hits: Vec<_> = (members.into_iter())
+        .filter_map(|(seed, member)| {
+            let own = outcome(seed, member);
+            (own.class != Class::Safe).then(|| format!("{member}: {} m/s: {}", own.speed, own.told))
+        })
+        .collect();
+    assert!(hits.is_empty(), "{hits:?}");
 }
 
 /// A supply below the chamber that it is to fill: told within 21 ms by that chamber, which the law would have emptied on the
@@ -488,6 +416,26 @@ fn a_supply_that_does_not_fill_a_chamber_shuts_the_valve() {
     }
 }
 
+/// The supply sags while a fast move ends near an end stop, and is back for the next move: the brake is no reason to
+/// leave the reference for good.
+#[test]
+fn a_drive_returns_to_its_reference_after_braking_on_a_sagging_supply() {
+    let sags = || setup(vec![Fault { value: Some(5e5), ..fault(FaultKind::SupplyFallen, 0.4, 1.0) }]);
+    for (start, near) in [(0.1, 0.492), (0.4, 0.008)] {
+        let moves = [(0.5, 0.3, near), (1.2, 0.5, 0.25)];
+        let moves: Vec<_> = moves.map(|(begin, duration, to)| Move { begin, duration, to }).into();
+        for law in ["inversion", "super-twisting", "nmpc"] {
+            let (rows, controller) =
+                run_with((law, &sags()), (&Reference::Moves { start, moves: moves.clone() }, 3.0), |_| ());
+            for kind in [EventKind::Supply, EventKind::EndStop] {
+                assert!(count(&controller, kind) > 0, "{law}: {:?}", told(&controller));
+            }
+            let error = (rows[rows.len() - 1][1] - 0.25).abs();
+            assert!(error < 1e-3, "{law}: {error} m: {:?}", told(&controller));
+        }
+    }
+}
+
 /// A supply that has fallen may be back when the drive is enabled anew: it is led to its reference and stands there.
 #[test]
 fn a_supply_that_is_back_serves_again_once_the_drive_is_enabled() {
@@ -510,15 +458,6 @@ fn a_supply_that_is_back_serves_again_once_the_drive_is_enabled() {
 fn a_command_that_turns_the_drive_is_braked_before_it_turned() {
     let own = outcome(7, 3646);
     assert_eq!(own.class, Class::Safe, "{} m/s: {}", own.speed, own.told);
-}
-
-/// A law swings about a target near an end, is braked at half a metre a second again and again, and loses its supply: it
-/// hits at 0.27 m/s. The third time it is taken off.
-#[test]
-fn a_law_that_is_braked_again_and_again_is_taken_off() {
-    let own = outcome(13, 3497);
-    assert_eq!(own.class, Class::Safe, "{} m/s: {}", own.speed, own.told);
-    assert!(own.told.contains("braked 3"), "{}", own.told);
 }
 
 /// A reading that rested for 0.1 s, whose sensor was given up when it was right again and from what the valve had been

@@ -71,7 +71,6 @@ fn told(law: &str, plant: &Circuit) -> specification::Controller {
         law: law.into(),
         period_s: PERIOD,
         gains: BTreeMap::new(),
-        choices: BTreeMap::new(),
         factors: [1.0; 3],
         valves: BTreeMap::new(),
         adaptation: true,

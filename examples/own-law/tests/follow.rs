@@ -38,13 +38,11 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
         jitter_s: [0.0; 4],
         switches_m: None,
         faults: vec![],
-        factors: vec![],
     };
     let spec = Controller {
         law: Own::KEY.into(),
         period_s: 1e-3,
         gains: BTreeMap::new(),
-        choices: BTreeMap::new(),
         factors: [1.0; 3],
         valves: BTreeMap::new(),
         hold: None,

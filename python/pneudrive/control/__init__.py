@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING
 from pneudrive.lazy_names import lazy
 
 if TYPE_CHECKING:
-    from pneudrive.control.card import StoredComparison, read_comparison
-    from pneudrive.control.comparison import ControlComparison, benchmark, standard
     from pneudrive.control.controller import Controller
     from pneudrive.control.demand import Feasibility, feasibility
     from pneudrive.control.loop import run
-    from pneudrive.control.measures import Score, iso230, score
     from pneudrive.control.mismatch import Mismatch, read_mismatch, ready_mismatches
     from pneudrive.control.motion import Reference
     from pneudrive.control.own_law import c_header, signals
     from pneudrive.control.pose import PosePath, PoseScore, pose_path, run_pose
     from pneudrive.control.references import reference
+    from pneudrive.control.results.card import StoredComparison, read_comparison
+    from pneudrive.control.results.comparison import ControlComparison, benchmark, standard
+    from pneudrive.control.results.measures import Score, iso230, score
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
     from pneudrive.control.suited import Suitability, suitability
@@ -72,15 +72,15 @@ __all__ = [
 __getattr__ = lazy(
     __name__,
     {
-        "card": ["StoredComparison", "read_comparison"],
-        "comparison": ["ControlComparison", "benchmark", "standard"],
+        "results.card": ["StoredComparison", "read_comparison"],
+        "results.comparison": ["ControlComparison", "benchmark", "standard"],
         "controller": ["Controller"],
         "source_code": ["export"],
         "own_law": ["c_header", "signals"],
         "pose": ["PosePath", "PoseScore", "pose_path", "run_pose"],
         "demand": ["Feasibility", "feasibility"],
         "loop": ["run"],
-        "measures": ["Score", "iso230", "score"],
+        "results.measures": ["Score", "iso230", "score"],
         "mismatch": ["Mismatch", "read_mismatch", "ready_mismatches"],
         "motion": ["Reference"],
         "references": ["reference"],

@@ -10,7 +10,7 @@ from pneudrive import _core, own_code, units
 from pneudrive.control.supervision import BuiltInLaw, ControlLimits, MotionComplete, OnFault, Supervision
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Choice, Reads
+from pneudrive.describe.marks import Reads
 from pneudrive.describe.quantities import Bounds, Length, Quantity
 
 #: Of a controller whose file says nothing; both assumed.
@@ -50,26 +50,6 @@ def _numbers(table: str) -> Reads:
     return Reads(read)
 
 
-#: Law -> key -> words, the first of which is usual, and meaning.
-CHOICES = {
-    law: {key: (tuple(words), meaning) for of, key, words, meaning in _core.control_choices() if of == law}
-    for law in {of for of, *_ in _core.control_choices()}
-}
-
-
-def _choice(law: str, key: str) -> Choice:
-    return Choice(CHOICES[law][key][0])
-
-
-class NmpcChoices(Described):
-    """Choices of `nmpc`."""
-
-    table_name: ClassVar[str] = "nmpc"
-    predictor: Annotated[str, _choice("nmpc", "predictor")] = Field(
-        default="model", description=CHOICES["nmpc"]["predictor"][1]
-    )
-
-
 _Factor = Annotated[float, Quantity("", bounds=Bounds(at_least=0.1, at_most=10.0))]
 
 
@@ -99,6 +79,7 @@ USUAL_FACTORS = Factors()
 
 #: Removed tables of a controller file: key, the values that change nothing, and what to do about others.
 REMOVED_TABLES = {
+    "nmpc": ("predictor", "model", "The predictor circuit was removed. Leave the table out: the model is used."),
     "observer": ("kind", "kalman", "The observers levant and lugre were removed. Leave the table out: kalman is used."),
     "fuzzy": ("inference", "sugeno", "The inference mamdani was removed. Leave the table out: sugeno is used."),
 }
@@ -138,7 +119,6 @@ class Controller(Described):
     )
     factors: Factors = USUAL_FACTORS
     gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
-    nmpc: NmpcChoices | None = None
     valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
     hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
     limits: ControlLimits = ControlLimits()
@@ -155,22 +135,6 @@ class Controller(Described):
             if numbers != {key: usual}:
                 raise wrong(table, f"the table [{table}] is not known", remedy=remedy)
         return {key: value for key, value in given.items() if key not in REMOVED_TABLES}
-
-    @model_validator(mode="after")
-    def _chosen_for_its_law(self) -> Controller:
-        for key in CHOICES:
-            if getattr(self, key) is not None and key != self.law:
-                raise wrong(key, f'a table [{key}] and law = "{self.law}"', remedy="Leave the table out.")
-        return self
-
-    @property
-    def choices(self) -> dict[str, str]:
-        """All choices of its law."""
-        if self.law not in CHOICES:
-            return {}
-        given = getattr(self, self.law)
-        usual = {key: words[0] for key, (words, _) in CHOICES[self.law].items()}
-        return usual if given is None else given.model_dump()
 
     @property
     def supervision(self) -> Supervision:

@@ -10,9 +10,9 @@ import numpy as np
 
 from pneudrive import __version__, _core
 from pneudrive.control.axis import supply_of
-from pneudrive.control.measures import air_of, score_of
 from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
 from pneudrive.control.references import check_reach
+from pneudrive.control.results.measures import air_of, score_of
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setups
 from pneudrive.control.standard_references import named_or_read
 from pneudrive.control.supervision import told
@@ -139,7 +139,7 @@ def run(
         command, estimated_velocity, disturbance, holds, step_time, least_step_time, each with ``units`` and
         ``long_name``. Its ``attrs`` hold score (a dict, see `pneudrive.control.Score`), events (what the supervisor
         told: time_s, kind, value, unit, text), law_failure (where a law of one's own failed and another one took
-        over), law, gains, choices, factors, period_s, samples, setup, mismatch, deviations, seed, reference, motion,
+        over), law, gains, factors, period_s, samples, setup, mismatch, deviations, seed, reference, motion,
         air, belief_hash, points_missed_m (of a reference that was made of points), and what `pneudrive.simulate` tells
         of a description.
 
@@ -335,7 +335,6 @@ def _provenance(prepared: Prepared, seed: int) -> dict[str, Any]:
         "rtol": prepared.rtol,
         "law": tuning.law,
         "gains": {gain.key: gain.value for gain in tuning.gains},
-        "choices": dict(tuning.choices),
         "factors": dict(tuning.factors.to_dict()),
         "period_s": tuning.period_s,
         "belief_hash": tuning.belief.description_hash,

@@ -11,7 +11,6 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 from pydantic import Field, model_validator
 
 from pneudrive import units
-from pneudrive.control.controller import Factors
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
@@ -198,12 +197,6 @@ class Disturbance(Described):
     force_n: Force
 
 
-class ChangedFactors(Factors):
-    """Factors of the law's gains that a user changes during the run. The gains follow within 0.2 s."""
-
-    at_s: Seconds
-
-
 class Setup(Described):
     """Instrumentation of a run under control. The package has ``ideal``, ``real`` and ``cheap``.
 
@@ -224,16 +217,22 @@ class Setup(Described):
     switches: LimitSwitches | None = None
     disturbances: tuple[Disturbance, ...] = ()
     faults: tuple[ControlFault, ...] = ()
-    factors: tuple[ChangedFactors, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_removed_tables(cls, given: Any) -> Any:  # noqa: ANN401 - of any type
+        if isinstance(given, dict) and "factors" in given:
+            remedy = "Gains no longer change during a run. Give factors in the controller file."
+            raise wrong("factors", "the table [[factors]] is not known", remedy=remedy)
+        return given
 
     @model_validator(mode="after")
     def _times_rise(self) -> Setup:
-        for table, each in (("disturbances", self.disturbances), ("factors", self.factors)):
-            times = [one.at_s for one in each]
-            for number, (before, after) in enumerate(pairwise(times), start=1):
-                if not after > before:
-                    what = f"{table}: {after:g} s follows {before:g} s"
-                    raise wrong(f"{table}.{number}.at", what, rule="times rise")
+        times = [one.at_s for one in self.disturbances]
+        for number, (before, after) in enumerate(pairwise(times), start=1):
+            if not after > before:
+                what = f"disturbances: {after:g} s follows {before:g} s"
+                raise wrong(f"disturbances.{number}.at", what, rule="times rise")
         return self
 
     @model_validator(mode="after")
@@ -255,7 +254,7 @@ class Setup(Described):
 
     def later_than(self, end_s: float) -> list[str]:
         """Return warnings of entries that begin only after a run has ended, s."""
-        tables = {"disturbances": self.disturbances, "faults": self.faults, "factors": self.factors}
+        tables = {"disturbances": self.disturbances, "faults": self.faults}
         return [
             f"{name}: what begins at {min(late):g} s has no effect, as the run ends at {end_s:g} s"
             for name, each in tables.items()
@@ -271,8 +270,6 @@ class Setup(Described):
         wrongs: dict[str, Any] = {"jitter_s": jitter} if any(jitter) else {}
         if self.faults:
             wrongs["faults"] = [one.core() for one in self.faults]
-        if self.factors:
-            wrongs["factors"] = [(one.at_s, one.values) for one in self.factors]
         if self.switches is not None:
             wrongs["switches_m"] = [self.switches.low_m, self.switches.high_m]
         return wrongs | {

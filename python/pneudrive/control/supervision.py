@@ -39,6 +39,17 @@ class BuiltInLaw(Choice):
         return str(given)
 
 
+class SupplyReaction(Choice):
+    """Annotation of a reaction to a low supply."""
+
+    def read(self, given: object) -> str:
+        """Check the word."""
+        if given == "slow":
+            remedy = 'References are no longer slowed. Use "tell", "stop" or "block", or a slower reference.'
+            raise WrongValueError('the reaction "slow" was removed', remedy=remedy)
+        return super().read(given)
+
+
 class ControlLimits(Described):
     """Limits of a drive under control. A reference beyond them is refused, and a drive beyond them is stopped."""
 
@@ -77,9 +88,8 @@ class OnFault(Described):
     valve: Annotated[str, Choice(("tell", "stop", "block"))] = Field(
         default="block", description="valve does not answer"
     )
-    supply: Annotated[str, Choice(("tell", "slow", "stop", "block"))] = Field(
-        default="block",
-        description="supply has fallen; slow: slow the reference down; block: only when it no longer fills a chamber",
+    supply: Annotated[str, SupplyReaction(("tell", "stop", "block"))] = Field(
+        default="block", description="supply has fallen; block: only when it no longer fills a chamber"
     )
     law: Annotated[str | None, BuiltInLaw(tuple(_core.control_laws()))] = Field(
         default=None, description="replaces a failed controller; absent: inversion, except for custom controllers"

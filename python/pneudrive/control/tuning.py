@@ -1,301 +1,39 @@
-"""Tuning: a law's gains from the description of the drive, its linear model, and its limits."""
+"""Tuning: a law's gains from the description of the drive."""
 
 from __future__ import annotations
 
 import json
-import math
 import os
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from pneudrive import _core, units
-from pneudrive.control.axis import check_axis, check_valves, supply_of, unknown_numbers
-from pneudrive.control.controller import (
-    AFTER_S,
-    BAND_M,
-    CHOICES,
-    USUAL_FACTORS,
-    Controller,
-    Factors,
-    HoldBand,
-    gain_quantity,
-)
+from pneudrive import _core
+from pneudrive.control.axis import check_axis, check_valves, limitations, unknown_numbers
+from pneudrive.control.controller import Controller, gain_quantity
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.control.setup import Setup, read_setup
-from pneudrive.control.supervision import USUAL, Supervision, law_remedy
+from pneudrive.control.supervision import law_remedy
+from pneudrive.control.tuned import LawModel, Plant, TunedGain, Tuning, core_form, factors_form, is_code_file
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
 from pneudrive.describe.keys import wrong
-from pneudrive.errors import CommandError, DescriptionError, nearest, warn
-from pneudrive.own_code import COMPILED, split
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.own_code import split
 from pneudrive.simulation.simulate import require
-from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
 
+__all__ = ["LawModel", "Plant", "TunedGain", "Tuning", "alone", "believed_by", "laws", "tune"]
+
 DEFAULT_LAW = "nmpc"
-#: Samples of a law in a period of the mass on its air, below which it is told to be slow (assumed).
-LEAST_SAMPLES = 40
-MOST_OF_FORCE = 0.85  # fraction of the supply's force for weight and friction above which a warning is given (assumed)
-#: Rates that differ by a smaller share are equal.
-EQUAL_DECAY = 0.01
 #: Key, unit, value, meaning and rule of a number, as the core lists it.
 _Ruled = tuple[str, str, float, str, str]
-
-
-class TunedGain(NamedTuple):
-    """A gain of a law.
-
-    Attributes
-    ----------
-    key : str
-        In a controller file.
-    unit : str
-        SI; ``"1"`` for a pure number.
-    value : float
-    meaning, rule : str
-        What it is, and what it follows from.
-    given : bool
-        Whether it was given and does not follow from its rule.
-    """
-
-    key: str
-    unit: str
-    value: float
-    meaning: str
-    rule: str
-    given: bool
-
-    @property
-    def quantity(self) -> str | float:
-        """Value as a controller file writes it."""
-        return gain_quantity(self.unit).show(self.value)
-
-    def __str__(self) -> str:
-        """Return the rounded value with its unit."""
-        return f"{self.value:.4g} {'' if self.unit == '1' else self.unit}".rstrip()
-
-
-@dataclass(frozen=True, repr=False)
-class Plant(Shown):
-    """Linear model of a drive at mid-stroke, with both chambers at the mean of supply and ambient pressure.
-
-    Attributes
-    ----------
-    natural_frequency_rad_s : float
-        Of the mass on its air, shut in.
-    damping_ratio : float
-        From viscous friction.
-    speed_m_s : float
-        Steady speed at full opening, the exhaust choked.
-    force_rate_n_s : float
-        Rate of the force of a chamber at full opening.
-    lag_s : float
-        By which a command acts late: dead time of the valve, its spool, half a period.
-    coulomb_n : float
-    stroke_m : float
-    rest_pressures_pa : list of float
-        Of chambers a and b, absolute, about the mean of supply and ambient pressure: the piston rests without friction.
-    cylinder : str
-        Name of the component.
-    valves : list of str
-        Names of the valves in the order of their commands.
-    left_out : list of str
-        Components of which the law knows nothing but the volume of tubes at the chambers, and parts of cylinder and
-        valve that it does not know.
-    pressure_decay_1_s : list of float
-        Rates at which the pressures of both shut chambers return by leakage and heat, mid stroke.
-    least_force_shares : list of float
-        Shares of the supply's force that weight and friction at rest take in +x and against it, mid stroke.
-    """
-
-    natural_frequency_rad_s: float
-    damping_ratio: float
-    speed_m_s: float
-    force_rate_n_s: float
-    lag_s: float
-    coulomb_n: float
-    stroke_m: float
-    rest_pressures_pa: list[float]
-    cylinder: str
-    valves: list[str]
-    left_out: list[str]
-    pressure_decay_1_s: list[float]
-    least_force_shares: list[float]
-
-    def rows(self) -> list[tuple[str, str]]:
-        """Return name and value with unit of each number."""
-        hertz = self.natural_frequency_rad_s / 6.283185307179586
-        return [
-            ("natural frequency", f"{self.natural_frequency_rad_s:.3g} rad/s ({hertz:.3g} Hz)"),
-            ("damping ratio", f"{self.damping_ratio:.3g}"),
-            ("speed at full opening", f"{self.speed_m_s:.3g} m/s"),
-            ("rate of force at full opening", f"{1e-3 * self.force_rate_n_s:.3g} kN/s"),
-            ("lag of the command", f"{1e3 * self.lag_s:.3g} ms"),
-            ("Coulomb friction", f"{self.coulomb_n:.3g} N"),
-            ("stroke", f"{1e3 * self.stroke_m:g} mm"),
-        ]
-
-
-class LawModel(NamedTuple):
-    """Data of the drive that a custom law gets before a run.
-
-    Attributes
-    ----------
-    plant : Plant
-        What the drive is to a law: natural frequency, speed at full opening, lag, and so on.
-    drive : Circuit
-        The drive as the law may believe it to be.
-    """
-
-    plant: Plant
-    drive: Circuit
-
-
-@dataclass(frozen=True, repr=False)
-class Tuning(Shown):
-    """A law with all its gains, for its model of the drive.
-
-    Attributes
-    ----------
-    law : str
-    period_s : float
-    hold : HoldBand or None
-        Standing still; None: it never holds.
-    adaptation : bool
-        It learns friction, mass and valve of its drive while it runs.
-    gains : tuple of TunedGain
-    plant : Plant
-    belief : Circuit
-        The drive as the law believes it to be.
-    source : str
-        File of that drive, or its name in the catalogue, where a controller file names one.
-    limits : tuple of str
-        What limits the law, in words.
-    own : OwnLaw or None
-        The law, where it is one of one's own: it has no gains here.
-    supervision : Supervision
-        Limits, when a motion is complete, and what is done about faults.
-    valves : tuple of TunedGain
-        Numbers of several or switching valves.
-    choices : dict of str to str
-        Words that the law has chosen, by their keys.
-    factors : Factors
-        What the gains are multiplied by.
-    """
-
-    law: str
-    period_s: float
-    hold: HoldBand | None
-    adaptation: bool
-    gains: tuple[TunedGain, ...]
-    plant: Plant
-    belief: Circuit
-    source: str = ""
-    limits: tuple[str, ...] = ()
-    own: OwnLaw | None = None
-    supervision: Supervision = USUAL
-    valves: tuple[TunedGain, ...] = ()
-    choices: Mapping[str, str] = field(default_factory=dict)
-    factors: Factors = USUAL_FACTORS
-
-    @property
-    def model(self) -> LawModel:
-        """Data of the drive that a custom law gets."""
-        return LawModel(self.plant, self.belief)
-
-    @property
-    def numbers(self) -> tuple[TunedGain, ...]:
-        """Gains of the law and numbers of its valves."""
-        return (*self.gains, *self.valves)
-
-    def core(self) -> dict[str, Any]:
-        """Return it in the core's form, SI."""
-        given = [{one.key: one.value for one in numbers} for numbers in (self.gains, self.valves)]
-        word = self.law if self.own is None else OWN
-        form = _core_form(word, self.period_s, (self.hold, self.adaptation), self.belief, *given)
-        form |= _chosen_form(self.choices, self.factors)
-        return form | self.supervision.core(self.belief.ambient.pressure_pa)
-
-    def to_toml(self, folder: str | Path = "") -> str:
-        """Write it as a controller file for a folder, with meaning and rule of each gain."""
-        word = self.law if self.own is None else _code_seen_from(folder, self.law)
-        lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
-        if self.source:
-            lines.append(f"drive = {toml.value_text(_seen_from(folder, self.source))}")
-        if self.factors != USUAL_FACTORS:
-            given = ", ".join(f"{key} = {value!r}" for key, value in self.factors.to_dict().items())
-            lines.append(f"factors = {{ {given} }}  # of {_factored(self.law)}")
-        for name, numbers in (("gains", self.gains), ("valves", self.valves)):
-            lines += ["", f"[{name}]", *_lines(numbers)] if numbers or name == "gains" else []
-        if self.choices:
-            meant = CHOICES[self.law]
-            lines += [
-                "",
-                f"[{self.law}]",
-                *(f'{key} = "{word}"  # {meant[key][1]}' for key, word in self.choices.items()),
-            ]
-        if not self.adaptation:
-            lines.insert(3, "adaptation = false")
-        if self.hold is None:
-            lines.insert(3, "hold = false")
-        else:
-            band, after = units.write(self.hold.band_m, "m", "um"), units.write(self.hold.after_s, "s", "ms")
-            lines += ["", "[hold]", f'band = "{band}"', f'after = "{after}"']
-            if (self.hold.band_m, self.hold.after_s) == (BAND_M, AFTER_S):
-                lines[-2:] = [f"{line}  # assumed" for line in lines[-2:]]
-        lines += self.supervision.lines()
-        return "\n".join([*lines, ""])
-
-    def save(self, path: str | Path) -> Path:
-        """Write it as a controller file. Files that it names are named from its folder.
-
-        If `believes` was a drive object, the output has no file name for it: add one as ``drive``.
-
-        Raises
-        ------
-        CommandError
-            The file cannot be written.
-        """
-        with whole(Path(path)) as temporary:
-            temporary.write_text(self.to_toml(Path(path).parent), encoding="utf-8")
-        return Path(path)
-
-    def _card(self) -> Card:
-        rows = [(g.key, str(g), g.meaning, "given" if g.given else g.rule) for g in self.numbers]
-        chosen = [(key, word, CHOICES[self.law][key][1], "") for key, word in self.choices.items()]
-        factors = self.factors.values
-        scaled = [("factors", " ".join(f"{one:g}" for one in factors), f"of {_factored(self.law)}", "given")]
-        rows += chosen + (scaled if set(factors) != {1.0} else [])
-        plant = [(name, value, "", "") for name, value in self.plant.rows()]
-        title = f"{self.law} for {self.belief.name}, every {1e3 * self.period_s:g} ms"
-        return Card(title, ("", "", "meaning", "rule"), [*rows, *plant], self.limits)
-
-
-def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
-    """Return numbers as lines of a controller file, each with its meaning and rule."""
-    return [
-        f"{one.key} = {toml.value_text(one.quantity)}  # {one.meaning}: {'given' if one.given else one.rule}"
-        for one in numbers
-    ]
-
-
-def _chosen_form(choices: Mapping[str, str], factors: Factors) -> dict[str, Any]:
-    """Return the choices of a law and the factors of its gains in the core's form; empty for the usual ones."""
-    form: dict[str, Any] = {"choices": dict(choices)} if choices else {}
-    return form | ({} if factors == USUAL_FACTORS else {"factors": factors.values})
-
-
-def _factored(law: str) -> str:
-    """Return the gain that each factor multiplies, in words."""
-    return ", ".join(f"{gain} ({factor})" for of, factor, gain in _core.control_factors() if of == law)
 
 
 def laws() -> list[str]:
@@ -362,7 +100,7 @@ def tune(
         tuning = _tuned(table, word, believed, folder, is_told=believes is not None)
     if own is not None:
         tuning = replace(tuning, own=own, law=own.name)
-    return _limited(tuning, read)
+    return replace(tuning, limits=limitations(tuning, read))
 
 
 def alone(tuning: Tuning, **others: object) -> Tuning:
@@ -404,24 +142,7 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
 def _beside(law: str, folder: Path) -> str:
     """Return the name of code in the folder of a controller file; leave other names unchanged."""
     module, name = split(law) or ("", "")
-    return f"{os.path.normpath(folder / module)}:{name}" if _is_file(module) else law
-
-
-def _core_form(
-    law: str,
-    period_s: float,
-    ways: tuple[HoldBand | None, bool],
-    belief: Circuit,
-    gains: dict[str, float],
-    valves: dict[str, float],
-) -> dict[str, Any]:
-    """Return a controller in the core's form, SI."""
-    hold, adaptation = ways
-    held = None if hold is None else hold.core()
-    drive = json.loads(belief.core_json())
-    core = {"law": law, "period_s": period_s, "gains": gains, "hold": held, "adaptation": adaptation}
-    core |= {"valves": valves} if valves else {}
-    return core | {"belief": drive}
+    return f"{os.path.normpath(folder / module)}:{name}" if is_code_file(module) else law
 
 
 def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *, is_told: bool) -> Tuning:
@@ -438,8 +159,8 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         valves: dict[str, float] | None = None,
         more: dict[str, Any] | None = None,
     ) -> tuple[dict[str, Any], list[list[_Ruled]]]:
-        ways = (table.hold, table.adaptation)
-        form = _core_form(word, table.period_s, ways, belief, gains or {}, valves or {})
+        numbers = {"gains": gains or {}, "valves": valves or {}}
+        form = core_form(word, table.period_s, table.hold, table.adaptation, belief, numbers)
         return _core.control_tune(json.dumps(form | (more or {})), 0.0)
 
     try:
@@ -455,28 +176,14 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         what = "the controller has a table [valves], and the drive one proportional 5/3 valve"
         raise wrong("valves", what, rule="it is for several or switching valves", remedy="Leave it out.")
     valves = _numbers_of("valves", "these valves", table.valves, ruled[1], lambda given: asked(valves=given))
-    chosen = _chosen_form(table.choices, table.factors)
+    chosen = factors_form(table.factors)
     if chosen:
         try:
             asked(more=chosen)
         except ValueError as error:
             raise wrong(str(error).split(" ")[0], str(error)) from None
-    if table.choices.get("predictor") == "circuit":
-        _check_moves(belief)
     made = Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
-    made = replace(made, supervision=table.supervision, valves=valves)
-    return replace(made, choices=table.choices, factors=table.factors)
-
-
-def _check_moves(belief: Circuit) -> None:
-    """Refuse friction with exact stick if the circuit predicts the plan: in stick, no opening moves the piston."""
-    states = {own["name"]: own["states"] for own in _core.friction_laws()}
-    for one in json.loads(belief.core_json())["components"]:
-        law = (one["friction"] or {}).get("law")
-        if law is not None and states.get(law) == []:
-            what = f'predictor = "circuit" and {one["name"]}.friction of the law {law}, which sticks exactly, are given'
-            remedy = 'Leave the key out, or describe the friction with a stiffness: law = "lugre" or "elasto-plastic".'
-            raise wrong("nmpc.predictor", what, rule="in stick, too, an opening moves the piston", remedy=remedy)
+    return replace(made, supervision=table.supervision, valves=valves, factors=table.factors)
 
 
 def _numbers_of(
@@ -522,76 +229,3 @@ def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
 
     path = source if source.startswith(PREFIX) else str(folder / source)
     return load_described(path), path
-
-
-def _seen_from(folder: str | Path, source: str) -> str:
-    """Return the name of a drive, or the path of a file relative to the folder of a controller file."""
-    return source if source.startswith(PREFIX) else Path(os.path.relpath(source, folder or ".")).as_posix()
-
-
-def _code_seen_from(folder: str | Path, law: str) -> str:
-    """Return the name of a custom law as written in a controller file of a folder."""
-    module, name = split(law) or ("", OWN)
-    return f"{_seen_from(folder, module)}:{name}" if _is_file(module) else law if module else name
-
-
-def _is_file(module: str) -> bool:
-    return module.endswith((".py", *COMPILED))
-
-
-def _limited(tuning: Tuning, setup: Setup) -> Tuning:
-    """Add the limitations of a controller, in words."""
-    plant, said = tuning.plant, []
-    bandwidth = next((gain.value for gain in tuning.gains if gain.key == "bandwidth"), plant.natural_frequency_rad_s)
-    late = bandwidth * plant.lag_s
-    said.append(
-        f"A command acts {1e3 * plant.lag_s:.3g} ms late (dead time of the valve, spool, half a period): "
-        f"{late:.2g} rad at {bandwidth:.3g} rad/s. A faster valve or a shorter period allows a larger bandwidth."
-    )
-    of_valve = plant.lag_s - 0.5 * tuning.period_s
-    longest = max(of_valve, 2.0 * math.pi / plant.natural_frequency_rad_s / LEAST_SAMPLES)
-    needs = max(plant.least_force_shares)
-    if needs > MOST_OF_FORCE:
-        warn(
-            f"weight and friction take {100.0 * needs:.0f} % of the force of the supply: "
-            f"{'the drive cannot move' if needs > 1.0 else 'little is left to move it'} at least one way"
-        )
-    if tuning.period_s > longest:
-        slow = f"period = {1e3 * tuning.period_s:g} ms: a law follows badly or loses the drive"
-        of = f"the lag of its valve or 1/{LEAST_SAMPLES} (assumed) of a period of its mass on the air"
-        warn(f"{slow} beyond {1e3 * longest:.3g} ms, {of}")
-    if setup.computer.time_s > 0.0:
-        said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms that the law does not know.")
-    if setup.sensors.pressure_a is None:
-        said.append("The setup has no pressure sensors: the law follows the pressures by its model of the drive.")
-    said += _unobservable(tuning, measured=setup.sensors.pressure_a is not None)
-    supply_pa, _ = supply_of(tuning.belief.core_json())
-    said += [f"{short}." for short in setup.short_of(supply_pa, tuning.belief.ambient.pressure_pa)]
-    if plant.left_out:
-        said.append(
-            f"The law knows nothing of {', '.join(plant.left_out)} but the volume of tubes at the chambers: it takes "
-            "the valve to stand at the cylinder, at a supply of constant pressure; speed and lag leave them out."
-        )
-    said.append(f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted.")
-    assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]
-    if assumed:
-        said.append(f"Assumed, not derived from this drive: {', '.join(assumed)}.")
-    return replace(tuning, limits=tuple(said))
-
-
-def _unobservable(tuning: Tuning, *, measured: bool) -> list[str]:
-    """Return the unobservable quantities of this drive, in words."""
-    said = [
-        "Not told apart by any observer: a force on the piston, friction that differs between the directions, and "
-        "zeros of the sensors; conductance of the valve and supply pressure; mass and force, while nothing "
-        "accelerates."
-    ]
-    if not measured:
-        rates = sorted(tuning.plant.pressure_decay_1_s)
-        apart = rates[1] - rates[0]
-        if apart <= EQUAL_DECAY * rates[1]:
-            why = f"both shut chambers return at {rates[1]:.2g} 1/s by leakage and heat"
-        else:
-            why = f"only their return by leakage and heat, at {rates[0]:.2g} and {rates[1]:.2g} 1/s, tells them apart"
-        said.append(f"At rest the position tells the force of the gas, not both pressures: {why}.")
-    return said

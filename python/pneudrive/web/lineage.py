@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
-from pneudrive.control.card import ABOUT as COMPARISON
+from pneudrive.control.results.card import ABOUT as COMPARISON
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries

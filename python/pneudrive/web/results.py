@@ -127,6 +127,6 @@ def view_at(workspace: Workspace, path: str, kind: str) -> View:
 
 def view_of_comparison(workspace: Workspace, path: str) -> View:
     """Return the medians of each controller along each reference."""
-    from pneudrive.control.card import read_comparison
+    from pneudrive.control.results.card import read_comparison
 
     return read_comparison(workspace.folder(path)).view()

@@ -309,7 +309,7 @@ def _texts(value: object) -> Iterator[str]:
 def _folder_marks() -> tuple[tuple[str, tuple[str, ...]], ...]:
     """Return the kinds of folders that are listed as one item, by files in them."""
     from pneudrive.campaign.storage.folder import ABOUT, RIG
-    from pneudrive.control.card import ABOUT as COMPARISON
+    from pneudrive.control.results.card import ABOUT as COMPARISON
     from pneudrive.sizing.folder import ABOUT as SIZING
 
     return ("campaign", (ABOUT, RIG)), ("comparison", (COMPARISON,)), ("sizing", (SIZING,))

@@ -220,7 +220,7 @@ static inline double pneudrive_pow(double x, double y)
     const double sum = fma(y, l.lo, p.lo);
     const double lo = pneudrive_magnitude(p.hi) < 800.0 ? sum : 0.0;
     const double power = pneudrive_exp_sum(p.hi, lo);
-    return (y == 0.0) | (x == 1.0) ? 1.0 : power;
+    return ((y == 0.0) | (x == 1.0)) ? 1.0 : power;
 }
 
 /* sin(|x| + quarter_turns pi/2). */

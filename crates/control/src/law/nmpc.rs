@@ -3,16 +3,15 @@
 use super::base::{Law, Tick, Tuned};
 use crate::gains::law;
 use crate::model::Model;
-use crate::number::{Memory, Number};
+use crate::number::Number;
 use crate::reference::Wanted;
 use crate::thresholds::{NMPC_ACCELERATION, NMPC_LAST, NMPC_ROUNDS, NMPC_SHORTER, NMPC_SLOW, NMPC_WANDER};
 use crate::types::{Plant, State};
-use math::{Dual, Over, Real};
+use math::{Dual, Over};
 use physics::above;
-use std::fmt;
 
 /// Number of moves in the plan.
-pub const MOVES: usize = 8;
+const MOVES: usize = 8;
 /// Duration of each move, ms. The last moves are simulated in steps of 2 ms.
 const BLOCKS: [usize; MOVES] = [1, 1, 2, 2, 4, 6, 8, 16];
 const STEPS: [usize; MOVES] = [1, 1, 1, 1, 1, 1, 2, 2];
@@ -28,68 +27,13 @@ const HORIZON: usize = {
 };
 
 /// A number with its derivatives with respect to all moves.
-pub type ByMoves = Dual<f64, MOVES>;
+type ByMoves = Dual<f64, MOVES>;
 
 /// Returns the steps of the horizon: the index of the move, and the duration of the step, s.
-pub fn steps() -> impl Iterator<Item = (usize, f64)> {
+fn steps() -> impl Iterator<Item = (usize, f64)> {
     (0..MOVES).flat_map(|block| {
         std::iter::repeat_n((block, 1e-3 * STEPS[block] as f64), BLOCKS[block] / STEPS[block])
     })
-}
-
-/// A predictor that replaces the model for the horizon. Moves are fractions of opening. Both methods pass on position,
-/// m,
-/// velocity, m/s, and acceleration, m/s2, after each of the [`steps`]. They return false if the prediction fails. The
-/// controller then uses its own model.
-pub trait Predictor: fmt::Debug + Send + Sync {
-    /// Sets the state at the beginning of the horizon, and the opening of the previous period.
-    fn begin(&mut self, tick: &Tick, given: f64);
-    /// Simulates the horizon under these moves.
-    fn values(&mut self, plan: &[f64; MOVES], see: &mut dyn FnMut([f64; 3])) -> bool;
-    /// Simulates the horizon with derivatives with respect to the moves.
-    fn derivatives(&mut self, plan: &[ByMoves; MOVES], see: &mut dyn FnMut([ByMoves; 3])) -> bool;
-    /// A copy.
-    fn boxed(&self) -> Box<dyn Predictor>;
-}
-
-/// Predictor of the horizon.
-#[derive(Debug, Default)]
-pub enum Predicting {
-    /// The model in fixed steps.
-    #[default]
-    Model,
-    /// Somebody else.
-    By(Box<dyn Predictor>),
-}
-
-impl Clone for Predicting {
-    fn clone(&self) -> Self {
-        match self {
-            Predicting::Model => Predicting::Model,
-            Predicting::By(own) => Predicting::By(own.boxed()),
-        }
-    }
-}
-
-impl<S> Memory<S> for Predicting {
-    fn each(&mut self, _see: &mut dyn FnMut(&mut S)) {}
-}
-
-/// Stored numbers of a predictor.
-trait Planned: Over<f64> {
-    fn ask(own: &mut dyn Predictor, plan: &[Self; MOVES], see: &mut dyn FnMut([Self; 3])) -> bool;
-}
-
-impl Planned for f64 {
-    fn ask(own: &mut dyn Predictor, plan: &[f64; MOVES], see: &mut dyn FnMut([f64; 3])) -> bool {
-        own.values(plan, see)
-    }
-}
-
-impl Planned for ByMoves {
-    fn ask(own: &mut dyn Predictor, plan: &[ByMoves; MOVES], see: &mut dyn FnMut([ByMoves; 3])) -> bool {
-        own.derivatives(plan, see)
-    }
 }
 
 type Transitions = [[[f64; 4]; 2]; 2];
@@ -129,16 +73,13 @@ law! {
     ///
     /// within -1 .. 1, e in mm, h in ms, w in %. Each sample simulates the horizon once, from the state when the
     /// present command acts. All numbers carry derivatives with respect to all moves. One Gauss-Newton step follows, or
-    /// a quarter of it if the full step would increase the cost. The predictor can be chosen: the model in fixed steps,
-    /// or a
-    /// [`Predictor`].
+    /// a quarter of it if the full step would increase the cost.
     pub struct Nmpc {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms";
         move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed";
     } memory<S> {
         plan: [S; MOVES] = [S::zero(); MOVES],
         last: S = S::zero(),
-        predicting: Predicting = Predicting::Model,
     }
 }
 
@@ -238,20 +179,15 @@ impl Nmpc {
         }
     }
 
-    /// Sets the predictor.
-    pub fn predict_by(&mut self, predicting: Predicting) {
-        self.predicting = predicting;
-    }
-
     /// Simulates the horizon under a plan and passes on each residual.
-    fn follow<S: Planned>(
-        &mut self,
+    fn follow<S: Over<f64>>(
+        &self,
         tick: &Tick,
         horizon: &Horizon,
         plan: &[S; MOVES],
         mut row: impl FnMut(S),
     ) {
-        let foreseen = self.foreseen(tick, horizon, plan);
+        let foreseen = foreseen(tick, horizon, plan);
         let l = self.bandwidth;
         let mut before = (MOVES, S::c(self.last));
         for ((wanted, [x, v, a]), (block, h)) in horizon.wanted.iter().zip(foreseen).zip(steps()) {
@@ -266,43 +202,11 @@ impl Nmpc {
             row((a - S::c(wanted.acceleration)).times(weight * NMPC_ACCELERATION.sqrt() / (l * l)));
         }
     }
-
-    /// Passes on position, velocity and acceleration after each step, from the predictor, or from the model if the
-    /// predictor fails.
-    fn foreseen<S: Planned>(
-        &mut self,
-        tick: &Tick,
-        horizon: &Horizon,
-        plan: &[S; MOVES],
-    ) -> [[S; 3]; HORIZON] {
-        let mut foreseen = [[S::zero(); 3]; HORIZON];
-        let mut seen = foreseen.iter_mut();
-        let mut see = |own| seen.by_ref().take(1).for_each(|place| *place = own);
-        let is_done = match &mut self.predicting {
-            Predicting::Model => false,
-            Predicting::By(own) => S::ask(&mut **own, plan, &mut see),
-        };
-        if !is_done {
-            by_model(tick, horizon, plan, &mut foreseen);
-        }
-        foreseen
-    }
 }
 
-/// Passes on the prediction of the model under a plan: position, m, velocity, m/s, and acceleration, m/s2, after each
-/// of the [`steps`], with derivatives.
-pub fn by_the_model(tick: &Tick, plan: &[ByMoves; MOVES]) -> Vec<[ByMoves; 3]> {
-    let mut foreseen = [[ByMoves::zero(); 3]; HORIZON];
-    by_model(tick, &Horizon::of(tick), plan, &mut foreseen);
-    foreseen.to_vec()
-}
-
-fn by_model<S: Over<f64>>(
-    tick: &Tick,
-    horizon: &Horizon,
-    plan: &[S; MOVES],
-    foreseen: &mut [[S; 3]; HORIZON],
-) {
+/// Returns position, m, velocity, m/s, and acceleration, m/s2, after each of the [`steps`], by the model under a plan.
+fn foreseen<S: Over<f64>>(tick: &Tick, horizon: &Horizon, plan: &[S; MOVES]) -> [[S; 3]; HORIZON] {
+    let mut foreseen = [[S::zero(); 3]; HORIZON];
     let model = tick.model;
     let mut state: State<S> = tick.state.map(S::c);
     let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(S::c);
@@ -328,6 +232,7 @@ fn by_model<S: Over<f64>>(
         foreseen[step] = [state.position, state.velocity, S::zero()];
     }
     foreseen[HORIZON - 1][2] = state.acceleration(model);
+    foreseen
 }
 
 impl Tuned for Nmpc {
@@ -358,9 +263,6 @@ impl Law for Nmpc {
         let mut cost = 0.0;
         let seeded: [ByMoves; MOVES] = std::array::from_fn(|i| ByMoves::variable(self.plan[i], i));
         let horizon = Horizon::of(tick);
-        if let Predicting::By(own) = &mut self.predicting {
-            own.begin(tick, self.last);
-        }
         self.follow(tick, &horizon, &seeded, |residual| {
             cost += residual.re * residual.re;
             for i in 0..MOVES {

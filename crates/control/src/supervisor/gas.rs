@@ -1,13 +1,12 @@
 //! Pressures against a twin of the gas: sensors, valve and supply.
 
-use super::Believed;
 use super::event::{EventKind, Log};
+use super::rules::Believed;
 use crate::model::{Held, Model};
 use crate::thresholds::{
-    PRESSURE_BEYOND, PRESSURE_BORNE, PRESSURE_FLOW, PRESSURE_FOLLOWS, PRESSURE_HARDLY_OPEN, PRESSURE_LOST,
-    PRESSURE_OFF, PRESSURE_OFF_FOR, SUPPLY_AT_ONCE, SUPPLY_DOUBTED, SUPPLY_FALLEN, SUPPLY_FALLEN_FOR,
-    SUPPLY_FLOWN, SUPPLY_FORGOTTEN, SUPPLY_HARDLY_OPEN, SUPPLY_LACKS, SUPPLY_LATE, SUPPLY_LESS,
-    SUPPLY_REVERSED, SUPPLY_SAGS, SUPPLY_VENTS,
+    PRESSURE_FLOW, PRESSURE_FOLLOWS, PRESSURE_HARDLY_OPEN, PRESSURE_LOST, PRESSURE_OFF, PRESSURE_OFF_FOR,
+    SUPPLY_AT_ONCE, SUPPLY_DOUBTED, SUPPLY_FALLEN, SUPPLY_FALLEN_FOR, SUPPLY_FLOWN, SUPPLY_FORGOTTEN,
+    SUPPLY_HARDLY_OPEN, SUPPLY_LACKS, SUPPLY_LATE, SUPPLY_LESS, SUPPLY_SAGS, SUPPLY_VENTS,
 };
 use crate::types::{Moment, State};
 
@@ -33,10 +32,76 @@ struct Chamber {
     lacks: f64,
 }
 
+/// What the model expects of a chamber for a sample. Rates in Pa/s.
+#[derive(Clone, Copy, Debug)]
+struct Expected {
+    /// State of the twin.
+    pressure: f64,
+    temperature: f64,
+    /// Pressure by the observer, Pa.
+    foreseen: f64,
+    /// Rates of the twin by flow, and of a completely open valve.
+    flow: f64,
+    full: f64,
+    /// Rates of the observed gas with the openings of the valve, on a fallen supply, and with the valve shut.
+    open: f64,
+    weak: f64,
+    shut: f64,
+    /// Openings to the supply and to the exhaust.
+    edges: [f64; 2],
+}
+
+/// What a chamber's reading shows.
+#[derive(Clone, Copy, Debug)]
+struct Shown {
+    /// Changes by flow, Pa: measured, by the model, and by the model on a fallen supply. `None`: the reading is not
+    /// credible, or rests.
+    changes: Option<[f64; 3]>,
+    /// The supply fails to fill the chamber.
+    starves: bool,
+}
+
 impl Chamber {
     /// The reading has rested for long.
     fn rests_for(&self, period: f64) -> bool {
         f64::from(self.rests) * period >= PRESSURE_OFF_FOR
+    }
+
+    /// Compares a reading p with the twin p_t, and lets the twin follow it. A reading is bad if it is no number, or
+    /// jumps by more than [`PRESSURE_OFF`] and a completely open valve explain. It is off if
+    ///
+    ///   |p - p_t| > PRESSURE_OFF + u,   u' = max(0.4 |q|, min(|q|, 0.025 q_full)) - u/tau
+    ///
+    /// with the uncertainty u of the twin, its rate by flow q, and tau = [`PRESSURE_FOLLOWS`].
+    fn read(&mut self, reading: f64, by: &Expected, period: f64) -> Shown {
+        let share = period / (period + PRESSURE_FOLLOWS);
+        let unsure = (PRESSURE_FLOW * by.flow).max(by.flow.min(PRESSURE_HARDLY_OPEN * by.full));
+        self.unsure += unsure * period - share * self.unsure;
+        let measured = reading - self.last - by.shut * period;
+        self.rests = if reading == self.last { self.rests + 1 } else { 0 };
+        let before = std::mem::replace(&mut self.last, reading);
+        // A jump is faster than any valve fills a chamber.
+        let most = PRESSURE_OFF + (by.full + by.shut.abs()) * period;
+        let jumps = (reading - by.foreseen).abs() > most;
+        self.bad = if reading.is_finite() && !jumps { 0 } else { self.bad + 1 };
+        let off = reading - by.pressure;
+        // A reading that rests while the model moves is off, however uncertain the flow is.
+        let unsure = if self.rests_for(period) { 0.0 } else { self.unsure };
+        let is_off = off.abs() > PRESSURE_OFF + unsure;
+        self.off_for = if is_off { self.off_for + period } else { 0.0 };
+        if is_off && self.rests_for(period) {
+            self.off_for = self.off_for.max(PRESSURE_OFF_FOR);
+        }
+        let is_good = self.bad == 0 && !self.is_lost;
+        self.pressure = by.pressure + if is_good { share * off } else { 0.0 };
+        self.temperature = by.temperature;
+        let [supplied, vented] = by.edges;
+        self.fills = if supplied == vented { self.fills } else { supplied > vented };
+        // A resting reading does not show the flow.
+        let tells = is_good && before.is_finite() && f64::from(self.rests) * period < 0.25 * PRESSURE_OFF_FOR;
+        let (flow, weak) = ((by.open - by.shut) * period, by.weak - by.shut);
+        let starves = self.starves(supplied - vented, weak, tells.then_some(measured), period);
+        Shown { changes: tells.then_some([measured, flow, weak * period]), starves }
     }
 
     /// Returns whether the supply fails to fill the chamber. `open` is how far the valve opens it to the supply.
@@ -76,12 +141,6 @@ pub struct Gas {
     supply_told: bool,
     /// The supply did not fill a chamber at this pressure, Pa.
     below: Option<f64>,
-    /// Whether the last observed filling was that of a supply that has fallen.
-    pub is_doubted: bool,
-    /// Duration for which the chamber at the supply has lost more than the other one, s, and the sign of the first
-    /// command. The supply pressure is then below that of the chamber, and the valve acts in reverse.
-    reversed_for: f64,
-    way: f64,
     valve_told: bool,
 }
 
@@ -96,10 +155,41 @@ pub struct Found {
     pub supply: bool,
     /// The supply was too low to fill a chamber.
     pub starved: bool,
-    /// Direction of commands that have a reversed effect from this sample on, because the supply has fallen.
-    pub reversed: Option<f64>,
     /// The pressure of a chamber comes from the model, or its reading is constant, so nothing is learned from it.
     pub modelled: bool,
+}
+
+/// Returns what the model expects of both chambers a period later. The twin has the observer's motion and separate
+/// pressures.
+fn expected(chambers: &[Chamber; 2], believed: &Believed, period: f64) -> [Expected; 2] {
+    let Believed { model, last: state, foreseen, edges } = *believed;
+    let mut twin = State {
+        pressures: chambers.map(|own| own.pressure),
+        temperatures: chambers.map(|own| own.temperature),
+        ..*state
+    };
+    let place = [twin.position, twin.velocity];
+    let at = |gas: &State, supply: &Held, openings| {
+        model.chambers_on(supply, place, gas.gas(), openings).pressure_rates
+    };
+    let (described, closed) = (&model.supply, [[0.0; 2]; 2]);
+    let (modelled, still) = (at(&twin, described, edges), at(&twin, described, closed));
+    // A fallen supply is detected from the actual state of the gas, not from its state on the described supply.
+    let fallen = Held { pressure: described.pressure - SUPPLY_FALLEN, ..*described };
+    let (open, weak, shut) =
+        (at(state, described, edges), at(state, &fallen, edges), at(state, described, closed));
+    twin.advance(model, edges, period, None);
+    [0, 1].map(|i| Expected {
+        pressure: twin.pressures[i],
+        temperature: twin.temperatures[i],
+        foreseen: foreseen.pressures[i],
+        flow: (modelled[i] - still[i]).abs(),
+        full: model.most_rate(i, twin.position),
+        open: open[i],
+        weak: weak[i],
+        shut: shut[i],
+        edges: edges[i],
+    })
 }
 
 impl Gas {
@@ -117,9 +207,8 @@ impl Gas {
         log: &mut Log,
     ) -> Found {
         let Moment { time, period } = moment;
-        let Believed { model, last: state, foreseen: seen, edges } = *believed;
-        let mut found = Found::default();
-        let chambers = self.chambers.get_or_insert_with(|| {
+        let Believed { model, last: state, foreseen, .. } = *believed;
+        let mut chambers = self.chambers.unwrap_or_else(|| {
             [0, 1].map(|i| Chamber {
                 pressure: state.pressures[i],
                 temperature: state.temperatures[i],
@@ -127,70 +216,24 @@ impl Gas {
                 ..Chamber::default()
             })
         });
-        // The twin has the observer's motion and separate pressures.
-        let mut twin = State {
-            pressures: chambers.map(|own| own.pressure),
-            temperatures: chambers.map(|own| own.temperature),
-            ..*state
-        };
-        let place = [twin.position, twin.velocity];
-        let at = |gas: &State, supply: &Held, openings| {
-            model.chambers_on(supply, place, gas.gas(), openings).pressure_rates
-        };
-        let (described, shut) = (&model.supply, [[0.0; 2]; 2]);
-        let (modelled, still) = (at(&twin, described, edges), at(&twin, described, shut));
-        // A fallen supply is detected from the actual state of the gas, not from its state on the described supply.
-        let fallen = Held { pressure: described.pressure - SUPPLY_FALLEN, ..*described };
-        let (open, weak) = (at(state, described, edges), at(state, &fallen, edges));
-        let shut = at(state, described, shut);
-        twin.advance(model, edges, period, None);
-        let mut starved = None;
-        let share = period / (period + PRESSURE_FOLLOWS);
-        for i in 0..2 {
-            let own = &mut chambers[i];
-            let reading = readings[i];
-            let by_flow = (open[i] - shut[i]) * period;
-            let (flow, full) = ((modelled[i] - still[i]).abs(), model.most_rate(i, twin.position));
-            own.unsure += (PRESSURE_FLOW * flow).max(flow.min(PRESSURE_HARDLY_OPEN * full)) * period
-                - share * own.unsure;
-            let measured = reading - own.last - shut[i] * period;
-            own.rests = if reading == own.last { own.rests + 1 } else { 0 };
-            let before = own.last;
-            own.last = reading;
-            // A jump is faster than any valve fills a chamber.
-            let most = PRESSURE_OFF + (model.most_rate(i, twin.position) + shut[i].abs()) * period;
-            let jumps = (reading - seen.pressures[i]).abs() > most;
-            own.bad = if reading.is_finite() && !jumps { 0 } else { own.bad + 1 };
-            let off = reading - twin.pressures[i];
-            // A reading that rests while the model moves is off, however uncertain the flow is.
-            let unsure = if own.rests_for(period) { 0.0 } else { own.unsure };
-            let is_off = off.abs() > PRESSURE_OFF + unsure;
-            own.off_for = if is_off { own.off_for + period } else { 0.0 };
-            if is_off && own.rests_for(period) {
-                own.off_for = own.off_for.max(PRESSURE_OFF_FOR);
-            }
-            let is_good = own.bad == 0 && !own.is_lost;
-            own.pressure = twin.pressures[i] + if is_good { share * off } else { 0.0 };
-            own.temperature = twin.temperatures[i];
-            let [supplied, vented] = edges[i];
-            own.fills = if supplied == vented { own.fills } else { supplied > vented };
-            // A resting reading does not show the flow.
-            let tells =
-                is_good && before.is_finite() && f64::from(own.rests) * period < 0.25 * PRESSURE_OFF_FOR;
-            if tells {
+        let expected = expected(&chambers, believed, period);
+        let (mut found, mut starved) = (Found::default(), None);
+        for (i, own) in chambers.iter_mut().enumerate() {
+            let shown = own.read(readings[i], &expected[i], period);
+            if let Some(changes) = shown.changes {
                 // A late change, after the valve has shut, belongs to the flow before.
                 let side = usize::from(!own.fills);
-                let changes = [measured, by_flow, (weak[i] - shut[i]) * period];
-                let lately = period / (period + SUPPLY_FALLEN_FOR);
-                for (own, change) in self.flown[side].iter_mut().zip(changes) {
-                    *own += change - share * *own;
-                }
-                for (own, change) in self.lately[side].iter_mut().zip(changes) {
-                    *own += change - lately * *own;
+                for (flown, time) in
+                    [(&mut self.flown, PRESSURE_FOLLOWS), (&mut self.lately, SUPPLY_FALLEN_FOR)]
+                {
+                    let share = period / (period + time);
+                    for (own, change) in flown[side].iter_mut().zip(changes) {
+                        *own += change - share * *own;
+                    }
                 }
             }
-            if own.starves(supplied - vented, weak[i] - shut[i], tells.then_some(measured), period) {
-                starved = Some(reading);
+            if shown.starves {
+                starved = Some(readings[i]);
             }
             if own.bad >= PRESSURE_LOST && !own.is_lost {
                 own.is_lost = true;
@@ -198,13 +241,37 @@ impl Gas {
                 log.tell(time, EventKind::PressureLost, i as f64);
             }
         }
-        let stuck = chambers.map(|own| own.rests_for(period));
         // Nothing is learned from a resting reading. A chamber whose sensor is lost continues from the twin.
-        found.modelled = stuck[0] || stuck[1];
-        let mut foreseen = seen.pressures;
+        found.modelled = chambers.iter().any(|own| own.rests_for(period));
+        let mut replaced = foreseen.pressures;
+        self.blame(moment, &mut chambers, &mut replaced, &mut found, log);
+        self.chambers = Some(chambers);
+        self.watch_supply(model, moment, starved, &mut found, log);
+        for ((own, reading), replaced) in chambers.iter().zip(readings).zip(&replaced) {
+            if own.bad > 0 || own.is_lost {
+                *reading = *replaced;
+                found.modelled = true;
+            }
+        }
+        found
+    }
+
+    /// Finds out what is at fault if readings have been off for [`PRESSURE_OFF_FOR`]: the valve if both chambers are
+    /// off, else the sensor of the one that is off alone. A chamber that lacks air on a low supply is not at fault.
+    fn blame(
+        &mut self,
+        at: Moment,
+        chambers: &mut [Chamber; 2],
+        replaced: &mut [f64; 2],
+        found: &mut Found,
+        log: &mut Log,
+    ) {
+        let Moment { time, period } = at;
+        let stuck = chambers.map(|own| own.rests_for(period));
         let off = chambers.map(|own| own.off_for >= PRESSURE_OFF_FOR && !own.is_lost);
         let both = off[0] && off[1] && stuck[0] == stuck[1];
-        if both && !self.valve_told {
+        // On a low supply, both chambers leave the twin, which is on the described supply.
+        if both && !self.valve_told && !self.supply_told {
             self.valve_told = true;
             found.valve = true;
             let away = |i: usize| (chambers[i].last - chambers[i].pressure).abs();
@@ -213,93 +280,57 @@ impl Gas {
         for i in 0..2 {
             // If the other chamber begins to leave the model too, the fault is the valve's.
             let [own, other] = [&chambers[i], &chambers[1 - i]];
-            // The chamber lacks air because the supply has fallen.
-            let is_starved = (self.supply_told || self.is_doubted) && own.last < own.pressure;
+            let is_starved = self.supply_told && own.last < own.pressure;
             let alone = (stuck[i] && !stuck[1 - i])
                 || (other.off_for == 0.0 && own.off_for >= 2.0 * PRESSURE_OFF_FOR && !is_starved);
             if off[i] && !both && alone && !self.valve_told && self.low_for == 0.0 {
                 chambers[i].is_lost = true;
                 found.sensor = true;
                 log.tell(time, EventKind::PressureLost, i as f64);
-                foreseen[i] = chambers[i].pressure;
+                replaced[i] = chambers[i].pressure;
             }
         }
-        let way = if edges[0][0] > edges[0][1] { 1.0 } else { -1.0 };
-        (found.supply, found.reversed) = self.watch_supply(model, way, moment, log);
-        if let (Some(pressure), None, false) = (starved, self.below, self.valve_told) {
-            let [_, [vented, vents, _]] = self.lately;
-            if vents < -0.5 * SUPPLY_DOUBTED && vented > SUPPLY_VENTS * vents {
-                self.valve_told = true;
-                found.valve = true;
-                log.tell(time, EventKind::Valve, vented - vents);
-            } else {
-                if !self.supply_told {
-                    log.tell(time, EventKind::Supply, pressure);
-                }
-                (self.supply_told, self.below) = (true, Some(pressure));
-                (found.supply, found.starved) = (true, true);
-            }
-        }
-        if let Some(chambers) = &self.chambers {
-            let lost = chambers.map(|own| own.is_lost);
-            if lost[0] != lost[1] {
-                // The unmodelled force beyond the uncertainty of friction is assigned to the pressure that runs by
-                // the model.
-                let i = usize::from(lost[1]);
-                let [level, _] = model.friction_levels([state.position, 0.0], state.pressures);
-                let d = state.disturbance;
-                let beyond = d - d.clamp(-PRESSURE_BEYOND * level, PRESSURE_BEYOND * level);
-                foreseen[i] +=
-                    period / (period + PRESSURE_BORNE) * model.sides[i].sign * beyond / model.sides[i].area;
-            }
-            for ((own, reading), foreseen) in chambers.iter().zip(readings).zip(&foreseen) {
-                if own.bad > 0 || own.is_lost {
-                    *reading = *foreseen;
-                    found.modelled = true;
-                }
-            }
-        }
-        found
     }
 
-    /// Both chambers share the valve, so a deficit of the filling chamber relative to the other chamber is caused by
-    /// the supply. Returns whether a fallen supply is detected from this sample on. It also returns the direction of
-    /// commands if the valve acts in reverse.
-    fn watch_supply(&mut self, model: &Model, way: f64, at: Moment, log: &mut Log) -> (bool, Option<f64>) {
-        let Moment { time, period } = at;
+    /// Watches the supply. Both chambers share the valve, so the other chamber gives its conductance. The fall of the
+    /// supply in units of [`SUPPLY_FALLEN`] is
+    ///
+    ///   (q_fill,model - q_fill q_vent,model/q_vent)/(q_fill,model - q_fill,fallen)
+    ///
+    /// with the changes q of the pressures by flow. A chamber that the supply does not fill is `starved`, Pa.
+    fn watch_supply(
+        &mut self,
+        model: &Model,
+        at: Moment,
+        starved: Option<f64>,
+        found: &mut Found,
+        log: &mut Log,
+    ) {
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;
         let seen = |flown: f64| fills > flown && vents < -flown && vented < 0.0;
-        // The flow of the other chamber gives the valve's conductance. `falls` is the deficit of the filling chamber
-        // in units of a supply fall.
-        let mut falls =
+        let falls =
             if seen(SUPPLY_DOUBTED) { (fills - filled * vents / vented) / (fills - weakly) } else { 0.0 };
-        if fills > SUPPLY_DOUBTED {
-            self.is_doubted = falls > 1.0 || filled < (1.0 - PRESSURE_FLOW) * weakly;
-        }
-        // An old flow does not show whether the valve fills now, while it is open only a little.
-        let [[now_filled, now_fills, _], [now_vented, now_vents, _]] = self.lately;
-        let flows = now_fills > 0.5 * SUPPLY_DOUBTED && now_vents < -0.5 * SUPPLY_DOUBTED;
-        let is_low = falls > 1.0 && seen(SUPPLY_FLOWN) && flows;
-        self.low_for = if is_low { self.low_for + period } else { 0.0 };
-        let was_reversed = self.reversed_for >= SUPPLY_REVERSED;
-        let least = if self.supply_told { 0.0 } else { SUPPLY_DOUBTED };
-        let lacks = now_fills > least && now_fills - now_filled > SUPPLY_DOUBTED;
-        let loses = lacks && now_filled < now_vented && now_vented < 0.0;
-        if self.reversed_for == 0.0 {
-            self.way = way;
-        }
-        self.reversed_for = if loses { self.reversed_for + period } else { 0.0 };
-        let is_reversed = self.reversed_for >= SUPPLY_REVERSED;
-        if is_reversed && !seen(SUPPLY_DOUBTED) {
-            falls = (fills - filled) / (fills - weakly);
-        }
-        let told = (self.low_for >= SUPPLY_FALLEN_FOR || is_reversed) && !self.supply_told;
-        if told {
-            self.supply_told = true;
+        self.low_for = if falls > 1.0 && seen(SUPPLY_FLOWN) { self.low_for + at.period } else { 0.0 };
+        let low = self.low_for >= SUPPLY_FALLEN_FOR && !self.supply_told;
+        if low {
             let [ambient, supply] = [model.ambient.pressure, model.supply.pressure];
-            log.tell(time, EventKind::Supply, (supply - falls * SUPPLY_FALLEN).max(ambient));
+            log.tell(at.time, EventKind::Supply, (supply - falls * SUPPLY_FALLEN).max(ambient));
         }
-        (told, (is_reversed && !was_reversed).then_some(self.way))
+        self.supply_told |= low;
+        found.supply = low;
+        let (Some(pressure), None, false) = (starved, self.below, self.valve_told) else { return };
+        let [_, [vented, vents, _]] = self.lately;
+        if vents < -0.5 * SUPPLY_DOUBTED && vented > SUPPLY_VENTS * vents {
+            // The other chamber does not vent: the valve is at fault.
+            (self.valve_told, found.valve) = (true, true);
+            log.tell(at.time, EventKind::Valve, vented - vents);
+            return;
+        }
+        if !self.supply_told {
+            log.tell(at.time, EventKind::Supply, pressure);
+        }
+        (self.supply_told, self.below) = (true, Some(pressure));
+        (found.supply, found.starved) = (true, true);
     }
 
     /// The supply has fallen.
@@ -313,7 +344,7 @@ impl Gas {
     }
 
     /// A pressure is not measured any more.
-    pub fn lacks_sensor(&self) -> bool {
+    fn lacks_sensor(&self) -> bool {
         self.chambers.is_some_and(|own| own.iter().any(|own| own.is_lost))
     }
 

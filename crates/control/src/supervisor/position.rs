@@ -1,7 +1,7 @@
 //! Check of position readings against the prediction of the model.
 
-use super::Believed;
 use super::event::{EventKind, Log};
+use super::rules::Believed;
 use crate::model::Model;
 use crate::thresholds::{
     POSITION_AT_END, POSITION_BEARS, POSITION_CORRECTED, POSITION_CREEPS, POSITION_FRICTION, POSITION_GONE,
@@ -93,54 +93,25 @@ impl Position {
     /// Second, the model moves by 20 counts while x rests. Third, a model with more friction, which advances without
     /// readings, is 2 mm away from x.
     pub fn checked(&mut self, read: &Read, believed: &Believed, log: &mut Log) -> (f64, Option<State>) {
-        let Read { time, reading, period, jitter, grain, fastest, is_held, by_gas } = *read;
+        let Read { time, reading, period, jitter, grain, fastest, .. } = *read;
         let Believed { model, last: seen, foreseen, edges } = *believed;
         if self.is_lost() {
             return (foreseen.position, None);
         }
-        let mut miss = reading - foreseen.position;
-        // A held contact may creep in the model and stick in reality: each reading corrects the model.
-        let creeps = is_held || foreseen.velocity.abs() < POSITION_CREEPS[usize::from(!by_gas)];
-        // The same holds for a contact that sticks in reality: its force is mistaken for a disturbance.
         let [level, _] = model.friction_levels([reading, 0.0], seen.pressures);
-        let force = model.gas_force(seen.pressures) + model.load;
-        let sticks = by_gas && self.stopped && force.abs() < POSITION_BEARS * level;
-        let way = if creeps || sticks { 0.0 } else { foreseen.velocity * period };
-        if self.last == Some(reading) {
-            self.moved += way;
-        } else {
-            let v = foreseen.velocity;
-            (self.moved, self.from_rest) = (0.0, v.abs() < POSITION_CREEPS[1]);
-            self.stopped = 0.5 * model.mass * v * v < level * POSITION_STOPS * grain;
-        }
+        self.count(read, believed, level);
+        let mut miss = reading - foreseen.position;
         let apart = (POSITION_SPEED * period).max(POSITION_JUMP * jitter) * fastest;
         let jumps = miss.abs() > POSITION_JUMP * grain + apart * f64::from(1 + self.bad);
-        // Without measured pressures, a law that holds drives its gas by the model alone while the drive rests.
-        let rests = self.last == Some(reading) && (by_gas || !is_held);
-        if !rests {
-            self.twin = None;
-        } else {
-            let twin = self.twin.get_or_insert_with(|| {
-                let mut rubbing = model.clone();
-                rubbing.friction_shares[0] *= POSITION_FRICTION[usize::from(!by_gas)];
-                Twin { rubbing, rubs: *seen, free: *seen }
-            });
-            go_on(&mut twin.rubs, &twin.rubbing, seen, edges, period);
-            twin.free = State { pressures: seen.pressures, temperatures: seen.temperatures, ..twin.free };
-        }
-        let gone = self.twin.as_ref().map_or(0.0, |twin| twin.rubs.position - reading);
-        let room = if gone > 0.0 { model.stroke - reading } else { reading };
-        let is_gone = gone.abs() > POSITION_GONE.max(POSITION_STUCK * grain) && room > POSITION_AT_END;
-        if is_gone {
-            miss = -gone;
-        }
+        let gone = self.dead_reckoned(read, believed);
+        miss = gone.map_or(miss, |gone| -gone);
         let breaks_away =
             (0.5 * level / model.mass * POSITION_CORRECTED * POSITION_CORRECTED).min(POSITION_GONE);
         let late = if self.from_rest { breaks_away } else { 0.0 };
         // A reading may be as late as the next one. The jitter of its time counts as far as it exceeds the
         // uncertainty of the speed.
         let jittered = (POSITION_JUMP * jitter - POSITION_SPEED * period).max(0.0) * foreseen.velocity.abs();
-        let is_stuck = is_gone || self.moved.abs() > POSITION_STUCK * grain + late + jittered;
+        let is_stuck = gone.is_some() || self.moved.abs() > POSITION_STUCK * grain + late + jittered;
         if !jumps && !is_stuck && reading.is_finite() {
             self.bad = 0;
             self.last = Some(reading);
@@ -161,5 +132,45 @@ impl Position {
             now.advance(model, edges, period, None);
         }
         (now.position, free)
+    }
+
+    /// Counts the distance of the model since the reading changed. `level` is the breakaway friction, N.
+    fn count(&mut self, read: &Read, believed: &Believed, level: f64) {
+        let Read { reading, period, grain, is_held, by_gas, .. } = *read;
+        let Believed { model, last: seen, foreseen, .. } = *believed;
+        // A held contact may creep in the model and stick in reality: each reading corrects the model.
+        let creeps = is_held || foreseen.velocity.abs() < POSITION_CREEPS[usize::from(!by_gas)];
+        // The same holds for a contact that sticks in reality: its force is mistaken for a disturbance.
+        let force = model.gas_force(seen.pressures) + model.load;
+        let sticks = by_gas && self.stopped && force.abs() < POSITION_BEARS * level;
+        if self.last == Some(reading) {
+            self.moved += if creeps || sticks { 0.0 } else { foreseen.velocity * period };
+        } else {
+            let v = foreseen.velocity;
+            (self.moved, self.from_rest) = (0.0, v.abs() < POSITION_CREEPS[1]);
+            self.stopped = 0.5 * model.mass * v * v < level * POSITION_STOPS * grain;
+        }
+    }
+
+    /// Advances the model with more friction while the reading rests. Returns its distance from the reading, m, if the
+    /// drive must have moved.
+    fn dead_reckoned(&mut self, read: &Read, believed: &Believed) -> Option<f64> {
+        let Read { reading, period, grain, is_held, by_gas, .. } = *read;
+        let Believed { model, last: seen, edges, .. } = *believed;
+        // Without measured pressures, a law that holds drives its gas by the model alone while the drive rests.
+        if self.last != Some(reading) || (is_held && !by_gas) {
+            self.twin = None;
+            return None;
+        }
+        let twin = self.twin.get_or_insert_with(|| {
+            let mut rubbing = model.clone();
+            rubbing.friction_shares[0] *= POSITION_FRICTION[usize::from(!by_gas)];
+            Twin { rubbing, rubs: *seen, free: *seen }
+        });
+        go_on(&mut twin.rubs, &twin.rubbing, seen, edges, period);
+        twin.free = State { pressures: seen.pressures, temperatures: seen.temperatures, ..twin.free };
+        let gone = twin.rubs.position - reading;
+        let room = if gone > 0.0 { model.stroke - reading } else { reading };
+        (gone.abs() > POSITION_GONE.max(POSITION_STUCK * grain) && room > POSITION_AT_END).then_some(gone)
     }
 }

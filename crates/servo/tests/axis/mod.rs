@@ -96,7 +96,6 @@ pub fn setup(seed: u64) -> Setup {
         jitter_s: [0.0; 4],
         switches_m: None,
         faults: vec![],
-        factors: vec![],
     }
 }
 
@@ -108,23 +107,10 @@ pub fn begin(
     setup: &Setup,
     position: f64,
 ) -> (Loop, control::Controller) {
-    begin_choosing(belief, plant, (law, supervision), &[], setup, position)
-}
-
-/// The same under a law that has chosen words.
-pub fn begin_choosing(
-    belief: Circuit,
-    plant: &Circuit,
-    (law, supervision): (&str, Option<Supervision>),
-    choices: &[(&str, &str)],
-    setup: &Setup,
-    position: f64,
-) -> (Loop, control::Controller) {
     let spec = Controller {
         law: law.into(),
         period_s: PERIOD,
         gains: Default::default(),
-        choices: choices.iter().map(|(key, word)| ((*key).into(), (*word).into())).collect(),
         factors: [1.0; 3],
         adaptation: true,
         valves: Default::default(),

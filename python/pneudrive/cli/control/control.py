@@ -16,8 +16,8 @@ from pneudrive.cli.output import check_outputs, show_events, show_table, tell, w
 from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
-    from pneudrive.control.comparison import ControlComparison
-    from pneudrive.control.measures import Score
+    from pneudrive.control.results.comparison import ControlComparison
+    from pneudrive.control.results.measures import Score
     from pneudrive.control.tuning import Tuning
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
@@ -130,7 +130,7 @@ def _show_suitability(drive: Drive | Circuit, setup: str) -> None:
 
 
 def _show_run(found: Run) -> Score:
-    from pneudrive.control.measures import Score
+    from pneudrive.control.results.measures import Score
 
     score = Score(**found.provenance["score"])
     typer.echo(aligned(score.rows()))
@@ -251,8 +251,8 @@ def benchmark(
         Keep samples of each run; default: without a spread.
     """
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.control.card import SCORES
-    from pneudrive.control.comparison import compare_watched
+    from pneudrive.control.results.card import SCORES
+    from pneudrive.control.results.comparison import compare_watched
     from pneudrive.describe.files.load import load_described
     from pneudrive.report.control.page import write_control_report
 

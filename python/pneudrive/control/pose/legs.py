@@ -260,7 +260,7 @@ def leg_tunings(
     Raises
     ------
     CommandError
-        The controller is custom code, or predicts by the circuit.
+        The controller is custom code.
     DescriptionError
         A leg has no cylinder or no valves that a controller can command.
     """
@@ -269,8 +269,8 @@ def leg_tunings(
     for i, leg in enumerate(platform.legs):
         own = leg_circuit(circuit, platform, i, float(needs.masses_kg[0, i]), float(needs.loads_n[0, i]))
         tuning = tune(own, law, believes=own, **told)
-        if tuning.own is not None or tuning.choices.get("predictor") == "circuit":
+        if tuning.own is not None:
             what = f"{leg.name}: {tuning.law} cannot be given the mass and load of a leg"
-            raise CommandError(what, rule="a controller of pneudrive that predicts by its model")
+            raise CommandError(what, rule="a controller of pneudrive")
         out.append(tuning)
     return out

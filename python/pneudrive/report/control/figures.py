@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.control.comparison import ControlComparison
     from pneudrive.control.motion import Reference
+    from pneudrive.control.results.comparison import ControlComparison
     from pneudrive.control.tuning import Plant
 
 MOST_DRAWN = 4000  # samples of a curve

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.control.measures import written
+from pneudrive.control.results.measures import written
 from pneudrive.report import style
 from pneudrive.report.control.figures import boxes, tracks
 from pneudrive.report.page import Items, PageTable, Picture, Report
@@ -15,7 +15,7 @@ from pneudrive.report.words import plural
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.control.comparison import ControlComparison
+    from pneudrive.control.results.comparison import ControlComparison
     from pneudrive.report.page import Section
 
 

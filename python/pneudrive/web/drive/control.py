@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import AfterValidator, Field, StrictInt, StrictStr
 
-from pneudrive.control.card import read_comparison
-from pneudrive.control.comparison import standard
 from pneudrive.control.controller import Controller
 from pneudrive.control.loop import prepare, run_prepared
-from pneudrive.control.measures import SHOWN, Score, written
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import RECORDS, reference
+from pneudrive.control.results.card import read_comparison
+from pneudrive.control.results.comparison import standard
+from pneudrive.control.results.measures import SHOWN, Score, written
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import laws
 from pneudrive.describe.files import toml
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from pneudrive.control.card import StoredComparison
     from pneudrive.control.loop import Prepared
+    from pneudrive.control.results.card import StoredComparison
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.simulation.simulate import Run

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
-import threading
-import uuid
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.control.card import (
-    ABOUT,
-    KEPT,
-    RUNS,
+from pneudrive.control.loop import RTOL, Prepared, prepare, whole_number
+from pneudrive.control.mismatch import mismatched, read_mismatch
+from pneudrive.control.own_law import is_own
+from pneudrive.control.references import reference
+from pneudrive.control.results.card import (
     SCORES,
     SO_FAR,
     TABLE,
@@ -30,23 +27,16 @@ from pneudrive.control.card import (
     tell,
     told,
 )
-from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared, whole_number
-from pneudrive.control.measures import Score, written
-from pneudrive.control.mismatch import mismatched, read_mismatch
-from pneudrive.control.own_law import is_own
-from pneudrive.control.references import reference
+from pneudrive.control.results.measures import written
+from pneudrive.control.results.store import Store, key_of, mark_of
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.standard_references import USUAL, standard_references
 from pneudrive.control.tuning import Tuning, alone, laws, tune
 from pneudrive.ensemble.engine import processors
-from pneudrive.errors import CommandError, RecordingError, SimulationError
-from pneudrive.files.content import read_json
-from pneudrive.files.tables import open_table
-from pneudrive.files.writing import make_subfolder, open_to_append
-from pneudrive.own_code import split
+from pneudrive.errors import CommandError
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.repr_tables import Card, Shown
-from pneudrive.simulation.trajectory import save_columns, write_frame
+from pneudrive.simulation.trajectory import write_frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -61,7 +51,6 @@ if TYPE_CHECKING:
 
 MOST_SEEDS = 100_000
 MEMBERS = 200  # members of a spread by default
-STEP_REPEATS = 3  # repeats of each step of kept runs, to measure its undisturbed time
 SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are held at a time
 
 
@@ -106,6 +95,23 @@ class ControlComparison(ScoreCard, Shown):
         rows = [row_of(run, self.references[run.reference]) for run in self.runs]
         write_frame(pl.DataFrame(rows, infer_schema_length=None), Path(path))
         return Path(path)
+
+    def about(self, count: int, rtol: float) -> dict[str, Any]:
+        """Return the description of the comparison for its folder.
+
+        Parameters
+        ----------
+        count : int
+            Number of seeds or members.
+        rtol : float
+        """
+        about = {"drive": self.drive, "setup": self.setup_name, "setup_about": self.setup.about}
+        about |= {"mismatch": self.mismatch, "spread": self.spread, "count": count, "rtol": rtol}
+        about |= {"references": {along: one.text for along, one in self.references.items()}, **told(self.tunings)}
+        missed = {
+            along: one.points_missed_m for along, one in self.references.items() if one.points_missed_m is not None
+        }
+        return about | ({"points_missed_m": missed} if missed else {})
 
     def _card(self) -> Card:
         head = ("", *self.references)
@@ -232,64 +238,79 @@ def compare_watched(
 
     `named` is the drive's name on a command line. The folder stores it, so that the command can be repeated.
     """
-    if not isinstance(out, str | PathLike):
-        raise CommandError(f"out is a {type(out).__name__}", rule="a folder for scores and runs", remedy='out="laws"')
-    own = read_mismatch(spread) if spread is not None else None
-    if own is not None and mismatch is not None:
-        raise CommandError(
-            "a spread and a mismatch are given", remedy="Write the values of the mismatch into the spread's file."
-        )
-    if members is not None and own is None:
-        raise CommandError(f"members = {members} without a spread", remedy='Give a spread, for instance "standard".')
-    count = seeds if own is None else MEMBERS if members is None else members
-    count = whole_number("seeds" if own is None else "members", count, 1, MOST_SEEDS)
-    if threads is not None:
-        threads = whole_number("threads", threads, 1, MOST_SEEDS)
+    folder, own = _folder(out), _spread(spread, mismatch)
+    count = _count(seeds, members, is_spread=own is not None)
     read, name = read_setup(setup)
     tunings = _tunings(drive, asked_laws, {"setup": read, "believes": believes, "allow_code": allow_code})
+    at_once = _threads(threads, tunings)
     to_follow = _references(drive if believes is None else believes, references)
     prepared = {
-        (law, along): prepare(drive, None, one, setup=read, controller=tuning, rtol=rtol, mismatch=mismatch)._replace(
-            setup_name=name
-        )
+        (law, along): prepare(drive, None, one, setup=read, controller=tuning, rtol=rtol, mismatch=mismatch)
         for law, tuning in tunings.items()
         for along, one in to_follow.items()
     }
+    prepared = {of: one._replace(setup_name=name) for of, one in prepared.items()}
     keeps = own is None if keep_runs is None else keep_runs
-    store = _Store.of(Path(out), keeps=keeps, mark=_mark(Path(out), tunings))
+    store = Store.of(folder, keeps=keeps, mark=mark_of(folder, tunings))
     first = next(iter(prepared.values()))
     truths = _truths(first, own)
-    spread_name = own[1] if own is not None else ""
-    about = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
-    about |= {"spread": spread_name, "count": count, "rtol": rtol}
-    about |= {"references": {along: one.text for along, one in to_follow.items()}, **told(tunings)}
+    made = ControlComparison(drive.name, tunings, to_follow, read, name, (), first.mismatch, own[1] if own else "")
+    keys = [key_of(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values()]
+    about = made.about(count, rtol) | {"mark": store.mark, "inputs": hashlib.sha256("".join(keys).encode()).hexdigest()}
     asked = {"drive": named, "laws": asked_laws, "references": references, "setup": setup, "mismatch": mismatch}
     asked |= {"spread": spread, "count": count}
-    keys = [_key(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values()]
-    about |= {"mark": store.mark, "inputs": hashlib.sha256("".join(keys).encode()).hexdigest()}
-    missed = {along: one.points_missed_m for along, one in to_follow.items() if one.points_missed_m is not None}
-    about |= {"points_missed_m": missed} if missed else {}
-    begin(Path(out), about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
+    begin(folder, about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
+
+    (folder / SO_FAR).unlink(missing_ok=True)
+    # Members outermost, so that each of their circuits is compiled once.
+    each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
 
     def one_of(asked: tuple[str, str, int]) -> ControlledRun:
         law, along, seed = asked
         run = store.run(prepared[law, along]._replace(truth=truths(seed)), law, along, seed)
         with store.lock:
-            tell(Path(out), run)
+            tell(folder, run)
         return run
 
-    (Path(out) / SO_FAR).unlink(missing_ok=True)
-    # Members outermost, so that each of their circuits is compiled once.
-    each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
-    if any(tuning.own is not None for tuning in tunings.values()):
-        threads = 1  # all runs share an object of the user
-    found = dict(zip(each, _on_threads(one_of, each, threads or processors(), watch), strict=True))
+    found = dict(zip(each, _on_threads(one_of, each, at_once, watch), strict=True))
     runs = tuple(found[law, along, seed] for along in to_follow for law in tunings for seed in range(1, count + 1))
-    made = ControlComparison(drive.name, tunings, to_follow, read, name, runs, first.mismatch, spread_name)
+    made = replace(made, runs=runs)
     for table in (SCORES, TABLE):
-        made.save(Path(out) / table)
-    (Path(out) / SO_FAR).unlink(missing_ok=True)
+        made.save(folder / table)
+    (folder / SO_FAR).unlink(missing_ok=True)
     return made
+
+
+def _threads(threads: int | None, tunings: Mapping[str, Tuning]) -> int:
+    """Return the number of simultaneous runs."""
+    if threads is not None:
+        threads = whole_number("threads", threads, 1, MOST_SEEDS)
+    if any(tuning.own is not None for tuning in tunings.values()):
+        return 1  # all runs share an object of the user
+    return threads or processors()
+
+
+def _folder(out: object) -> Path:
+    if not isinstance(out, str | PathLike):
+        raise CommandError(f"out is a {type(out).__name__}", rule="a folder for scores and runs", remedy='out="laws"')
+    return Path(out)
+
+
+def _spread(spread: Mismatch | str | Path | None, mismatch: object) -> tuple[Mismatch, str] | None:
+    """Read a spread; it takes the place of a mismatch."""
+    if spread is not None and mismatch is not None:
+        remedy = "Write the values of the mismatch into the spread's file."
+        raise CommandError("a spread and a mismatch are given", remedy=remedy)
+    return None if spread is None else read_mismatch(spread)
+
+
+def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:
+    """Return the number of seeds, or of members of a spread."""
+    if not is_spread and members is not None:
+        raise CommandError(f"members = {members} without a spread", remedy='Give a spread, for instance "standard".')
+    if not is_spread:
+        return whole_number("seeds", seeds, 1, MOST_SEEDS)
+    return whole_number("members", MEMBERS if members is None else members, 1, MOST_SEEDS)
 
 
 def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[int], Truth]:
@@ -359,123 +380,3 @@ def _references(drive: Drive | Circuit, asked: References) -> dict[str, Referenc
         if out.setdefault(name, read) != read:
             raise CommandError(f'two references are called "{name}"', remedy='Give them names: {"first": ..., ...}.')
     return out
-
-
-@lru_cache(maxsize=1)
-def core_hash() -> str:
-    """Return the SHA-256 of the core in use: another core may give other bits."""
-    from pneudrive import _core
-
-    return hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()
-
-
-def _mark(out: Path, tunings: Mapping[str, Tuning]) -> str:
-    """Return the mark of the runs of custom laws: new once a comparison is finished, or if their code changed.
-
-    The inputs of such code cannot be hashed.
-    """
-    own = [split(tuning.own.name) for tuning in tunings.values() if tuning.own is not None]
-    if not own:
-        return ""
-    about, folders = out / ABOUT, [Path(code[0]).parent for code in own if code is not None]
-    with suppress(CommandError, OSError, LookupError, TypeError):  # there is no comparison, or it is damaged
-        began = about.stat().st_mtime
-        changed = any(path.stat().st_mtime > began for folder in folders for path in folder.glob("*.py"))
-        if not changed and not (out / TABLE).exists():
-            return str(read_json(about, CommandError)["mark"]) or uuid.uuid4().hex
-    return uuid.uuid4().hex
-
-
-def _key(prepared: Prepared, seed: int, mark: str) -> str:
-    """Return the SHA-256 of all inputs that determine a run and its score."""
-    decides = {
-        "core": core_hash(),
-        "measures": list(Score.__dataclass_fields__),
-        "drive": prepared.truth.core_json,
-        "controller": prepared.tuning.core(),
-        "motion": prepared.reference.core(),
-        "setup": prepared.truth.setup.core(seed, prepared.circuit.ambient.pressure_pa),
-        "start": prepared.start | prepared.truth.start,
-        "duration_s": prepared.duration_s,
-        "rtol": prepared.rtol,
-    }
-    if prepared.tuning.own is not None:
-        own = prepared.tuning.own
-        decides["code"] = [own.digest, (split(own.name) or ("", own.name))[1], mark]  # a file may hold several laws
-    return hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
-
-
-@dataclass
-class _Store:
-    """Runs of a comparison: a file for each run that is kept, and a line with the score for every other run."""
-
-    folder: Path
-    lines: Path
-    keeps: bool
-    known: dict[str, dict[str, Any]]
-    lock: threading.Lock
-    mark: str
-
-    @classmethod
-    def of(cls, out: Path, *, keeps: bool, mark: str) -> _Store:
-        folder, lines = out / RUNS, out / KEPT
-        make_subfolder(folder)
-        try:
-            text = lines.read_bytes() if lines.exists() else b""
-        except OSError as error:
-            remedy = "Name another folder as out."
-            raise CommandError(f"{lines} cannot be read", value=error.strerror, remedy=remedy) from None
-        known: dict[str, dict[str, Any]] = {}
-        for line in text.splitlines():
-            with suppress(ValueError, LookupError, TypeError):  # a line that is damaged or was cut by a kill
-                one = json.loads(line.decode("utf-8"))
-                score = None if one["score"] is None else Score(**one["score"])
-                known[one["key"]] = {"score": score, "reason": str(one["reason"])}
-        if text and not text.endswith(b"\n"):
-            with open_to_append(lines) as file:
-                file.write("\n")
-        return cls(folder, lines, keeps, known, threading.Lock(), mark)
-
-    def run(self, prepared: Prepared, law: str, along: str, seed: int) -> ControlledRun:
-        """Return a stored run, or run it and store it."""
-        key = _key(prepared, seed, self.mark)
-        plain = re.sub(r"[^A-Za-z0-9]+", "-", f"{law}_{along}").strip("-")[:60]
-        file = self.folder / f"{plain}_{seed}_{key[:12]}.parquet"
-        truth = prepared.truth.values
-        is_kept = self.keeps or seed == 1
-        said = self.known.get(key)
-        if said is not None and said["score"] is None:
-            return ControlledRun(law, along, seed, None, said["reason"], file, truth)
-        score = _score_in(file, key) if is_kept else None if said is None else said["score"]
-        if score is not None:
-            return ControlledRun(law, along, seed, score, "", file, truth)
-        try:
-            run = run_prepared(prepared._replace(step_repeats=STEP_REPEATS if is_kept else 1), seed)
-        except SimulationError as error:
-            self._note(key, None, error.what)
-            return ControlledRun(law, along, seed, None, error.what, file, truth)
-        score = Score(**run.provenance["score"])
-        if is_kept:
-            save_columns(run.columns, run.provenance | {"key": key}, file)
-        else:
-            self._note(key, score, "")
-        return ControlledRun(law, along, seed, score, "", file, truth)
-
-    def _note(self, key: str, score: Score | None, reason: str) -> None:
-        line = json.dumps({"key": key, "score": None if score is None else score.to_dict(), "reason": reason})
-        with self.lock, open_to_append(self.lines) as file:
-            file.write(f"{line}\n")
-
-
-def _score_in(file: Path, key: str) -> Score | None:
-    """Return the score of a finished run; None if the file is missing, damaged, or belongs to another run."""
-    if not file.exists():
-        return None
-    try:
-        table = open_table(file, "parquet")
-    except RecordingError:
-        return None
-    said = json.loads(table.metadata.get("pneudrive", "{}"))
-    if table.own is None or said.get("key") != key:
-        return None
-    return Score(**said["score"])

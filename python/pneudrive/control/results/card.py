@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.control.measures import SHOWN, SPREAD_SHOWN, Score, written
+from pneudrive.control.results.measures import SHOWN, SPREAD_SHOWN, Score, written
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.tables import open_table

@@ -1,0 +1,357 @@
+//! A law with its observer: from samples to commands.
+
+mod takeover;
+
+use crate::adaptation::Adaptation;
+use crate::course::Course;
+use crate::gains::{FACTOR_BOUNDS, FACTORS};
+use crate::hold::{Hold, Resting};
+use crate::law::{AnyLaw, FACTORED, Law, Tick};
+use crate::model::Model;
+use crate::number::{Memory, Number};
+use crate::observer::{Noise, Observer};
+use crate::own::Seen;
+use crate::reference::{Effort, Reference, Wanted};
+use crate::thresholds::{COUNT_DEVIATIONS, FARTHEST, LEAST_UNKNOWN, PUSH_BOUND, PUSH_SLIPS};
+use crate::types::{Edges, Moment, Plant, Sample, State};
+use crate::valves::{Commands, Valves};
+pub(crate) use takeover::Takeover;
+
+/// A law that follows a course, with its observer, its model of the drive, and its state. A
+/// [`Controller`](crate::Controller) adds a supervisor.
+#[derive(Clone, Debug)]
+pub struct Follower<L = AnyLaw, S = f64> {
+    /// Model of the drive.
+    pub model: Model,
+    /// Linear model of the drive at mid-stroke.
+    pub plant: Plant,
+    /// The law.
+    pub law: L,
+    /// Valves that receive the command.
+    pub valves: Valves,
+    /// Holding at the target, if it is on.
+    pub hold: Option<Hold<S>>,
+    /// Adaptation of the model, if it is on.
+    pub adaptation: Option<Adaptation>,
+    /// The period, s.
+    pub period: f64,
+    pub(crate) takeover: Takeover,
+    pub(crate) noise: Noise,
+    /// Speed of the reference at the last sample, m/s.
+    pub(crate) speed: f64,
+    pub(crate) observer: Option<Observer<S>>,
+    pub(crate) friction: Option<S>,
+    /// Force that breaks a resting drive away, N.
+    pub(crate) push: S,
+    /// Load by which other axes of the run deviate from their plans, N in +x. It needs a reference with efforts.
+    pub coupling: f64,
+}
+
+/// Wanted state now and when the command acts, whether the drive rests in between, and the reference.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ahead<'r, S> {
+    pub now: Wanted<S>,
+    pub then: Wanted<S>,
+    /// 1 while the reference is at rest, else 0.
+    pub stands: S,
+    pub preview: &'r Course<'r>,
+}
+
+/// Decision of a law with its observer for one sample.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Decided<S: Number> {
+    pub command: S,
+    pub velocity: S,
+    pub disturbance: S,
+    pub holds: S::Mask,
+}
+
+/// Result of one sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Answer {
+    /// The command, -1 .. 1.
+    pub command: f64,
+    /// Wanted state now.
+    pub wanted: Wanted,
+    /// Estimated velocity, m/s, and disturbance, N.
+    pub velocity: f64,
+    /// N.
+    pub disturbance: f64,
+    /// It holds.
+    pub holds: bool,
+}
+
+impl Follower {
+    /// Returns the controller with the law of this key and gains from the model alone. The period is in s and the
+    /// deviation of the position sensor in m.
+    pub fn tuned(key: &str, model: &Model, period: f64, deviation: f64) -> Option<Self> {
+        let middle = 0.5 * (model.supply.pressure + model.ambient.pressure);
+        let plant = Plant::of(model, 0.5 * model.stroke, [middle; 2], period);
+        let full =
+            (model.supply.pressure - model.ambient.pressure) * model.sides[0].area.min(model.sides[1].area);
+        let unknown = plant.coulomb.max(LEAST_UNKNOWN * full);
+        let noise = Noise { disturbance: 0.5 * unknown, position: deviation };
+        Some(Follower {
+            law: AnyLaw::tuned(key, model, &plant)?,
+            takeover: Takeover::default(),
+            hold: Some(Hold::new(30e-6, 20e-3)),
+            adaptation: Some(Adaptation::new(model)),
+            valves: Valves::tuned(model, &plant, period),
+            model: model.clone(),
+            plant,
+            period,
+            noise,
+            speed: 0.0,
+            observer: None,
+            friction: None,
+            push: 0.0,
+            coupling: 0.0,
+        })
+    }
+
+    /// Returns the commands of the valves for the command of a sample, with its true time.
+    pub fn give(&mut self, time: f64, command: f64) -> Commands {
+        let Follower { valves, model, observer, period, .. } = self;
+        match observer {
+            Some(observer) => valves.open(model, observer, Moment { time, period: *period }, command),
+            None => valves.shut(command),
+        }
+    }
+
+    /// Returns the signals of sensors and observer at the last sample.
+    pub fn seen(&self, sample: &Sample) -> Seen {
+        self.observer.as_ref().map(|observer| Seen::of(&self.model, sample, observer)).unwrap_or_default()
+    }
+
+    /// Passes a sample to the observer, and the learned values to the model.
+    pub(crate) fn learn(&mut self, sample: &Sample, measured: bool) {
+        self.observe(sample);
+        let lost = self.state().is_some_and(|own| {
+            let State { position, velocity, disturbance, friction, pressures: [a, b], temperatures: [c, d] } =
+                own;
+            [disturbance, friction, a, b, c, d].iter().any(|own| !own.is_finite())
+                || !(position.abs() < FARTHEST && velocity.abs() < FARTHEST)
+        });
+        if lost {
+            // The sample is much later than the last one, or far from the model: the observer starts again.
+            self.restart();
+            self.observe(sample);
+        }
+        let (Some(adaptation), Some(observer)) = (&mut self.adaptation, &mut self.observer) else { return };
+        adaptation.learn_mass(&mut self.model, &observer.state, self.speed, self.period);
+        if measured && sample.pressures.is_some() {
+            let spool = matches!(self.valves, Valves::One).then(|| observer.spool.state());
+            adaptation.learn(&mut self.model, &mut observer.state, spool, self.period);
+        }
+    }
+
+    /// Returns the law's command for a sample that the observer has processed.
+    pub(crate) fn ask(&mut self, sample: &Sample, course: &Course) -> Answer {
+        let now = course.at(sample.time);
+        self.speed = now.velocity.abs();
+        let Some(observer) = &self.observer else { return self.rest(now, f64::NAN) };
+        let mut answer = if let AnyLaw::Own(own) = &self.law {
+            let seen = Seen::of(&self.model, sample, observer);
+            let command = course.reference().map_or(f64::NAN, |reference| own.step(&seen, reference));
+            self.rest(now, command)
+        } else {
+            let stands = f64::from(u8::from(course.stands(sample.time, self.plant.lag)));
+            let then = course.at(sample.time + self.ahead());
+            let ahead = Ahead { now, then, stands, preview: course };
+            let Decided { command, velocity, disturbance, holds } = self.command(sample, &ahead);
+            Answer { command, wanted: now, velocity, disturbance, holds }
+        };
+        answer.command = self.takeover.smooth(sample.time, answer.command);
+        answer
+    }
+
+    /// Changes to another law without a bump: its first command equals the last one of the previous law.
+    pub fn switch(&mut self, law: AnyLaw) {
+        self.law = law;
+        self.takeover.begin();
+    }
+
+    /// Multiplies the gains of a law that has not started by [`FACTORS`](crate::FACTORS). Factors out of bounds, or
+    /// unused by this law, are rejected. Nothing changes then.
+    pub fn scale(&mut self, factors: [f64; FACTORS.len()]) -> Result<(), String> {
+        let law = self.law.key();
+        let known: Vec<_> = FACTORED.iter().filter(|own| own.law == law).collect();
+        let mut changes = Vec::new();
+        for (key, factor) in FACTORS.iter().zip(factors) {
+            if !factor.is_finite() || !FACTOR_BOUNDS.contain(factor) {
+                return Err(format!("factors.{key} = {factor} is out of bounds: it must be {FACTOR_BOUNDS}"));
+            }
+            match known.iter().find(|own| own.key == *key) {
+                Some(own) => changes.push((own.gain, factor)),
+                None if factor == 1.0 => {}
+                None => {
+                    let keys: Vec<_> = known.iter().map(|own| own.key).collect();
+                    let has = if keys.is_empty() { "none".into() } else { keys.join(", ") };
+                    return Err(format!(
+                        "factors.{key} = {factor}: the law {law} does not use it; its factors are {has}. Leave it out"
+                    ));
+                }
+            }
+        }
+        for (gain, value) in self.law.gains() {
+            changes.iter().filter(|(key, _)| *key == gain.key).for_each(|(_, factor)| *value *= factor);
+        }
+        Ok(())
+    }
+
+    /// Restarts the observer with the next sample.
+    pub(crate) fn restart(&mut self) {
+        self.observer = None;
+    }
+
+    /// Continues from a command without a bump. Holding and breakaway begin anew.
+    pub(crate) fn begin_anew(&mut self, command: f64) {
+        self.push = 0.0;
+        self.friction = self.observer.as_ref().map(|own| own.state.friction);
+        self.takeover.begin_from(command);
+        if let Some(hold) = &mut self.hold {
+            *hold = Hold::new(hold.band, hold.after);
+        }
+    }
+
+    /// Returns the deviation of the force of gas less friction at the last sample from the plan of a reference with
+    /// efforts, N in +x.
+    pub fn deviation(&self, reference: &Reference) -> Option<f64> {
+        let (observer, model) = (self.observer.as_ref()?, &self.model);
+        let Effort { mass, load, .. } = reference.effort(observer.time())?;
+        let State { position, velocity, friction, pressures, .. } = observer.state;
+        let [_, viscous] = model.friction_levels([position, velocity], pressures);
+        let planned = mass * reference.at(observer.time()).acceleration - load;
+        Some(model.gas_force(pressures) - friction - viscous * velocity - planned)
+    }
+
+    /// Returns the state at the last sample.
+    pub(crate) fn state(&self) -> Option<State> {
+        self.observer.as_ref().map(|observer| observer.state)
+    }
+
+    /// Returns the predicted state at the next sample, and the openings of the edges halfway.
+    pub(crate) fn foresee(&self, time: f64) -> Option<(State, Edges<f64>)> {
+        let observer = self.observer.as_ref()?;
+        let (state, _) = observer.predict(&self.model, time, self.period);
+        Some((state, observer.spool.clone().edges(&self.model, observer.time(), time)))
+    }
+
+    /// Position resolution of the model one period ahead, m. It is the sensor resolution, or the distance by which
+    /// unmodelled friction moves a resting piston.
+    pub(crate) fn grain(&self) -> f64 {
+        let way = 0.5 * self.plant.coulomb / self.model.mass * self.period * self.period;
+        way.max(COUNT_DEVIATIONS * self.noise.position)
+    }
+
+    /// Returns the outputs for a given command, without the law: this command and the estimates of the observer.
+    pub(crate) fn rest(&self, wanted: Wanted, command: f64) -> Answer {
+        let (velocity, disturbance) = self.state().map_or((0.0, 0.0), |own| (own.velocity, own.disturbance));
+        Answer { command, wanted, velocity, disturbance, holds: false }
+    }
+}
+
+impl<S: Number, L: Law<S>> Follower<L, S> {
+    /// Stores a sample.
+    pub(crate) fn observe(&mut self, sample: &Sample<S>) {
+        let Follower { model, period, noise, law, .. } = self;
+        let noise = Noise { disturbance: law.wander() * noise.disturbance, ..*noise };
+        let observer = self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, noise));
+        observer.update(model, sample);
+        self.friction.get_or_insert(observer.state.friction);
+    }
+
+    /// Visits each number of the state.
+    pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
+        if let Some(observer) = &mut self.observer {
+            observer.numbers(see);
+        }
+        self.friction.iter_mut().chain([&mut self.push]).for_each(&mut *see);
+        if let Some(hold) = &mut self.hold {
+            hold.each(see);
+        }
+        self.law.each(see);
+    }
+
+    /// Returns the time after which a command acts, as the law assumes it, s.
+    pub(crate) fn ahead(&self) -> f64 {
+        if self.law.predicts() { self.model.valve.delay } else { self.plant.lag }
+    }
+
+    /// Returns the command for the stored sample.
+    pub(crate) fn command(&mut self, sample: &Sample<S>, ahead: &Ahead<'_, S>) -> Decided<S> {
+        let (acts, period) = (sample.time + self.ahead(), self.period);
+        let (Some(observer), Some(along), model) = (&self.observer, &mut self.friction, &self.model) else {
+            unreachable!("a sample comes first")
+        };
+        let (mut state, spool) = observer.predict(model, acts, period);
+        let wanted = ahead.then;
+        let [level, viscous] = model.friction_levels([wanted.position, wanted.velocity], state.pressures);
+        let rate = model.stick_rate(wanted.velocity, *along, level, period);
+        *along += rate.times(period);
+        let along = *along;
+        let (error, velocity) = (ahead.now.position - observer.state.position, observer.state.velocity);
+        let gas = model.gas_force(state.pressures);
+        let seen = Resting { stands: ahead.stands, error, velocity, gas, level };
+        let never = (S::zero().lt(S::zero()), S::zero());
+        let (holds, held) = self.hold.as_mut().map_or(never, |hold| hold.rate(&seen, model, period));
+        self.push = self.pushed(&seen, holds);
+        state.disturbance -= self.push;
+        let mut force_rate = rate + viscous * wanted.acceleration;
+        let [growth, load_rate] = ahead.preview.load_growth(sample.time, acts);
+        if growth != 0.0 || load_rate != 0.0 {
+            state.disturbance += S::c(growth);
+            force_rate -= S::c(load_rate);
+        }
+        let tick = Tick {
+            model,
+            plant: &self.plant,
+            period,
+            acceleration: state.acceleration(model),
+            state,
+            wanted,
+            friction: [along + rate.times(model.stick_damping_time) + viscous * wanted.velocity, force_rate],
+            now: (sample.position, ahead.now),
+            acts,
+            spool: &spool,
+            preview: ahead.preview,
+        };
+        let of_law = |law: &mut L| {
+            let asked = law.step(&tick);
+            law.given(asked, &tick);
+            asked.limited()
+        };
+        let share = S::either(holds, &mut self.law, |_| tick.opening_for(held), of_law);
+        let command = model.command_for(share);
+        let State { velocity, disturbance, .. } = observer.state;
+        Decided { command, velocity, disturbance, holds }
+    }
+
+    /// Returns the force that breaks a resting drive away, N, a period later:
+    ///
+    ///   F' = r M b^2 e within +-c F_C   while the reference is at rest
+    ///   F' = -b F                       after the contact has slipped
+    ///   F' = -r F                       along a reference that moves, and during holding
+    ///
+    /// with the error e, m, the bandwidth b, 1/s, r = [`Law::push`] b, and c = [`PUSH_BOUND`].
+    fn pushed(&self, seen: &Resting<S>, holds: S::Mask) -> S {
+        let bandwidth = self.plant.bandwidth();
+        let share = self.law.push() * bandwidth * self.period;
+        let bound = PUSH_BOUND * self.plant.coulomb;
+        let stiffness = share * self.model.mass * bandwidth * bandwidth;
+        let grown = (self.push + seen.error.times(stiffness)).within(-bound, bound);
+        let fallen = self.push.times(1.0 - share);
+        // After the contact slips, the full breakaway force would drive the piston past its target.
+        let slips = S::c(PUSH_SLIPS).lt(seen.velocity.abs());
+        let grown = S::select(slips, self.push.times(1.0 - bandwidth * self.period), grown);
+        let stands = S::select(S::zero().lt(seen.stands), grown, fallen);
+        S::select(holds, fallen, stands)
+    }
+
+    /// Stores the command of one 5/3 valve at a sample, with its true time.
+    pub(crate) fn told(&mut self, time: f64, command: S) {
+        if let Some(observer) = &mut self.observer {
+            observer.spool.command(time + self.model.valve.delay, command);
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! Any law: one of the table, or a custom one.
+
+use super::base::{Law, Tick, Tuned};
+use super::{Fuzzy, Inversion, Nmpc, Pid, Sliding, SuperTwisting};
+use crate::gains::{Gain, Gains};
+use crate::model::Model;
+use crate::number::Memory;
+use crate::own::Own;
+use crate::types::Plant;
+
+macro_rules! laws {
+    ($($name:ident),* $(,)?) => {
+        /// Any law.
+        #[derive(Clone, Debug)]
+        pub enum AnyLaw {
+            $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($name),)*
+            /// A custom law of a user.
+            Own(Own),
+        }
+
+        /// Keys of all laws.
+        pub const LAWS: &[&str] = &[$(<$name as Tuned>::KEY),*];
+
+        impl AnyLaw {
+            /// Returns the law of a key, with gains that are derived from the drive.
+            pub fn tuned(key: &str, model: &Model, plant: &Plant) -> Option<Self> {
+                $(if key == <$name as Tuned>::KEY {
+                    return Some(AnyLaw::$name(<$name as Tuned>::tuned(model, plant)));
+                })*
+                (key == Own::KEY).then(|| AnyLaw::Own(Own::default()))
+            }
+
+            /// Key of the law in a controller file.
+            pub fn key(&self) -> &'static str {
+                match self { $(AnyLaw::$name(_) => <$name as Tuned>::KEY,)* AnyLaw::Own(_) => Own::KEY }
+            }
+
+            /// Gains of the law, with their values.
+            pub fn gains(&mut self) -> impl Iterator<Item = (&'static Gain, &mut f64)> {
+                match self {
+                    $(AnyLaw::$name(law) => $name::GAINS.iter().zip(law.gains_mut()),)*
+                    AnyLaw::Own(_) => [].iter().zip(vec![]),
+                }
+            }
+        }
+
+        impl AnyLaw {
+            /// Whether it follows references only, and cannot follow a path back to a reference.
+            pub(crate) fn needs_reference(&self) -> bool {
+                matches!(self, AnyLaw::Own(_))
+            }
+        }
+
+        impl Memory<f64> for AnyLaw {
+            fn each(&mut self, see: &mut dyn FnMut(&mut f64)) {
+                match self { $(AnyLaw::$name(law) => law.each(see),)* AnyLaw::Own(_) => () }
+            }
+        }
+
+        impl Law for AnyLaw {
+            fn predicts(&self) -> bool {
+                match self { $(AnyLaw::$name(law) => law.predicts(),)* AnyLaw::Own(_) => false }
+            }
+
+            fn wander(&self) -> f64 {
+                match self { $(AnyLaw::$name(law) => law.wander(),)* AnyLaw::Own(_) => 1.0 }
+            }
+
+            fn push(&self) -> f64 {
+                match self { $(AnyLaw::$name(law) => law.push(),)* AnyLaw::Own(_) => 0.0 }
+            }
+
+            fn step(&mut self, tick: &Tick) -> f64 {
+                match self { $(AnyLaw::$name(law) => law.step(tick),)* AnyLaw::Own(_) => 0.0 }
+            }
+
+            fn given(&mut self, asked: f64, tick: &Tick) {
+                match self { $(AnyLaw::$name(law) => law.given(asked, tick),)* AnyLaw::Own(_) => () }
+            }
+        }
+    };
+}
+
+laws!(Pid, Fuzzy, Sliding, SuperTwisting, Inversion, Nmpc);

@@ -1,0 +1,108 @@
+//! What a supervisor is given: its rules, its inputs, and the prediction of the model for a sample.
+
+use super::motion::MotionRules;
+use crate::model::Model;
+use crate::reference::Wanted;
+use crate::thresholds::LIMIT_ROUNDING;
+use crate::types::{Edges, State};
+
+/// Reaction to a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reaction {
+    /// The fault is reported.
+    Tell,
+    /// Stop ramp, then the law holds the position.
+    Stop,
+    /// The valve is shut immediately.
+    Block,
+}
+
+/// Rules of a supervisor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// Positions that the drive may reach, m.
+    pub position: [f64; 2],
+    /// m/s.
+    pub speed: f64,
+    /// Pa absolute.
+    pub pressure: [f64; 2],
+    /// Deceleration of stop ramps, m/s2.
+    pub stop_deceleration: f64,
+    /// Condition of a completed motion.
+    pub motion: MotionRules,
+    /// Reaction to a lost position sensor.
+    pub on_position: Reaction,
+    /// Reaction to a lost pressure sensor. The model then replaces its readings.
+    pub on_pressure: Reaction,
+    /// Reaction to a valve that does not respond.
+    pub on_valve: Reaction,
+    /// Reaction to a fallen supply.
+    pub on_supply: Reaction,
+}
+
+impl Default for Rules {
+    fn default() -> Self {
+        Rules {
+            position: [f64::NEG_INFINITY, f64::INFINITY],
+            speed: f64::INFINITY,
+            pressure: [0.0, f64::INFINITY],
+            stop_deceleration: 10.0,
+            motion: MotionRules::default(),
+            on_position: Reaction::Block,
+            on_pressure: Reaction::Tell,
+            on_valve: Reaction::Block,
+            on_supply: Reaction::Block,
+        }
+    }
+}
+
+impl Rules {
+    /// Returns the reason why a reference is rejected, in words; `None` if it is accepted.
+    pub fn refuses(&self, wanted: &Wanted, stroke: f64) -> Option<String> {
+        let Wanted { position: x, velocity: v, .. } = *wanted;
+        let [low, high] = [self.position[0].max(0.0), self.position[1].min(stroke)];
+        if !(low - LIMIT_ROUNDING..=high + LIMIT_ROUNDING).contains(&x) {
+            let whose = if [low, high] == [0.0, stroke] { "the stroke" } else { "limits.position" };
+            return Some(format!(
+                "the reference has the position {x} m: it must stay within {whose}, {low} to {high} m"
+            ));
+        }
+        let fastest = self.speed;
+        (v.is_nan() || v.abs() > fastest + LIMIT_ROUNDING)
+            .then(|| format!("the reference has the speed {v} m/s: limits.speed is {fastest} m/s"))
+    }
+}
+
+/// External inputs of the supervisor for one sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inputs {
+    /// Whether the drive may move.
+    pub enabled: bool,
+    /// Emergency stop.
+    pub emergency_stop: bool,
+    /// Limit switches at x = 0 and at the stroke.
+    pub switches: [bool; 2],
+    /// Whether the law missed its deadline.
+    pub late: bool,
+    /// Standard deviation of the time at which a position is read, s.
+    pub jitter: f64,
+}
+
+impl Default for Inputs {
+    fn default() -> Self {
+        Inputs { enabled: true, emergency_stop: false, switches: [false; 2], late: false, jitter: 0.0 }
+    }
+}
+
+/// Prediction of the model for a sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Believed<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// The state at the last sample.
+    pub last: &'a State,
+    /// Predicted state.
+    pub foreseen: &'a State,
+    /// Openings of the edges since the last sample.
+    pub edges: Edges<f64>,
+}

@@ -1,0 +1,78 @@
+//! Controllers from their descriptions.
+
+use crate::belief::{Axis, belief};
+use crate::refuse;
+use crate::specification;
+use circuit::Error;
+use control::{AnyLaw, Controller, Gain, LAWS};
+use std::collections::BTreeMap;
+
+/// A controller as it is described, with the axis that it commands. Position sensors have this deviation, m.
+pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(Controller, Axis), Error> {
+    let period = spec.period_s;
+    if !(LEAST_PERIOD..=LONGEST_PERIOD).contains(&period) {
+        return refuse(format!(
+            "period = {period} s: it must lie within {LEAST_PERIOD} and {LONGEST_PERIOD} s"
+        ));
+    }
+    let (model, axis) = belief(&spec.belief)?;
+    let Some(mut controller) = Controller::tuned(&spec.law, &model, period, deviation) else {
+        return refuse(format!("there is no law \"{}\"; there are {}", spec.law, LAWS.join(", ")));
+    };
+    let law = controller.law.key();
+    set(&format!("the law {law}"), law, controller.law.gains().collect(), &spec.gains)?;
+    controller.scale(spec.factors).map_err(Error::Specification)?;
+    let pulses = controller.model.valve.arrangement.acts_for(period);
+    if pulses < period * (1.0 - 1e-9) {
+        return refuse(format!(
+            "the valves pulse every {pulses} s, more often than the law is sampled, every {period} s: take a lower pwm_frequency or \
+             a shorter period"
+        ));
+    }
+    if spec.valves.is_empty() || !controller.valves.gains().is_empty() {
+        set("the valves", "valves", controller.valves.gains(), &spec.valves)?;
+    } else {
+        return refuse(
+            "valves: one proportional 5/3 valve has no numbers of its own here. Leave the table out",
+        );
+    }
+    if !spec.adaptation {
+        controller.adaptation = None;
+    }
+    controller.hold = spec.hold.map(|hold| control::Hold::new(hold.band_m, hold.after_s));
+    let plant = controller.plant;
+    if let (Some(rules), Some(own)) = (&spec.supervision, &mut controller.supervisor) {
+        own.rules = rules.into();
+        if let Some(key) = &rules.standby {
+            let Some(standby) = AnyLaw::tuned(key, &model, &plant) else {
+                return refuse(format!("there is no law \"{key}\"; there are {}", LAWS.join(", ")));
+            };
+            (own.standby, own.serves_own) = (standby, true);
+        }
+    }
+    Ok((controller, axis))
+}
+
+/// Sets numbers of the component of this name, under this name of their table.
+fn set(
+    what: &str,
+    table: &str,
+    mut own: Vec<(&'static Gain, &mut f64)>,
+    values: &BTreeMap<String, f64>,
+) -> Result<(), Error> {
+    for (key, &value) in values {
+        let keys: Vec<_> = own.iter().map(|(gain, _)| gain.key).collect();
+        let Some((Gain { unit, bounds, .. }, own)) = own.iter_mut().find(|(gain, _)| gain.key == key) else {
+            return refuse(format!("{what} has no gain \"{key}\"; it has {}", keys.join(", ")));
+        };
+        if !value.is_finite() || !bounds.contain(value) {
+            return refuse(format!("{table}.{key} = {value} {unit} is out of bounds: it must be {bounds}"));
+        }
+        **own = value;
+    }
+    Ok(())
+}
+
+/// Periods within which laws are sampled, s.
+const LEAST_PERIOD: f64 = 1e-5;
+const LONGEST_PERIOD: f64 = 0.1;

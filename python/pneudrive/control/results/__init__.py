@@ -1,0 +1,1 @@
+"""Scores of runs, comparisons of controllers, and their files."""
