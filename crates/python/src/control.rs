@@ -4,9 +4,7 @@ use crate::convert::{Table, Teller, detached, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::{Error, Look};
 use control::export::{RESULTS, STATUS, program};
-use control::{
-    AnyLaw, Demand, EventKind, FACTORED, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen,
-};
+use control::{AnyLaw, Demand, EventKind, FACTORED, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
