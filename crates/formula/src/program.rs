@@ -73,19 +73,36 @@ impl Code {
     }
 }
 
+/// Returns the constants that the operations or the outputs use.
+fn constants(graph: &Graph, reached: &[Id], outputs: &[Id]) -> Vec<usize> {
+    let varies = |id: &Id| !graph.at(*id).constant;
+    let is_used = |id: &Id| {
+        let uses = |other: &Id| varies(other) && graph.at(*other).operation.arguments().contains(id);
+        outputs.contains(id) || reached.iter().any(uses)
+    };
+    reached.iter().filter(|id| !varies(id) && is_used(id)).map(|id| id.0).collect()
+}
+
+/// Returns the last operation that uses each value; an output is used to the end.
+fn last_uses(graph: &Graph, reached: &[Id], outputs: &[Id]) -> Vec<usize> {
+    let mut last = vec![0; graph.nodes.len()];
+    for id in reached {
+        for argument in graph.at(*id).operation.arguments() {
+            last[argument.0] = id.0;
+        }
+    }
+    for id in outputs {
+        last[id.0] = usize::MAX;
+    }
+    last
+}
+
 impl Program {
     /// Computes `outputs`.
     pub fn new(graph: &Graph, outputs: &[Id]) -> Result<Self, Problem> {
         let reached = graph.reached(outputs);
         let varies = |id: &Id| !graph.at(*id).constant;
-        let used_here = |id: Id| {
-            outputs.contains(&id)
-                || reached
-                    .iter()
-                    .any(|other| varies(other) && graph.at(*other).operation.arguments().contains(&id))
-        };
-        let constants: Vec<usize> =
-            reached.iter().filter(|id| !varies(id) && used_here(**id)).map(|id| id.0).collect();
+        let constants = constants(graph, &reached, outputs);
         let mut register = vec![None; graph.nodes.len()];
         let mut inputs = Vec::new();
         let mut next = 0;
@@ -101,15 +118,7 @@ impl Program {
             }
         }
         let fixed = next;
-        let mut last = vec![0; graph.nodes.len()];
-        for id in &reached {
-            for argument in graph.at(*id).operation.arguments() {
-                last[argument.0] = id.0;
-            }
-        }
-        for id in outputs {
-            last[id.0] = usize::MAX;
-        }
+        let last = last_uses(graph, &reached, outputs);
         let (mut free, mut steps) = (Vec::new(), Vec::new());
         for id in reached.iter().filter(|id| varies(id)) {
             let operation = graph.at(*id).operation;
