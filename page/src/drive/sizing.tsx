@@ -3,7 +3,7 @@ import { computed, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { JobForm } from "../workspace/form";
-import { Cancel, follow, JobList, jobs } from "../workspace/jobs";
+import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
 import { count, digits, fitting } from "../plots/looks";
 import { wasSaved } from "./opened";
 import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, Tiles, useCopied } from "../workspace/parts";
@@ -282,7 +282,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       {running && (
         <p class="row">
           <progress aria-label="Progress of the search" value={running.progress?.done ?? 0} max={Math.max(running.progress?.total ?? 1, 1)} />
-          {running.progress && `${running.progress.task}: ${running.progress.done} of ${running.progress.total}`}
+          {reached(running)}
           <Cancel job={running}>Cancel the search</Cancel>
         </p>
       )}

@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { JobForm } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { digits } from "../plots/looks";
+import { duration } from "../plots/looks";
 import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
 import { Scatter } from "../plots/scatter";
 import { link, route } from "../routes";
@@ -60,11 +60,6 @@ interface Plan {
 
 const cycle = signal<Cycle | null>(null);
 const plan = signal<Plan | null>(null);
-
-function duration(seconds: number): string {
-  if (seconds < 90) return `${Math.round(seconds)} s`;
-  return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${digits(seconds / 3600, 3)} h`;
-}
 
 /** Read the campaign once. Answers that arrive after `isGone` are dropped. */
 export async function look(path: string, isGone: () => boolean): Promise<void> {

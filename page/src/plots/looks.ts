@@ -82,6 +82,12 @@ export const count = (number: number, thing: string): string => `${number} ${thi
 /** A message of the server as a sentence. A name at its beginning stays as it is. */
 export const sentence = (words: string): string => `${/^[a-z]+[ ,]/.test(words) ? words.charAt(0).toUpperCase() : words.charAt(0)}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
 
+/** A time in words. */
+export function duration(seconds: number): string {
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${digits(seconds / 3600, 3)} h`;
+}
+
 const MARGINS = 40; // beside a drawing on a phone, pixels
 
 /** Return the width of a drawing whose text keeps its size: `most`, or what the window has room for. */

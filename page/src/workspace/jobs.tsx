@@ -1,6 +1,7 @@
 /** Jobs of the server: their state, their output, and a cancel button. */
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
+import { duration } from "../plots/looks";
 import { link } from "../routes";
 import { ask, read, Refused } from "../server/server";
 import { list } from "./studies";
@@ -64,6 +65,21 @@ async function lookOn(): Promise<void> {
   isLooking = false;
 }
 
+const LEAST_MS = 3000; // of a step, before the time left is told
+const begun = new Map<string, { done: number; at: number }>(); // steps of jobs, as they were first seen
+
+/** How far a job is. The time left supposes that the rest of the step goes as fast as its part so far. */
+export function reached({ number, progress }: Pick<Job, "number" | "progress">): string {
+  if (!progress) return "";
+  const { task, done, total } = progress;
+  const key = `${number} ${task}`;
+  const first = begun.get(key) ?? { done, at: Date.now() };
+  begun.set(key, first);
+  const took = Date.now() - first.at;
+  const left = done > first.done && took > LEAST_MS ? `, about ${duration((1e-3 * took * (total - done)) / (done - first.done))} left in this step` : "";
+  return `${task}: ${done} of ${total}${left}`;
+}
+
 /** Cancel a job, which may finish its current run first. */
 export function Cancel({ job, children }: { job: Job; children: ComponentChildren }) {
   return (
@@ -97,7 +113,7 @@ export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; 
         .filter((one) => one.state === "running" && !output)
         .map((one) => (
           <p key={one.number} class="row">
-            {one.out} runs{one.progress && `, ${one.progress.task}: ${one.progress.done} of ${one.progress.total}`}
+            {one.out} runs{one.progress && `, ${reached(one)}`}
             {one.progress && <progress aria-label={`Progress of ${one.out}`} value={one.progress.done} max={Math.max(one.progress.total, one.progress.done, 1)} />}
             <Cancel job={one}>Cancel {one.out}</Cancel>
           </p>
