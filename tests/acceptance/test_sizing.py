@@ -241,14 +241,15 @@ class ReadReport(HTMLParser):
 
     def __post_init__(self) -> None:
         super().__init__()
-        self._at = ""
+        self._at = self._caption = ""
 
-    def handle_starttag(self, tag: str, attrs: object) -> None:
-        self._at = tag
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._at = "caption" if ("class", "caption") in attrs else tag
         if tag == "pre":
             self.code.append("")
         elif tag == "table":
-            self.tables[""] = []
+            self.tables[self._caption] = []
+            self._caption = ""
         elif tag == "tr":
             list(self.tables.values())[-1].append([])
         elif tag == "td":
@@ -265,7 +266,7 @@ class ReadReport(HTMLParser):
         if self._at == "pre":
             self.code[-1] += data
         elif self._at == "caption":
-            self.tables[data] = self.tables.pop("")
+            self._caption = data
         elif self._at == "td":
             list(self.tables.values())[-1][-1][-1] += data
 
@@ -302,7 +303,7 @@ supply.pressure = "6 bar gauge"
     for one, row in zip(ranked[:1], page.tables["Values of 98 % of the samples, and margin in brackets"], strict=True):
         value, limit, _ = one["worst"]["time out"]
         low, _, rest = row[1].partition(" … ")
-        assert rest == f"{value:.3g} ({100.0 * (1.0 - value / limit):.0f} %)"
+        assert rest == f"{value:.3g} ({100.0 * (1.0 - value / limit):.0f}\u00a0%)"
         assert 0.0 < float(low) < value
     does = {what: [float(end) for end in ends.split(" … ")] for what, ends, _ in page.tables["Simulated motion"]}
     assert does["air of a cycle"][0] < found.best.air_litres_anr < does["air of a cycle"][1]
