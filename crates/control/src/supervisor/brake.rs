@@ -16,7 +16,7 @@ use crate::types::State;
 pub struct Braking {
     /// It brakes.
     pub acts: bool,
-    /// The described model with a fallen supply.
+    /// The model of the first sample, with a fallen supply.
     fallen: Option<Box<Model>>,
     /// Time since a force was last missing, s.
     explained_for: f64,
@@ -48,6 +48,7 @@ impl Braking {
     /// Returns the command if the drive must brake before an end stop now. If the supply may have fallen, the trapped
     /// air alone must be able to stop the drive. `gas` has the findings from the pressures, if they are `measured`.
     pub fn needed(&mut self, own: &Follower, command: f64, gas: &Gas, measured: bool) -> Option<f64> {
+        let fallen = self.fallen.get_or_insert_with(|| Box::new(own.model.clone()));
         let observer = own.observer.as_ref()?;
         // Without pressure sensors, a fallen supply appears as an unmodelled force.
         let misses = observer.state.disturbance.abs() > BRAKE_MISSING * own.plant.coulomb;
@@ -63,7 +64,6 @@ impl Braking {
         let trapped = is_weak.then(|| less_trapped(observer, &own.model, own.plant.coulomb));
         let ambient = own.model.ambient.pressure;
         let below = gas.supplied_below().unwrap_or(ambient);
-        let fallen = self.fallen.get_or_insert_with(|| Box::new(own.model.clone()));
         fallen.supply.pressure = ambient + BRAKE_COUNTED_ON * (below - ambient);
         let found = brakes(fallen, trapped.as_ref().unwrap_or(observer), command, margin, own.period)?;
         // A shut valve stops the drive independently of the supply. If it does not suffice, an intact supply brakes
