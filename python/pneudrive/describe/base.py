@@ -132,8 +132,9 @@ class Described(Shown, BaseModel):
         if first["type"] == "extra_forbidden":
             name = str(first["loc"][-1])
             inner = [one.removeprefix(f"{name}_") for one in cls.keys() if one.startswith(f"{name}_")]  # noqa: SIM118 - a class method
-            if len(inner) == 1 and not isinstance(first["input"], dict):
-                return wrong(key, f"{key} is not a known key", remedy=f"Did you mean '{name}_{inner[0]}'?")
+            if len(inner) == 1 or (inner and isinstance(first["input"], dict)):
+                meant = " or ".join(f"'{name}_{one}'" for one in inner)
+                return wrong(key, f"{key} is not a known key", remedy=f"Did you mean {meant}?")
             if inner:
                 what = f"{key} = {first['input']!r} is not a table"
                 return wrong(key, what, remedy=f"Write {{ {', '.join(f'{one} = ...' for one in inner)} }}.")
