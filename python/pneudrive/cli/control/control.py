@@ -194,6 +194,9 @@ def run(
     if is_platform(described.circuit):
         from pneudrive.cli.control.pose import run_platform
 
+        if initial is not None or allow_code:
+            what = "a platform starts on its path, and takes no code of users: --initial and --allow-code do not act"
+            raise CommandError(what, remedy="Leave them out.")
         options |= {"law": law, "seed": seed, "dynamics": dynamics, "rtol": rtol}
         run_platform(described.circuit, reference, payload, out, plot, options)
         return
