@@ -141,8 +141,8 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
     page.wait_for_timeout(200)
     assert page.locator("[role=status] >> text=Saved mine.toml.").count() == 1
     page.click("text=A new task, and all sizings")
-    page.focus("a[title='results/push']")
-    page.keyboard.press("Enter")
+    page.wait_for_load_state("networkidle")  # the list comes anew, and takes the focus with it
+    page.press("a[title='results/push']", "Enter")
     page.wait_for_selector("button:text-is('Resume')")
     assert page.evaluate("() => document.activeElement.id") == "main"  # the link is gone, and nothing is lost
     assert page.locator("label:has-text('Samples of each')").count() == 0  # they are those that it began with
