@@ -23,7 +23,6 @@ mod wiring;
 
 pub use driven::{Driven, Servo};
 pub use evaluate::along::{ALONG, Record, Restart};
-pub use evaluate::foresight::Foresight;
 pub use evaluate::shoot::{ByStart, InputPlan, Shooting, Shot};
 pub use friction::{friction_law, steady_sensitivity};
 pub use members::Members;

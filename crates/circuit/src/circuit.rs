@@ -178,14 +178,6 @@ impl<R: Lane> Circuit<R> {
         }
     }
 
-    /// Copies its modes to a circuit of the same parts without derivatives.
-    pub(crate) fn share_modes(&mut self, other: &mut Circuit<R::Plain>) {
-        let mut modes = Vec::new();
-        self.change_modes(|mode| modes.push(mode.plain()));
-        let mut modes = modes.into_iter();
-        other.change_modes(|mode| modes.next().into_iter().for_each(|own| *mode = own));
-    }
-
     /// Returns the inputs for pressure, Pa absolute, and temperature, K, of a reservoir.
     pub fn boundary(&self, reservoir: GasId) -> [InputId; 2] {
         let index = self.parts.reservoirs.iter().position(|(_, part)| part.node == reservoir.0);

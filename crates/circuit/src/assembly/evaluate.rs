@@ -1,6 +1,5 @@
 //! Evaluations of a circuit along given states.
 
 pub(crate) mod along;
-pub(crate) mod foresight;
 pub(crate) mod glances;
 pub(crate) mod shoot;
