@@ -9,7 +9,7 @@ from typing import Any
 
 
 def parts_of(function: Callable[..., Any], heading: str) -> tuple[str, dict[str, tuple[str, str]]]:
-    """Return the text of a docstring, and name -> form and meaning of what stands below a heading.
+    """Return the text of a docstring, and the entries below a heading: name -> form and meaning.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-//! What all floors above share: nodes, the work array, balances, and the contract of a part.
+//! Shared ground of all floors: nodes, the work array, balances, and the contract of a part.
 
 mod balance;
 mod common;

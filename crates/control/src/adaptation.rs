@@ -260,9 +260,9 @@ impl Adaptation {
     ///   F - F_fr - F_v v = theta M a,   each in the band of [`LEARN_BAND`]
     ///
     /// Friction is in phase with the velocity, a quarter of a period apart from the inertia. Errors of the friction
-    /// therefore hardly move the mass. Slips of a creeping or resting drive would change the estimate: while the `speed`
-    /// of the reference is below [`LEARN_SLIDES`], only an inertial force beyond that of any slip counts. That of a
-    /// slip is the difference between breakaway and Coulomb friction. A model with more mass than the drive makes
+    /// therefore hardly move the mass. Slips of a creeping or resting drive would change the estimate. While the
+    /// `speed` of the reference is below [`LEARN_SLIDES`], the inertial force must therefore exceed that of any slip,
+    /// which is the difference between breakaway and Coulomb friction. A model with more mass than the drive makes
     /// predictive control swing, and the swing corrects the mass.
     pub fn learn_mass(&mut self, model: &mut Model, state: &State, speed: f64, period: f64) {
         if !model.valve.arrangement.is_proportional() {

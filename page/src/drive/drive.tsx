@@ -164,7 +164,7 @@ function split(key: string): [table: string, own: string] {
   return [parts.slice(at === 2 ? 1 : 0, at).join("."), parts.slice(at).join(".")];
 }
 
-/** Text of a value without its unit, where a menu beside it has the unit. */
+/** Text of a value without its unit if a menu shows the unit. */
 const bare = ({ text, unit, units }: Field): string => (units && units.length > 1 && unit && text.endsWith(` ${unit}`) ? text.slice(0, -unit.length - 1) : text);
 
 /** Put a typed value into the text. A number alone has the unit of the menu. */

@@ -268,7 +268,7 @@ const isMoving = computed(() => answer.value?.head.cylinders !== undefined);
 
 const isAnswered = computed(() => answer.value !== null);
 
-/** What the first curves do not wait for. */
+/** Parts of the view that come after the first curves. */
 function Below() {
   if (!isAnswered.value) return null;
   return (

@@ -40,7 +40,7 @@ const STATES: Record<Made["state"], string> = {
   unread: "not checked: too long, or no longer readable",
 };
 
-/** What the files hold, in a line each. */
+/** Contents of the files, in a line each. */
 const headlines = signal<Record<string, string>>({});
 let told: unknown = null; // the list whose lines are read
 

@@ -1,4 +1,4 @@
-/** What the page adds to every table: decimal points below each other, and on a phone the name of its column in each cell. */
+/** Additions to every table: aligned decimal points, and on a phone the name of its column in each cell. */
 const NUMBER = /^[-−]?\d+/;
 const FIGURE_SPACE = "\u2007"; // as wide as a digit
 const MOST_ROWS = 400;

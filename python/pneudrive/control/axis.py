@@ -1,4 +1,4 @@
-"""Check of a drive for control: whether the controllers can model it, what their model leaves out, what limits them."""
+"""Check of a drive for control: differences to the model of the controllers, and limits of accuracy."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def supply_of(core_json: str) -> tuple[float, float]:
 
 
 def limitations(tuning: Tuning, setup: Setup) -> tuple[str, ...]:
-    """Return what limits a tuned controller, in words; warn where it can hardly work.
+    """Return the limits of a tuned controller in words; warn where it can hardly work.
 
     Parameters
     ----------

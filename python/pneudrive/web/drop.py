@@ -93,7 +93,7 @@ def rename(workspace: Workspace, name: str, to: str) -> None:
 
 
 def with_own_layout(workspace: Workspace, name: str, text: str) -> dict[str, str]:
-    """Move a recording into a folder of its own, together with a layout. Return its new name.
+    """Move a recording and its layout into a separate folder. Return its new name.
 
     A layout holds for all recordings of its folder, so that a recording of another rig needs another folder.
 

@@ -1,4 +1,4 @@
-"""What each file of the overview holds, in a line: the size of a drive, the values of a fit, the verdict of a check."""
+"""Contents of each file of the overview in a line: size of a drive, values of a fit, verdict of a check."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ pub(super) struct Wiring<'a, P> {
     pub chains: Vec<Chain>,
 }
 
-/// What the components bring to a joint of gas.
+/// Contributions of the components to a joint of gas.
 struct Brought<P> {
     /// Names of what holds the pressure, with pressure, Pa, and temperature, K, except for the ambient air.
     held: Vec<(String, Option<[P; 2]>)>,
@@ -68,7 +68,7 @@ struct Brought<P> {
     room: Option<P>,
 }
 
-/// What the components bring to a joint of masses.
+/// Contributions of the components to a joint of masses.
 struct Body<'a, P> {
     /// Mass, kg, if any component has one, and external force in +x, N.
     mass: Option<P>,

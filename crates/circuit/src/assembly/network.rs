@@ -111,7 +111,7 @@ fn ambient(spec: &specification::GasState) -> Result<[f64; 2], Error> {
     }
 }
 
-/// What is said about a description: warnings, and the sources of its laws.
+/// Warnings about a description, and the sources of its laws.
 struct Said<'a> {
     names: &'a Names,
     /// Highest gauge pressure, Pa.

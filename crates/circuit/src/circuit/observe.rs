@@ -1,4 +1,4 @@
-//! What is seen of a circuit at a state: nodes, flows, forces, stored quantities.
+//! Observed quantities of a circuit at a state: nodes, flows, forces, stored quantities.
 
 use super::fused::glance::Glance;
 use super::{Circuit, Path};

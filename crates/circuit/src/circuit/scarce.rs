@@ -1,4 +1,4 @@
-//! What a circuit runs out of: room or gas of a volume, reach of a leg.
+//! Limits of a circuit: room and gas of a volume, reach of a leg.
 
 use super::Circuit;
 use crate::part::gas;

@@ -1,4 +1,4 @@
-//! What a column of a run shows, and what a run starts from.
+//! Quantities in the columns of a run, and its start values.
 
 use crate::circuit::Path;
 use crate::ground::{AxisId, GasId};

@@ -88,8 +88,8 @@ struct Brake {
     shut_needs: f64,
 }
 
-/// Returns the decision to brake if the present command would leave too little room at the next sample: before the end
-/// to which the drive moves, or to which the command turns it.
+/// Returns the decision to brake if the present command would leave too little room at the next sample. The end counts
+/// to which the drive moves, and the end to which the command turns it.
 fn brakes(model: &Model, observer: &Observer, command: f64, margin: f64, period: f64) -> Option<Brake> {
     let along = if observer.state.velocity >= 0.0 { 1.0 } else { -1.0 };
     let before = |way| brakes_before(way, model, observer, command, margin, period);

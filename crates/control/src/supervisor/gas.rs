@@ -32,7 +32,7 @@ struct Chamber {
     lacks: f64,
 }
 
-/// What the model expects of a chamber for a sample. Rates in Pa/s.
+/// Quantities of a chamber that the model expects for a sample. Rates in Pa/s.
 #[derive(Clone, Copy, Debug)]
 struct Expected {
     /// State of the twin.
@@ -51,7 +51,7 @@ struct Expected {
     edges: [f64; 2],
 }
 
-/// What a chamber's reading shows.
+/// Findings about a chamber's reading.
 #[derive(Clone, Copy, Debug)]
 struct Shown {
     /// Changes by flow, Pa: measured, by the model, and by the model on a fallen supply. `None`: the reading is not
@@ -67,8 +67,8 @@ impl Chamber {
         f64::from(self.rests) * period >= PRESSURE_OFF_FOR
     }
 
-    /// Compares a reading p with the twin p_t, and lets the twin follow it. A reading is bad if it is no number, or
-    /// jumps by more than [`PRESSURE_OFF`] and a completely open valve explain. It is off if
+    /// Compares a reading p with the twin p_t, and lets the twin follow it. A reading is bad if it is not a
+    /// number, or jumps by more than [`PRESSURE_OFF`] and a completely open valve explain. It is off if
     ///
     ///   |p - p_t| > PRESSURE_OFF + u,   u' = max(0.4 |q|, min(|q|, 0.025 q_full)) - u/tau
     ///
@@ -256,8 +256,8 @@ impl Gas {
         found
     }
 
-    /// Finds out what is at fault if readings have been off for [`PRESSURE_OFF_FOR`]: the valve if both chambers are
-    /// off, else the sensor of the one that is off alone. A chamber that lacks air on a low supply is not at fault.
+    /// Finds the cause if readings have been off for [`PRESSURE_OFF_FOR`]. If both chambers are off, it is the valve.
+    /// If one is off alone, it is its sensor. A chamber that lacks air on a low supply is not at fault.
     fn blame(
         &mut self,
         at: Moment,

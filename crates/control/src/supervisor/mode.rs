@@ -1,4 +1,4 @@
-//! What a drive does: it follows its reference, returns to it, stops, or rests with its valve shut.
+//! Modes of a drive: it follows its reference, returns to it, stops, or rests with its valve shut.
 
 use super::event::{EventKind, Log};
 use crate::course::{Course, Fade};

@@ -1,4 +1,4 @@
-//! What a supervisor is given: its rules, its inputs, and the prediction of the model for a sample.
+//! Arguments of a supervisor: its rules, its inputs, and the prediction of the model for a sample.
 
 use super::motion::MotionRules;
 use crate::model::Model;

@@ -1,4 +1,4 @@
-//! What a law is evaluated at: motion and pressures, and the levels of its force.
+//! Arguments of a friction law: motion and pressures, and the levels of its force.
 
 use math::Real;
 
