@@ -107,7 +107,7 @@ def with_own_layout(workspace: Workspace, name: str, text: str) -> dict[str, str
     Layout.loads(text, "layout.toml")
     place = workspace.path(name, TABLES)
     if not place.is_file():
-        raise CommandError(f"there is no file {name}")
+        raise CommandError(f"there is no file {name}", remedy="Reload the page.")
     own = posixpath.join(posixpath.dirname(name), stem(place))
     folder = workspace.folder(own)
     with alone_in(workspace.root):
@@ -119,7 +119,7 @@ def with_own_layout(workspace: Workspace, name: str, text: str) -> dict[str, str
         except FileExistsError:
             raise CommandError(f"{own} is there already", remedy="Rename one of the two.") from None
         except OSError as error:
-            raise CommandError(f"{own} cannot be written: {error.strerror}") from None
+            raise CommandError(f"{own} cannot be written: {error.strerror}", remedy="Check its rights.") from None
     return {"path": f"{own}/{place.name}"}
 
 
