@@ -1,17 +1,19 @@
-"""Hold the project to `budgets.toml`: lines of code, prose, files per folder, lines per file and function, circles.
+"""Hold the project to the ceilings of `budgets.toml`: lines of code, counts of ideas, files, functions, circles, prose.
 
-    python tools/budgets.py              # exceeded budgets
-    python tools/budgets.py --tighten    # lower each budget to the measured value
+    python tools/budgets.py              # exceeded ceilings
+    python tools/budgets.py --tighten    # lower each ceiling to the measured value
 
-A budget is a ceiling that only falls. A change that needs more raises it and gives the reason in the same line.
+A ceiling counts for the whole project, so that packages trade with each other. It only falls.
 """
 
 from __future__ import annotations
 
 import ast
+import io
 import re
 import subprocess
 import sys
+import tokenize
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -21,19 +23,11 @@ from rust_modules import COMMENT, Crate
 
 ROOT = Path(__file__).parents[1]
 FILE = Path(__file__).with_name("budgets.toml")
-RULES = {
-    "code": "lines of code of a package, a crate or the page",
-    "circular": "modules of a crate that use each other in a circle",
-    "findings": "sentences to rewrite (tools/prose.py --list FOLDER)",
-    "folders": "source files of a folder",
-    "files": "lines of a file",
-    "functions": "lines of a function of Python or Rust, without its docstring",
-    "strings": "modules that are imported by a string (import_module)",
-}
-# A key that is not in the file has this budget; a rule that is not here has none.
-DEFAULTS = {"circular": 0, "folders": 20, "files": 500, "functions": 60, "strings": 0}
-PROSE_SHARE = 0.04
+# Figures of a file or a function that is not in `budgets.toml`.
+DEFAULTS = {"files": 800, "functions": 60, "strings": 0}
 SOURCES = {".py", ".rs", ".ts", ".tsx"}
+SKIPPED = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+RUST_TYPE = re.compile(r"^\s*(?:pub(?:\([\w ]+\))? )?(?:struct|enum|trait|union) (\w+)", re.M)
 
 
 def strongly_connected(graph: dict[str, set[str]]) -> list[list[str]]:
@@ -99,96 +93,148 @@ def string_imports(path: Path) -> int:
     return sum(re.match(r"f?['\"]pneudrive\.", ast.unparse(call.args[0])) is not None for call in named)
 
 
-def measured(python: dict[str, int]) -> dict[str, dict[str, int]]:
-    """Return the figures of each rule.
+def ideas(path: Path) -> Counter[str]:
+    """Return the counts of a Python file: lines of code, imports, tokens, records, and copies from record to record."""
+    text = path.read_text("utf-8")
+    tree, counts = ast.parse(text), Counter[str]()
+    code = code_of(text, tree)
+    counts["lines"], counts["files"] = len(code), 1
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    counts["tokens"] = sum(token.type not in SKIPPED and token.start[0] in code for token in tokens)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            counts["imports"] += node.end_lineno - node.lineno + 1
+        elif isinstance(node, ast.ClassDef):
+            counts["records"] += sum(isinstance(inner, ast.AnnAssign) for inner in node.body) >= 2
+        elif isinstance(node, ast.Call):
+            attributes = [word for word in node.keywords if isinstance(word.value, ast.Attribute)]
+            counts["copies"] += sum(word.value.attr == word.arg for word in attributes) >= 4
+    return counts
 
-    Parameters
-    ----------
-    python : dict
-        Lines of code of each Python package.
-    """
+
+def code_of(text: str, tree: ast.AST) -> set[int]:
+    """Return the numbers of the lines that are neither blank nor a comment nor part of a docstring."""
+    prose_lines: set[int] = set()
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        for inner in body if isinstance(body, list) else ():
+            if isinstance(inner, ast.Expr) and isinstance(getattr(inner.value, "value", None), str):
+                prose_lines |= set(range(inner.lineno, inner.end_lineno + 1))
+    lines: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in SKIPPED:
+            lines |= set(range(token.start[0], token.end[0] + 1))
+    return lines - prose_lines
+
+
+def empty_comments(text: str) -> int:
+    """Return how many doc comments of a Rust file are one word, or describe the result of a function without one."""
+    empty, comment, head = 0, "", ""
+    for line in map(str.strip, text.splitlines()):
+        if line.startswith(("///", "//!")):
+            comment += line[3:]
+        elif comment and not line.startswith("#["):
+            head += f" {line}"
+            if "fn " in head and not line.endswith(("{", "}", ";")):
+                continue  # the head of the function is longer than this line
+            returns = comment.strip().startswith("Returns") and "fn " in head
+            empty += len(comment.split()) == 1 or (returns and "->" not in head)
+            comment = head = ""
+    return empty
+
+
+def typescript_graph() -> dict[str, set[str]]:
+    """Return the modules of the page and the modules that each one imports."""
+    source = ROOT / "page/src"
+    names = {str(path.relative_to(source).with_suffix("")): path for path in source.rglob("*.ts*")}
+    graph = {}
+    for name, path in names.items():
+        targets = re.findall(r"(?:from|import) \"(\.[^\"]*)\"", path.read_text("utf-8"))
+        reached = {str((path.parent / target).resolve().relative_to(source.resolve())) for target in targets}
+        graph[name] = {target.removesuffix(".tsx").removesuffix(".ts") for target in reached} & names.keys()
+    return graph
+
+
+def project() -> dict[str, int]:
+    """Return the figures that count for the whole project."""
+    python = sum(map(ideas, (ROOT / "python/pneudrive").rglob("*.py")), Counter[str]())
+    tests = [path.read_text("utf-8") for path in (ROOT / "tests").rglob("*.py")]
     crates = sorted(ROOT.glob("crates/*/src"))
-    code = {f"python/{name}": size for name, size in python.items()}
-    code |= {f"crates/{source.parent.name}": sum(map(code_lines, source.rglob("*.rs"))) for source in crates}
-    code["page"] = sum(code_lines(path) for path in (ROOT / "page/src").rglob("*.ts*"))
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout.decode()
-    names = [name for name in listed.split("\0") if Path(name).suffix in SOURCES and (ROOT / name).exists()]
-    shipped = [name for name in names if re.match(r"python/|crates/\w+/src/|page/src/|tools/", name)]
-    graphs = {source: Crate(source).graph() for source in crates}
-    sizes = {name: len((ROOT / name).read_text("utf-8").splitlines()) for name in shipped}
-    strings = {name: string_imports(ROOT / name) for name in shipped if name.endswith(".py")}
+    rust = [COMMENT.sub("", path.read_text("utf-8")) for source in crates for path in source.rglob("*.rs")]
+    types = Counter(name for text in rust for name in RUST_TYPE.findall(text))
+    page = [path for path in (ROOT / "page/src").rglob("*.ts*") if "generated" not in path.name]
+    flagged, sentences = (sum(column) for column in zip(*prose.counts().values(), strict=True))
     return {
-        "code": code,
-        "circular": {f"crates/{s.parent.name}": sum(map(len, strongly_connected(g))) for s, g in graphs.items()},
-        "findings": {folder: flagged for folder, (flagged, _) in PROSE.items()},
-        "folders": dict(Counter(str(Path(name).parent) for name in shipped if not name.endswith("__init__.py"))),
-        "files": sizes,
-        "functions": {
-            f"{name}::{function}": lines for name in shipped for function, lines in function_lines(ROOT / name).items()
-        },
-        "strings": strings,
+        "lines of Python": python["lines"],
+        "lines of Rust": sum(bool(line.strip()) for text in rust for line in text.splitlines()),
+        "lines of TypeScript": sum(map(code_lines, page)),
+        "code lines of Python tests": sum(len(code_of(text, ast.parse(text))) for text in tests),
+        "Python files": python["files"],
+        "Python classes with two or more fields": python["records"],
+        "import lines in 1000 lines of Python": round(1000 * python["imports"] / python["lines"]),
+        "calls that copy four or more fields": python["copies"],
+        "tokens in 10 lines of Python": round(10 * python["tokens"] / python["lines"]),
+        "Rust type names that occur twice": sum(count > 1 for count in types.values()),
+        "Rust modules in circles": sum(len(c) for source in crates for c in strongly_connected(Crate(source).graph())),
+        "TypeScript modules in circles": sum(map(len, strongly_connected(typescript_graph()))),
+        "Rust doc comments of one word, or Returns without a result": sum(
+            empty_comments(path.read_text("utf-8")) for source in crates for path in source.rglob("*.rs")
+        ),
+        "flagged sentences in 1000": round(1000 * flagged / sentences),
     }
 
 
-PROSE = prose.counts()
+def measured() -> dict[str, dict[str, int]]:
+    """Return the figures of each table of `budgets.toml`."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout.decode()
+    names = [name for name in listed.split("\0") if Path(name).suffix in SOURCES and (ROOT / name).exists()]
+    shipped = [name for name in names if re.match(r"python/|crates/\w+/src/|page/src/|tools/", name)]
+    return {
+        "project": project(),
+        "files": {name: len((ROOT / name).read_text("utf-8").splitlines()) for name in shipped},
+        "functions": {
+            f"{name}::{function}": lines for name in shipped for function, lines in function_lines(ROOT / name).items()
+        },
+        "strings": {name: string_imports(ROOT / name) for name in shipped if name.endswith(".py")},
+    }
 
 
-def allowed(rule: str, key: str, budgets: dict[str, dict[str, int]]) -> int | None:
-    """Return the budget of a key, or None if it has no limit."""
-    if rule == "findings":
-        return max(budgets[rule].get(key, 0), int(PROSE_SHARE * PROSE[key][1]))
-    return budgets[rule].get(key, DEFAULTS.get(rule))
+def over(figures: dict[str, dict[str, int]], ceilings: dict[str, dict[str, int]]) -> list[str]:
+    """Return a message for each figure that is above its ceiling."""
+    return [
+        f"{table}: {key} = {value}, the ceiling in tools/budgets.toml is {limit}"
+        for table, entries in figures.items()
+        for key, value in entries.items()
+        if value > (limit := ceilings[table].get(key, DEFAULTS.get(table, 0)))
+    ]
 
 
-def over(figures: dict[str, dict[str, int]], budgets: dict[str, dict[str, int]]) -> list[str]:
-    """Return a message for each figure that is above its budget."""
-    messages = []
-    for rule, table in figures.items():
-        for key, value in table.items():
-            limit = allowed(rule, key, budgets)
-            if limit is None:
-                messages.append(f"{key} has no budget of {RULES[rule]}: add it to tools/budgets.toml")
-            elif value > limit:
-                messages.append(f"{key}: {value} {RULES[rule]}, the budget in tools/budgets.toml is {limit}")
-    return messages
-
-
-def check(python: dict[str, int]) -> list[str]:
-    """Return a message for each budget that is exceeded.
-
-    Parameters
-    ----------
-    python : dict
-        Lines of code of each Python package.
-    """
-    return over(measured(python), tomllib.loads(FILE.read_text("utf-8")))
+def check() -> list[str]:
+    """Return a message for each ceiling that is exceeded."""
+    return over(measured(), tomllib.loads(FILE.read_text("utf-8")))
 
 
 def tighten(figures: dict[str, dict[str, int]]) -> None:
-    """Lower each budget to its measured value, and drop unneeded budgets."""
-    rule, lines = "", []
-    for text in FILE.read_text("utf-8").splitlines():
-        line = text
+    """Lower each ceiling to its measured value, and drop ceilings that the default covers."""
+    table, lines = "", []
+    for line in FILE.read_text("utf-8").splitlines():
         if head := re.fullmatch(r"\[(\w+)\]", line):
-            rule = head[1]
-        if entry := re.match(r'"?([^"=]+?)"? = (\d+)(.*)', line):
-            value = min(int(entry[2]), figures[rule].get(entry[1], 0))
-            if value <= (allowed(rule, entry[1], {rule: {}}) or 0 if entry[1] in figures[rule] else 0):
-                continue
-            line = f'"{entry[1]}" = {value}{entry[3]}'
-        lines.append(line)
+            table = head[1]
+        if entry := re.match(r'"([^"]+)" = (\d+)(.*)', line):
+            value = min(int(entry[2]), figures[table].get(entry[1], 0))
+            if value > DEFAULTS.get(table, -1):
+                lines.append(f'"{entry[1]}" = {value}{entry[3]}')
+        else:
+            lines.append(line)
     FILE.write_text("\n".join(lines) + "\n", "utf-8")
 
 
 def main() -> int:
-    """Print each exceeded budget; with ``--tighten``, lower the budgets first."""
-    from measure import read_all, sizes_of
-
-    python = sizes_of(read_all())
+    """Print each exceeded ceiling; with ``--tighten``, lower the ceilings first."""
     if "--tighten" in sys.argv:
-        tighten(measured(python))
-    messages = check(python)
-    print("\n".join(messages) or "no budget is exceeded")
+        tighten(measured())
+    messages = check()
+    print("\n".join(messages) or "no ceiling is exceeded")
     return int(bool(messages))
 
 

@@ -4,8 +4,7 @@
     python tools/prose.py --list [FOLDER]    # the findings of a folder
     python tools/prose.py --since COMMIT     # the findings in lines that were added since a commit
 
-The words are those of `words.toml`. `tools/measure.py --check` holds each folder to its budget in `budgets.toml`;
-a folder without a budget may have findings in 4 % of its sentences.
+The words are those of `words.toml`. `tools/measure.py --check` holds the whole project to a fraction of flagged sentences.
 """
 
 from __future__ import annotations
