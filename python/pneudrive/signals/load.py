@@ -19,6 +19,7 @@ from pneudrive.signals.recording import ParallelForce, Recording
 from pneudrive.signals.tables import date_times
 from pneudrive.signals.tables.column_units import split_name
 from pneudrive.signals.tables.formats import read_columns
+from pneudrive.signals.tables.names import SECONDARY, role_of, side_of, words_of
 from pneudrive.signals.tables.text_table import read_bytes, read_text
 from pneudrive.signals.tables.timing import overlap, timed
 from pneudrive.signals.trajectories import (
@@ -268,6 +269,12 @@ def read_raw(
     for doubt in unit_doubts(said):
         warn(f"{path.name}: {doubt}")
     table = read_table(path, said, data)
+    if unread := unread_pressures(said, table.unread):
+        shown = ", ".join(f"'{name}'" for name in unread)
+        warn(
+            f"{path.name}: the layout takes a chamber as open to ambient and does not use {shown}: "
+            "name it as pressure_a or pressure_b if it is the pressure of a chamber"
+        )
     raw = {channel: values[said.skip_samples :] for channel, values in zip(said.columns, table.columns, strict=True)}
     if raw["time"].size == 0:
         raise RecordingError(
@@ -299,6 +306,20 @@ def unit_doubts(said: FileLayout | SampledLayout) -> list[str]:
             sort = "" if named.gauge is None else " gauge" if named.gauge else " abs"
             doubts.append(f"{where} is in {named.unit}{sort} by its name, but in {column.unit.text} by the layout")
     return doubts
+
+
+def unread_pressures(said: FileLayout | SampledLayout, unread: Iterable[str]) -> list[str]:
+    """Return columns that are not read, and whose names say that they are pressures of a chamber open to ambient."""
+    stated = said.chamber_pressures if isinstance(said, FileLayout) else {}
+    sides = {channel[-1] for channel, pressure in stated.items() if pressure == said.ambient_pressure_pa}
+    names = {name: split_name(name)[0] for name in unread if sides}
+    return [
+        name
+        for name, bare in names.items()
+        if role_of(bare) == "pressure"
+        and not SECONDARY.search(words_of(bare))
+        and {"1": "a", "2": "b"}.get(side := side_of(bare) or "", side) in {*sides, ""}
+    ]
 
 
 def read_table(

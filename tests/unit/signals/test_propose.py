@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import Layout, characterise, load_recordings
-from pneudrive.errors import RecordingError
+from pneudrive.errors import PneudriveWarning, RecordingError
 from pneudrive.signals.channels import open_channels
 from pneudrive.signals.proposal.propose import propose_layout
 
@@ -83,6 +83,53 @@ def test_inches_pounds_and_absolute_psi_are_read_as_named(make, tmp_path, name, 
     assert recording.position_m == pytest.approx(10.0 * truth.position_m, abs=2e-6)
     assert recording.pressure_b_pa == pytest.approx(truth.pressure_b_pa, abs=5.0)
     assert recording.force_n == pytest.approx(10.0 * truth.force_n, abs=1e-3)
+
+
+@pytest.mark.parametrize(("unit", "scale", "zero"), [("V", 0.4, 0.5), ("mA", 1.6, 4.0), ("counts", 100.0, 0.0)])
+def test_pressures_in_volts_ask_for_a_scale_and_give_the_friction_with_it(make, tmp_path, unit, scale, zero):
+    _, t, x, p, f = columns(make)
+    rows = [t, x, zero + scale * 0.02 * np.sign(np.gradient(x)), zero + scale * p, f]
+    names = f"Time (s),Position (mm),Pressure A ({unit}),Pressure B ({unit}),Force (N)"
+    write(tmp_path / "a.csv", [names], rows, ",")
+    proposal = propose_layout(tmp_path / "a.csv")
+    for side in "ab":
+        assert f"pressure_{side}: this column contains {unit}: state the unit, and the scale" in proposal.problem
+    assert "\nopen_to_ambient" not in proposal.text
+    text = proposal.text.replace("# pressure_", "pressure_")
+    text = text.replace("offset = 0.0", f"offset = {-zero / scale}").replace("scale = 1.0", f"scale = {1 / scale}")
+    found = characterise([tmp_path / "a.csv"], Layout.loads(text))
+    assert found.friction_n.to_numpy() == pytest.approx(20.0 + 2e3 * np.pi / 4 * 0.025**2, abs=0.2)
+    # A layout that leaves them out, as by hand, is warned of.
+    sides = "".join(f"[chamber_{side}]\nopen_to_ambient = true\n" for side in "ab")
+    with pytest.warns(PneudriveWarning, match="does not use 'Pressure A"):
+        load_recordings([tmp_path / "a.csv"], Layout.loads(proposal.text + sides))
+
+
+def test_a_force_or_a_position_in_volts_is_asked_for(make, tmp_path):
+    _, t, x, p, f = columns(make)
+    write(tmp_path / "a.csv", ["Time (s),Position (V),Pressure B (bar),Load cell (mV)"], [t, x / 20, p, f / 9], ",")
+    problem = propose_layout(tmp_path / "a.csv").problem
+    assert "position: this column contains V: state the unit, and the scale (unit per V)" in problem
+    assert "force: this column contains mV: state the unit, and the scale (unit per mV)" in problem
+
+
+def test_an_unused_column_is_named_and_a_chamber_is_open_only_if_none_can_be_its_pressure(make, tmp_path):
+    """A supply pressure beside one chamber's pressure: the other chamber may be at any pressure, and the bore too."""
+    _, t, x, p, f = columns(make)
+    head = "Time (s),Position (mm),Pressure B (bar),Load (N),Supply pressure (bar),Temperature (degC)"
+    supply, warm = 7 + 0.01 * np.sin(t), 22 + 0.1 * np.sin(t)
+    write(tmp_path / "a.csv", [head], [t, x, p, f, supply, warm], ",")
+    proposal = propose_layout(tmp_path / "a.csv")
+    assert "pressure_a: no column has its name" in proposal.problem
+    assert "Supply pressure (bar)" in proposal.problem
+    assert "# not used: Temperature (degC)" in proposal.text
+    assert 'bore = "25 mm"  # guess: write the real bore' in proposal.text
+    head = head.replace("Supply pressure (bar)", "Speed (mm/s)")
+    write(tmp_path / "a.csv", [head], [t, x, p, f * 0.5, supply, warm], ",")
+    proposal = propose_layout(tmp_path / "a.csv")
+    assert (proposal.problem, proposal.unused) == ("", ("Speed (mm/s)", "Temperature (degC)"))
+    assert "[chamber_a]\nopen_to_ambient = true" in proposal.text
+    assert float(proposal.text.split('bore = "')[1].split(" mm")[0]) == pytest.approx(25.0 / 2**0.5, rel=0.01)
 
 
 def test_names_in_quotes_with_quotes_and_delimiters(make, tmp_path):

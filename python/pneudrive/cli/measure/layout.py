@@ -28,6 +28,7 @@ def layout(
     from pneudrive.errors import RecordingError
     from pneudrive.report.layout_figure import write_layout_figure
     from pneudrive.signals.layout import stem
+    from pneudrive.signals.proposal.guesses import families
     from pneudrive.signals.proposal.propose import propose_layout
     from pneudrive.simulation.trajectory import whole
 
@@ -44,6 +45,8 @@ def layout(
         what = "a fixed volume" if proposal.kind == "fixed-volume" else f"a {proposal.kind}"
         strokes = f": {len(proposal.strokes)} strokes" if proposal.strokes else ""
         sys.stderr.write(f"A recording of {what}{strokes}; check the lines marked guess.\n")
+    if proposal.unused:
+        sys.stderr.write(f"Not used: {', '.join(families(proposal.unused))}.\n")
     for path in (out, picture):
         if path is not None:
             sys.stderr.write(f"{path}\n")

@@ -22,6 +22,7 @@ GROUPED = ("tdms", "mf4")  # formats with names group/channel
 #: Role -> SI unit of its quantity; a column with the unit of another quantity is not a candidate.
 QUANTITIES = {"time": "s", "position": "m", "force": "N", "pressure": "Pa"}
 ELECTRICAL = ("V", "A")
+RAW = ("V", "mV", "mA", "count")  # units of sensors whose scale the file does not state
 NAME, SECOND_NAME, UNIT, PHYSICS = 2, 1, 2, 1  # weights of the evidence (assumed): any two beat one
 ONCE = 1.0  # added to the unevenness of a signal that moves in one direction only
 HELD_SHARE = 0.9  # share of samples equal to the previous one: a held command, not a measured force
@@ -44,6 +45,11 @@ class Header:
     def role(self) -> str | None:
         """The role that the name states; a time also if the name is a unit of time."""
         return role_of(self.bare) or role_of(self.name)
+
+    @property
+    def is_raw(self) -> bool:
+        """Whether the numbers are volts, milliamperes or counts of a sensor."""
+        return self.unit is not None and self.unit.unit in RAW
 
 
 @dataclass(frozen=True)
@@ -92,14 +98,20 @@ class TableSignals:
                 score, evidence = (SECOND_NAME if is_second else NAME), ["name"]
             if header.unit is not None:
                 fits = header.unit.si in ELECTRICAL if role == "command" else header.unit.si == quantity
-                is_count = role == "position" and header.unit.si == "count"
-                if not (fits or is_count or (role == "command" and header.unit.unit == "-")):
+                is_raw = quantity is not None and header.is_raw
+                if not (fits or is_raw or (role == "command" and header.unit.unit == "-")):
                     continue
                 score += UNIT if (fits and quantity) or (fits and score) else 0
                 evidence += ["unit"] if fits else []
             if score:
                 found.append(Candidate(index, score, tuple(evidence)))
         return sorted(found, key=lambda one: -one.score)
+
+    def may_be_pressure(self, at: int) -> bool:
+        """Return whether neither name nor unit of a column exclude a pressure, and its numbers change."""
+        header, values = self.headers[at], self.columns[at]
+        fits = header.unit is None or header.unit.si == "Pa" or header.is_raw
+        return fits and header.role in (None, "pressure") and bool(np.nanmax(values) > np.nanmin(values))
 
     def without_role(self) -> list[int]:
         """Return the columns whose headers state no role and no quantity."""

@@ -24,6 +24,8 @@ from pneudrive.signals.tables.timing import COUNTERS, filled, on_clock, unwrappe
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from pneudrive.signals.tables.sniff import FileForm
@@ -38,6 +40,8 @@ FOLLOWS = 0.8  # least correlation of a closed chamber's pressure with the posit
 #: Chamber -> how its pressure follows the position if it is closed.
 CLOSED = {"a": "falls as the position grows", "b": "rises as the position grows"}
 CLEAR_SHARE = 0.5  # least correlation of force and pressure within one direction
+#: Role -> unit to scale volts and counts to.
+RAW_UNITS = {"position": "mm", "force": "N", "pressure": "bar"}
 WHOLE_SPAN = 500  # whole numbers over more than this are counts
 
 
@@ -68,7 +72,7 @@ class Question:
 
     @property
     def text(self) -> str:
-        """One sentence."""
+        """The question as one sentence."""
         names = families([str(choice.column) for choice in self.choices])
         return f"{self.role}: {self.why}" + (f" ({', '.join(names)})" if names else "")
 
@@ -88,8 +92,29 @@ class Roles:
         """Return the column of a role."""
         return next((guess.index for guess in self.guesses if guess.role == role), None)
 
+    @property
+    def unused(self) -> list[int]:
+        """Columns of numbers without a role, which no question lists."""
+        times = self.times
+        listed = [*self.guesses, *(choice for question in self.questions for choice in question.choices)]
+        used = {guess.index for guess in listed} | {times.index, times.date, *times.clocks.values()}
+        numbers = [at for at, values in enumerate(self.signals.columns) if np.isfinite(values).any()]
+        return [at for at in numbers if at not in used and at not in self.signals.reading.words]
 
-def families(names: list[str]) -> list[str]:
+    def ask_chambers(self) -> None:
+        """Ask for the pressures of chambers without a column, if an unused column may be one of them."""
+        asked = " ".join(question.role for question in self.questions)
+        sides = [f"pressure_{side}" for side in CLOSED if self.index(f"pressure_{side}") is None]
+        columns = self.signals.columns
+        used = [columns[guess.index] for guess in self.guesses if guess.index is not None]
+        spare = [at for at in self.unused if self.signals.may_be_pressure(at)]
+        spare = [at for at in spare if not any(same_signal(values, columns[at]) for values in used)]
+        if sides and spare and "pressure" not in asked:
+            why = "no column has its name, and a column that the layout does not use may be its pressure"
+            _leave_open(self, " and ".join(sides), why, [Candidate(at, 0.0, ("not used",)) for at in spare])
+
+
+def families(names: Iterable[str]) -> list[str]:
     """Return names, with one entry for names that differ only by their number.
 
     Examples
@@ -444,11 +469,11 @@ def _accept(roles: Roles, role: str, one: Candidate, rank: str) -> None:
         why = f"the unit {header.unknown!r} of this column is not known: state the unit"
         roles.questions.append(Question(role, why, (guess,)))
         return
-    if role == "position" and not guess.unit:
-        why = "this column contains counts: state the unit, and the scale (unit per count)"
-        roles.questions.append(
-            Question(role, why, (Guess(role, guess.column, guess.index, "mm", why, keys="scale = 1.0"),))
-        )
+    if "scale = " in guess.keys:
+        raw = header.unit.unit if header.unit is not None else "count"
+        content = "counts" if raw == "count" else raw
+        why = f"this column contains {content}: state the unit, and the scale (unit per {raw})"
+        roles.questions.append(Question(role, why, (replace(guess, reason=why),)))
         return
     roles.guesses.append(guess)
 
@@ -457,6 +482,10 @@ def _guess(roles: Roles, role: str, one: Candidate, rank: str) -> Guess:
     signals = roles.signals
     unit, gauge, is_named = _unit(signals, one.index, role)
     keys = [] if is_named or role == "command" else ["guessed = true"]
+    if not unit and role != "command":  # volts or counts
+        unit, keys = RAW_UNITS[role.partition("_")[0]], ["scale = 1.0"]
+        header = signals.headers[one.index]
+        keys += ["offset = 0.0"] if header.unit is not None and header.unit.si != "count" else []
     if (clock := roles.times.clocks.get(one.index)) is not None:
         keys.append(f"clock = {_toml(signals.place(clock))}")
     if late := _late(signals, roles.times).get(one.index, 0.0):
@@ -468,7 +497,7 @@ def _guess(roles: Roles, role: str, one: Candidate, rank: str) -> Guess:
 
 
 def _leave_open(roles: Roles, role: str, why: str, candidates: list[Candidate]) -> None:
-    kind = "pressure" if "pressure" in role else role
+    kind = "pressure" if " " in role and "pressure" in role else role
     choices = tuple(_guess(roles, kind, candidate, "") for candidate in candidates)
     roles.questions.append(Question(role, why, choices))
 
@@ -476,18 +505,21 @@ def _leave_open(roles: Roles, role: str, why: str, candidates: list[Candidate]) 
 def _unit(signals: TableSignals, index: int, role: str) -> tuple[str, bool | None, bool]:
     """Return the unit in the header, or a guess from the size of the numbers.
 
-    Also return whether the unit is gauge, and whether the file states the unit.
+    Also return whether the unit is gauge, and whether the file states the unit. Volts and counts need a scale: their
+    unit is empty.
     """
     unit = signals.headers[index].unit
     kind = role.partition("_")[0]
+    is_raw = signals.headers[index].is_raw
+    if is_raw and kind != "command":
+        return "", None, False
     if unit is not None and unit.si not in ("", "count"):
         return unit.unit, unit.gauge, True
     values = signals.columns[index]
     finite = values[np.isfinite(values)]
     largest, span = (float(np.abs(finite).max()), float(np.ptp(finite))) if finite.size else (0.0, 0.0)
     if kind == "position":
-        is_whole = bool((finite == np.floor(finite)).all()) and span > WHOLE_SPAN
-        is_count = is_whole or (unit is not None and unit.si == "count")
+        is_count = bool((finite == np.floor(finite)).all()) and span > WHOLE_SPAN
         return "" if is_count else "mm" if span > 2 else "m", None, False
     if kind == "pressure":
         return "bar" if largest < 30 else "kPa" if largest < 3000 else "Pa", None, False

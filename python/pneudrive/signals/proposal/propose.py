@@ -37,7 +37,8 @@ class Proposal:
 
     ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` has the raw numbers of
     every column. ``recording`` and ``strokes`` are the file as read by the layout. They are None and empty if it is not
-    a recording of a rig, or not readable, with the reason in ``problem``.
+    a recording of a rig, or not readable, with the reason in ``problem``. ``unused`` has the columns of numbers that
+    the layout does not use.
     """
 
     path: Path
@@ -49,6 +50,7 @@ class Proposal:
     strokes: tuple[Stroke, ...]
     problem: str
     kind: str = "rig"
+    unused: tuple[str, ...] = ()
 
     @property
     def asks(self) -> bool:
@@ -87,6 +89,10 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     kind = _kind(path, reading, roles)
     if kind == "fixed-volume":
         roles.guesses = _one_pressure(roles.guesses)
+    elif kind == "rig":
+        roles.ask_chambers()
+    else:
+        roles.questions = [question for question in roles.questions if question.role != "force"]
     text = layout_text(path, reading, roles, kind)
     watch.tell(2, STAGES, "reading the file by the proposed layout")
     recording, strokes = None, ()
@@ -106,7 +112,10 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     except PneudriveError as error:
         problem = error.what
     watch.tell(STAGES, STAGES, "reading the file by the proposed layout")
-    return Proposal(path, text, reading, tuple(roles.guesses), tuple(columns), recording, strokes, problem, kind)
+    unused = tuple(str(roles.signals.place(at)) for at in roles.unused)
+    return Proposal(
+        path, text, reading, tuple(roles.guesses), tuple(columns), recording, strokes, problem, kind, unused
+    )
 
 
 def _kind(path: Path, reading: FileForm, roles: Roles) -> str:

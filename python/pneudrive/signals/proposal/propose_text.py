@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.describe.files.toml import value_text
+from pneudrive.signals.proposal.guesses import families
 from pneudrive.signals.tables.names import WORDS
 from pneudrive.units import converter
 
@@ -39,6 +40,8 @@ def layout_text(path: Path, reading: FileForm, roles: Roles, kind: str) -> str:
     for question in roles.questions:
         lines.append(f"# open: {question.text}")
         lines += [f"# {_column_line(choice, columns, sign)}" for choice in question.choices[:MOST_CHOICES]]
+    if unused := families([str(roles.signals.place(at)) for at in roles.unused]):
+        lines.append(f"# not used: {', '.join(unused)}")
     found = {guess.role for guess in guesses}
     cycle = [name for name in reading.names if re.search(WORDS["cycle"], name.strip().lower())]
     if cycle and reading.format == "parquet":
@@ -50,8 +53,10 @@ def layout_text(path: Path, reading: FileForm, roles: Roles, kind: str) -> str:
     lines += [f"# not found: {role}" for role in missing]
     lines += ["", "[geometry]", 'kind = "rodless"  # guess', f'bore = "{bore * 1e3:.3g} mm"  # guess: {why}']
     for side in ("a", "b"):
-        if f"pressure_{side}" not in found and "pressure" not in open_roles:
-            lines += ["", f"[chamber_{side}]", "open_to_ambient = true  # guess: no pressure column for this chamber"]
+        if f"pressure_{side}" not in found:
+            sign = "# " if "pressure" in open_roles else ""
+            why = "if it is" if sign else "guess: no pressure column for this chamber"
+            lines += ["", f"{sign}[chamber_{side}]", f"{sign}open_to_ambient = true  # {why}"]
     if "pressure_a" in found:
         lines += _parallel_lines(roles)
     lines += ["", "# [window]", '# position = "5 mm .. 30 mm"  # absent: the middle 60 % of the stroke', ""]
@@ -135,7 +140,8 @@ def _sign_and_bore(roles: Roles) -> tuple[str, float, str]:
     sign = "-x" if roles.sign < 0 else "+x"
     force = next((guess for guess in roles.guesses if guess.role == "force"), None)
     pressures = [guess for guess in roles.guesses if guess.role.startswith("pressure")]
-    if roles.directions is None or force is None or force.index is None or len(pressures) != 1:
+    is_open = any("pressure" in question.role for question in roles.questions)
+    if roles.directions is None or force is None or force.index is None or len(pressures) != 1 or is_open:
         return sign, 0.025, "write the real bore"
     levels = roles.directions.levels(roles.signals.columns[force.index])
     if levels is None or pressures[0].index is None:

@@ -77,7 +77,8 @@ def read_columns(
             if column.size == length:
                 names.append(name)
                 columns.append(column[part])
-    return NumberTable(names, columns, units=[opened.metadata.get(UNIT_OF + name, "") for name in names])
+    units = [opened.metadata.get(UNIT_OF + name, "") for name in names]
+    return NumberTable(names, columns, units=units, unread=[name for name in opened.names if name not in names])
 
 
 def names_of(wanted: list[int | str], names: list[str], path: Path) -> list[str]:

@@ -55,7 +55,8 @@ class TextForm:
 class NumberTable:
     """Columns with their names, and units if the file states them; ``flags`` counts rows that could not be read.
 
-    ``segments`` holds the first row of each further segment of a file with repeated headers.
+    ``segments`` holds the first row of each further segment of a file with repeated headers. ``unread`` holds the names
+    of the file's other columns.
     """
 
     names: list[str]
@@ -63,6 +64,7 @@ class NumberTable:
     flags: dict[str, int] = field(default_factory=dict)
     units: list[str] = field(default_factory=list)
     segments: list[int] = field(default_factory=list)
+    unread: list[str] = field(default_factory=list)
 
 
 def read_bytes(path: Path) -> bytes:
@@ -240,6 +242,7 @@ def read_text(
         flags,
         [units[at] if at < len(units) else "" for at, _ in found],
         segments,
+        [name for at, name in enumerate(names) if at not in use],
     )
 
 

@@ -195,6 +195,7 @@ def timed(table: NumberTable, columns: Mapping[str, Column], places: Sequence[in
         [column[part] for column in (*found.values(), *table.columns[others])],
         flags | ({"counter_wrap": wraps} if wraps else {}),
         [*(unit for _, unit in own), *table.units[others]],
+        unread=table.unread,
     )
 
 
