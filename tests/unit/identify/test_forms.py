@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.optimize import least_squares
 
 from pneudrive import Drive, _core
 from pneudrive.errors import FitError
-from pneudrive.estimate.losses import LOSSES
+from pneudrive.estimate.losses import LINEAR, LOSSES
 from pneudrive.identify import FrictionFit, fit_friction
 from pneudrive.identify.static.laws import select_friction_law
 from pneudrive.identify.static.model import FrictionModel, Observations
@@ -103,8 +104,17 @@ def test_each_loss_has_the_efficiency_of_hubers_on_normal_errors():
     assert efficiency(LOSSES["huber"]) == pytest.approx(0.99, abs=0.001)
     for loss in LOSSES.values():
         assert efficiency(loss) == pytest.approx(efficiency(LOSSES["huber"]), abs=1e-4)
-        u, h = np.array([0.3, 1.9, 2.5, 6.0, 9.0]), 1e-6
-        np.testing.assert_allclose((loss.rho(u + h) - loss.rho(u - h)) / (2 * h), loss.psi(u), atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["linear", *LOSSES])
+def test_derivatives_of_a_loss_and_its_form_for_scipy_agree(name):
+    loss = LOSSES.get(name, LINEAR)
+    u, h = np.array([-2.6, 0.3, 1.9, 2.5, 6.0, 9.0]), 1e-6
+    np.testing.assert_allclose((loss.rho(u + h) - loss.rho(u - h)) / (2 * h), loss.psi(u), atol=1e-8)
+    np.testing.assert_allclose((loss.psi(u + h) - loss.psi(u - h)) / (2 * h), loss.slope(u), atol=1e-6)
+    scale = loss.tuning if np.isfinite(loss.tuning) else 1.0
+    start = least_squares(lambda x: u + x, [0.0], loss=loss.scipy, f_scale=scale, max_nfev=1)
+    assert start.cost == pytest.approx(loss.rho(u).sum())
 
 
 def test_far_outliers_move_no_robust_estimate(make_map, truth, friction_of):

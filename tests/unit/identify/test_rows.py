@@ -94,6 +94,16 @@ def test_variances_of_few_strokes_shrink_to_their_trend():
     np.testing.assert_array_equal(exact, raw)
 
 
+def test_variances_that_differ_beyond_chance_shrink_by_the_weight_of_their_prior():
+    """Variances s0 d0 / chi2(d0) from d degrees of freedom: the best estimate has the slope d / (d0 + d) on s^2."""
+    rng = np.random.default_rng(3)
+    true = 8.0 / rng.chisquare(8, 4000)
+    raw = true * rng.chisquare(4, 4000) / 4
+    better = moderate(raw, np.full(4000, 4.0), np.geomspace(0.01, 0.02, 4000))
+    assert np.polyfit(raw, better, 1)[0] == pytest.approx(4 / (8 + 4), rel=0.15)
+    assert np.mean((better - true) ** 2) < 0.6 * np.mean((raw - true) ** 2)
+
+
 def test_levels_of_speed():
     assert distinct(np.array([0.01, 0.0101, 0.0103, 0.02])) == 2
     assert distinct(np.array([0.01])) == 1

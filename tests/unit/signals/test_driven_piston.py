@@ -107,6 +107,17 @@ def test_speeds_that_are_set_one_way_only_are_levels_of_that_way():
     assert len(speed_levels(shuffled)) == 1
 
 
+def test_returns_of_the_set_speed_share_its_class_and_slower_ones_do_not():
+    """Set speeds in steps after a first stroke at another one; the fast returns lag (a public case)."""
+    out = [0.1, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.349, 0.39, 0.441, 0.484, 0.517, 0.545]
+    back = [0.1, 0.05, 0.1, 0.15, 0.2, 0.25, 0.297, 0.341, 0.38, 0.417, 0.429, 0.435, 0.429]
+    speeds = np.column_stack([out, -np.array(back)]).ravel()
+    strokes = [Stroke(i, 1 if v > 0 else -1, 0, 9, 0.0, 2.0, v, 0.0) for i, v in enumerate(speeds)]
+    levels = [[s.index for s in level] for level in speed_levels(strokes)]
+    assert levels[:8] == [[2, 3], [0, 1, 4, 5], *([2 * i, 2 * i + 1] for i in range(3, 9))]
+    assert levels[8:] == [[18], [20], [22], [24], [19, 21, 23, 25]]
+
+
 def test_the_budget_contains_an_error_of_the_ram_and_of_the_clock(spring):
     recording = load_recordings([spring[0]], Layout.loads(LAYOUT))[0]
     ram = recording.parallel[0]

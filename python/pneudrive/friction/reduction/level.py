@@ -33,7 +33,7 @@ from pneudrive.friction.reduction.strokes import (
     stroke_grid,
 )
 from pneudrive.repr_tables import Shown
-from pneudrive.signals.levels import speed_levels
+from pneudrive.signals.levels import speed_levels, speeds_differ
 from pneudrive.signals.motion import Stroke, middle, straight_line
 from pneudrive.signals.recording import Recording
 from pneudrive.signals.samples import clean
@@ -297,6 +297,7 @@ def _level_flags(recording: Recording, level: Level, *, covers_window: bool) -> 
         "window_not_covered": not covers_window,
         "pressure_moves": any(c.pressure_moves_n > 0.5 * abs(level.friction_n) for c in level.sides.values()),
         "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
+        "mixed_speeds": any(speeds_differ(side.used) for side in level.sides.values()),
     }
     return (*flags, *(name for name, is_so in seen.items() if is_so))
 

@@ -10,6 +10,8 @@ import pytest
 
 from oracle.campaigns import BAR, Friction, gauges, hits
 from oracle.hidden_truths import Hidden, hidden_world, mean_state
+from pneudrive.friction.campaign.curves.outliers import wild_cycles
+from pneudrive.friction.campaign.curves.smooth import CurveData
 
 MOVING = Hidden("tanh", 20.0, 14.0, 0.012, 30.0, 1.0, 1.0, moves_per_bar=0.25)
 PLAN = {
@@ -82,6 +84,17 @@ def test_wild_cycles_that_hide_among_few_are_found(measured, seed):
     assert world.wild
     assert outliers(found) == {sweeps(found)[i].key for i, _ in world.wild}
     assert covered(world, found) >= 0.95
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1.0, 1e2])
+def test_outliers_do_not_depend_on_the_size_of_friction(scale):
+    rng, speed = np.random.default_rng(4), np.repeat(np.geomspace(1e-3, 0.3, 13), 8)
+    friction = (20.0 + 60.0 * speed) * (1.0 + 0.01 * rng.standard_normal(speed.size))
+    friction[7] *= 1.5
+    rest = {"order": np.linspace(0.0, 1.0, speed.size), "count": np.ones(speed.size), "chance": np.ones(speed.size)}
+    curve = np.zeros(speed.size, dtype=np.int64)
+    data = CurveData(scale * friction, np.full(speed.size, (0.05 * scale) ** 2), speed, curve, **rest)
+    assert wild_cycles(data)[0] == [7]
 
 
 @pytest.mark.parametrize("seed", [9111, 9188])

@@ -156,6 +156,8 @@ def test_direction_and_missing_steps_change_nothing(tmp_path):
     ):
         stops, skipped, _, _ = found(tmp_path, world, seed)
         assert not skipped
+        for s in stops:  # running friction is that at the position of the peak
+            assert s.breakaway_n - s.running_n == pytest.approx(s.increment_n, abs=1e-9)
         means.append([np.mean([s.increment_n for s in stops if s.stop_s == t]) for t in (1.0, 30.0)])
     assert np.ptp(means, axis=0) == pytest.approx([0.0, 0.0], abs=0.5)
 

@@ -9,6 +9,7 @@ from pneudrive.characterise import SourcePaper, characterise, characterise_recor
 from pneudrive.errors import RecordingError
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke
+from pneudrive.signals.recording import CHANNELS
 
 
 def test_an_offset_larger_than_friction_that_changes_along_the_stroke_drops_out(make):
@@ -105,18 +106,30 @@ def test_a_force_of_the_wrong_sign_is_noticed(make):
     assert any("check the sign of the force" in note for note in found.notes)
 
 
-def test_speed_levels_of_a_controlled_recording_are_separate_rows(make):
-    parts = [make(friction=f, speed=v, strokes=4, rate=400.0) for f, v in ((5.0, 0.01), (7.0, 0.04))]
-    later = parts[0].time_s[-1] + 0.01
-    both = replace(
+def joined(parts):
+    starts = np.cumsum([0.0, *(part.time_s[-1] + 0.01 for part in parts[:-1])])
+    return replace(
         parts[0],
-        time_s=np.concatenate([parts[0].time_s, parts[1].time_s + later]),
-        **{
-            c: np.concatenate([getattr(p, c) for p in parts])
-            for c in ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
-        },
+        time_s=np.concatenate([part.time_s + start for part, start in zip(parts, starts, strict=True)]),
+        **{channel: np.concatenate([getattr(part, channel) for part in parts]) for channel in CHANNELS},
     )
-    curves = characterise(both)
+
+
+@pytest.mark.parametrize(("slower", "is_mixed"), [((1.4, 0.7, 1.9), True), ((1.4, 1.42, 1.38), False)])
+def test_speeds_without_order_share_a_row_and_a_flag(make, slower, is_mixed):
+    """Returns at other speeds than the strokes before them, which no class of set speeds holds."""
+    parts = [make(speed=0.02, strokes=2, seed=i, rate=400.0) for i in range(3)]
+    back = np.arange(len(parts[0])) > len(parts[0]) / 2
+    times = [np.cumsum(np.where(back, ratio, 1.0)) / 400.0 for ratio in slower]
+    (level,) = characterise_recordings(joined([replace(p, time_s=t) for p, t in zip(parts, times, strict=True)])).levels
+    assert ("mixed_speeds" in level.flags) == is_mixed
+    assert level.friction_n == pytest.approx(5.0, abs=0.1)
+
+
+def test_speed_levels_of_a_controlled_recording_are_separate_rows(make):
+    curves = characterise(
+        joined([make(friction=f, speed=v, strokes=4, rate=400.0) for f, v in ((5.0, 0.01), (7.0, 0.04))])
+    )
     assert np.abs(curves.velocity_m_s.to_numpy()) == pytest.approx([0.01, 0.01, 0.04, 0.04], rel=0.01)
     assert curves.friction_n.to_numpy() == pytest.approx([5.0, 5.0, 7.0, 7.0], abs=0.05)
 
