@@ -52,7 +52,7 @@ def speed_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
 
 
 def speeds_differ(strokes: Sequence[Stroke]) -> bool:
-    """Return whether the speeds differ by more than drift of one speed does: their mean is not that of one level."""
+    """Return whether the speeds differ by more than a drift explains. Such strokes are not one level."""
     speeds = [abs(stroke.speed_m_s) for stroke in strokes]
     return max(speeds) > DRIFT_RANGE * min(speeds)
 
@@ -73,8 +73,7 @@ def _one_way_levels(strokes: list[Stroke]) -> list[list[Stroke]]:
     returns = {
         stroke.index: before[stroke.index][0]
         for stroke in ways[-way]
-        if stroke.index in before
-        and abs(abs(stroke.speed_m_s) / before[stroke.index][1] - 1.0) <= CONTROLLED_TOLERANCE
+        if stroke.index in before and abs(abs(stroke.speed_m_s) / before[stroke.index][1] - 1.0) <= CONTROLLED_TOLERANCE
     }
     if len(set(returns.values())) < LEAST_STEPS:
         returns = {}
@@ -97,7 +96,7 @@ def _groups(ordered: list[Stroke], width: float) -> list[list[Stroke]]:
 def _are_steps(groups: list[list[Stroke]]) -> bool:
     """Return whether groups of one direction are set speeds: clearly apart, and changed step by step one way.
 
-    A few steps back, such as a first stroke at a usual speed, are no scatter.
+    A few steps back are allowed, such as a first stroke at a usual speed.
     """
     speeds = [abs(group[0].speed_m_s) for group in groups]
     apart = all(b > a * (1.0 + CONTROLLED_TOLERANCE) for a, b in pairwise(speeds))

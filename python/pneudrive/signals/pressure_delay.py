@@ -16,9 +16,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.signal import lfilter
-from scipy.stats import t as student
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -101,6 +98,8 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
             chambers += [] if found is None else [found]
     if not chambers:
         return None
+    from scipy.stats import t as student
+
     values, errors, freedom = np.array(chambers).T
     weights = errors**-2 / np.sum(errors**-2)
     value = float(weights @ values)
@@ -111,6 +110,8 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
 
 def _simulated(time_s: Array, distance_m: Array, point: Array) -> Array:
     """Return the pressure of a closed chamber for ln L, ln k, first pressure, relative first temperature and delay."""
+    from scipy.signal import lfilter
+
     volume = distance_m + np.exp(point[0])
     volume = volume / volume[0]
     step = float(time_s[1])
@@ -123,6 +124,8 @@ def _simulated(time_s: Array, distance_m: Array, point: Array) -> Array:
 
 def _chamber_delay(time_s: Array, distance_m: Array, pressure_pa: Array) -> tuple[float, float, float] | None:
     """Return delay, standard error and degrees of freedom of one chamber; None if it is not closed."""
+    from scipy.optimize import least_squares
+
     travel, unit = float(np.ptp(distance_m)), float(np.ptp(pressure_pa))
     begins = distance_m[time_s <= REST_S]
     kelvin = AT_REST_K if np.ptp(begins) < REST * travel else IN_MOTION_K

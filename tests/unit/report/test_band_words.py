@@ -19,5 +19,5 @@ def test_the_legend_promises_no_further_run_where_nothing_was_run_twice(runs):
         axis = style.new_figure(2.0).subplots()
         label = draw_panel(axis, points, line)["band"].get_label()
     assert ("for a further run" in label) == (len(runs) > 1)
-    assert ("no run was repeated" in line.statement) == (len(runs) == 1)
+    assert ('two values of the label "run"' in line.statement) == (len(runs) == 1)
     assert "+-0.00" not in line.statement

@@ -1,6 +1,7 @@
 """A test machine drags a gas spring: a ram in parallel, set speeds one way, and units that contradict the header."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -116,6 +117,21 @@ def test_returns_of_the_set_speed_share_its_class_and_slower_ones_do_not():
     levels = [[s.index for s in level] for level in speed_levels(strokes)]
     assert levels[:8] == [[2, 3], [0, 1, 4, 5], *([2 * i, 2 * i + 1] for i in range(3, 9))]
     assert levels[8:] == [[18], [20], [22], [24], [19, 21, 23, 25]]
+
+
+def test_a_delay_that_closed_chambers_show_is_removed():
+    """Pressures of a real gas spring that come 0.3 s later raised its friction by 13 to 67 %, without a word."""
+    folder = Path(__file__).resolve().parents[3] / "data" / "measurements" / "mbari-2022-gas-spring"
+    (charged,) = load_recordings([folder / "charged.exp.xz"], folder / "layout.toml")
+    time = charged.time_s
+    late = {name: np.interp(time - 0.3, time, getattr(charged, name)) for name in ("pressure_a_pa", "pressure_b_pa")}
+    before, after = (characterise_recordings(one) for one in (charged, replace(charged, **late)))
+    assert "0.270 ± 0.023 s after the position" in " ".join(after.notes)
+    assert not any("delay" in note for note in before.notes)
+    for first, second in zip(before.levels, after.levels, strict=True):
+        assert second.friction_n == pytest.approx(first.friction_n, rel=0.1)
+        (clock,) = (entry for entry in second.budget if entry.source == "clocks of several loggers")
+        assert clock.standard_uncertainty == pytest.approx(0.015)
 
 
 def test_the_budget_contains_an_error_of_the_ram_and_of_the_clock(spring):

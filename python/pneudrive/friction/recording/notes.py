@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.estimate.estimates import changed
 from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
 from pneudrive.friction.recording.pressure_line import CONFOUNDED
-from pneudrive.friction.reduction.budget import COVERAGE_FACTOR
+from pneudrive.friction.reduction.budget import CLOCKS, COVERAGE_FACTOR
 from pneudrive.friction.reduction.condition import group_of
 from pneudrive.friction.sentences import sentence
 
@@ -108,14 +108,17 @@ def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list
 def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, float | str]]:
     """Return the difference divided by its U, and its values.
 
-    A source of error that both levels share has the same error in both.
+    A source of error that both levels share has the same error in both, but clocks of loggers.
     """
     shares = [
         {e.source: e.friction_n if len(level.sides) == 2 else e.offset_n for e in level.budget}
         for level in (one, other)
     ]
-    apart = [shares[0].get(source, 0.0) - shares[1].get(source, 0.0) for source in shares[0] | shares[1]]
-    half = COVERAGE_FACTOR * float(np.linalg.norm([one.stderr_n, other.stderr_n, *apart]))
+    apart = [
+        shares[0].get(source, 0.0) - shares[1].get(source, 0.0) for source in shares[0] | shares[1] if source != CLOCKS
+    ]
+    clocks = [share.get(CLOCKS, 0.0) for share in shares]
+    half = COVERAGE_FACTOR * float(np.linalg.norm([one.stderr_n, other.stderr_n, *apart, *clocks]))
     values = {"first_n": one.friction_n, "second_n": other.friction_n, "speed_mm_s": 1e3 * one.speed_m_s}
     return abs(one.friction_n - other.friction_n) / half, {**values, "way": "+x" if way > 0 else "-x", "half_n": half}
 
@@ -131,6 +134,11 @@ def notes_of(
     levels = [level for result in results for level in result.levels]
     speeds = np.array([abs(row["velocity_m_s"]) for row in rows]) * 1e3
     notes = [sentence("note.measured", low=speeds.min(), high=speeds.max())]
+    notes += [
+        sentence("note.delay", name=result.recording.name, delay=result.delay)
+        for result in results
+        if result.delay is not None and result.delay.is_clear
+    ]
     together = _speed_with_pressure(points, rows)
     if abs(together) > CONFOUNDED:
         notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))

@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 
 COVERAGE_FACTOR = 2.0
 BEYOND_SHARE = 0.05  # of the drive's stroke, at its ends, that the moves leave out (assumed)
-CLOCK_S = 0.015  # standard uncertainty of a delay between loggers, with parallel forces only (assumed)
+CLOCK_S = 0.015  # standard uncertainty of a delay between loggers, with parallel forces (assumed)
+CLOCKS = "clocks of several loggers"
 # Assumed if the layout does not state it; the budget marks each as assumed.
 ASSUMED_PRESSURE_OF_RANGE = 0.005 / np.sqrt(3.0)  # limits of 0.5 % of full scale, rectangular
 ASSUMED_FORCE_OF_LARGEST = 0.002 / np.sqrt(3.0)  # limits of 0.2 % of the largest force, rectangular
@@ -71,6 +72,7 @@ def systematic_budget(
     down: DirectionMeans,
     offset_slope_n_m: float = 0.0,
     sample_interval_s: float = 0.0,
+    late_s: float = 0.0,
 ) -> list[BudgetEntry]:
     """Return the contribution of each systematic source to friction (half difference) and offset (half sum).
 
@@ -82,6 +84,8 @@ def systematic_budget(
         Means in +x and -x over the window.
     offset_slope_n_m, sample_interval_s : float
         Change of offset over position, and interval within which channels are simultaneous: a skew makes friction.
+    late_s : float
+        Standard uncertainty of the times of the pressures.
     """
     skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.velocity_m_s) + abs(down.velocity_m_s)) / 2
     turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
@@ -91,6 +95,7 @@ def systematic_budget(
         *_geometry_entries(recording, up, down),
         BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words),
         *_parallel_entries(recording, up, down),
+        *_clock_entries(recording, up, down, late_s),
     ]
 
 
@@ -112,17 +117,21 @@ def window_entry(friction_n: Array, offset_n: Array, coverage: float) -> BudgetE
 
 
 def _parallel_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
-    """Return the entries of a recording with parallel forces, whose channels may come from several loggers."""
+    """Return the entry of the areas of parallel forces."""
     if not recording.parallel:
         return []
-    largest = max(force.uncertainty for force in recording.parallel)
-    pairs = ((up.parallel_n, down.parallel_n), (up.late_n, down.late_n))
-    area, late = ((abs(a - b) / 2.0, abs(a + b) / 2.0) for a, b in pairs)
-    names, words = ", ".join(force.name for force in recording.parallel), "delay of the pressures relative to the force"
-    return [
-        BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names),
-        BudgetEntry("clocks of several loggers", CLOCK_S, "s", "assumed", "B", *late, words),
-    ]
+    largest, names = max(f.uncertainty for f in recording.parallel), ", ".join(f.name for f in recording.parallel)
+    area = abs(up.parallel_n - down.parallel_n) / 2.0, abs(up.parallel_n + down.parallel_n) / 2.0
+    return [BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names)]
+
+
+def _clock_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans, late_s: float) -> list[BudgetEntry]:
+    """Return the entry of the delay of the pressures: of several loggers, or as closed chambers show it."""
+    if late_s == 0.0:
+        return []
+    late = abs(up.late_n - down.late_n) / 2.0, abs(up.late_n + down.late_n) / 2.0
+    basis = "assumed" if recording.parallel and late_s == CLOCK_S else "data"
+    return [BudgetEntry(CLOCKS, late_s, "s", basis, "B", *late, "delay of the pressures relative to the force")]
 
 
 def _sensor_entries(
@@ -305,12 +314,14 @@ def expanded(stderr_n: float, u_systematic_n: float) -> float:
     return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(stderr_n), u_systematic_n))
 
 
-def stated_shares(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> dict[str, Any]:
+def stated_shares(
+    recording: Recording, up: DirectionMeans, down: DirectionMeans, late_s: float = 0.0
+) -> dict[str, Any]:
     """Divide the budget of a cycle into the parts that campaigns treat separately, by the fields of `CycleData`.
 
     Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.
     """
-    entries = systematic_budget(recording, up, down)
+    entries = systematic_budget(recording, up, down, late_s=late_s)
     # Hysteresis needs a reading that changes with direction: a constant pressure has none.
     turns = {c: abs(getattr(up, f"pressure_{c}_pa") - getattr(down, f"pressure_{c}_pa")) for c in "ab"}
     moves = {f"pressure {c}: hysteresis": turns[c] * getattr(recording, f"area_{c}_m2") / 2.0 for c in "ab"}

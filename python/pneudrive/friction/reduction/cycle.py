@@ -226,7 +226,7 @@ def cycle_of(
         sides={d: _cycle_side(motion, side, grid, rows[d]) for d, side in sides.items()},
         strokes_recorded=sum(side.strokes_recorded for side in sides.values()),
         duration_s=float(recording.time_s[-1] - recording.time_s[0]),
-        **stated_shares(recording, *(sides.get(d, only) for d in (1, -1))),
+        **stated_shares(recording, *(sides.get(d, only) for d in (1, -1)), late_s=motion.late_s),
     )
 
 

@@ -35,6 +35,7 @@ from pneudrive.friction.reduction.strokes import (
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.levels import speed_levels, speeds_differ
 from pneudrive.signals.motion import Stroke, middle, straight_line
+from pneudrive.signals.pressure_delay import pressure_delay
 from pneudrive.signals.recording import Recording
 from pneudrive.signals.samples import clean
 
@@ -110,14 +111,18 @@ class RecordingResult(RecordedMotion, Shown):
 
 
 def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
-    """Extract friction from one recording.
+    """Extract friction from one recording, after the delay of its pressures is removed.
 
     Raises
     ------
     RecordingError
         Without motion, with too few samples, or without a stroke with settled samples in the window.
     """
-    motion = RecordedMotion.of(clean(recording), choice)
+    recording = clean(recording)
+    delay = pressure_delay(recording)
+    if delay is not None and delay.is_clear:
+        recording = delay.removed(recording)
+    motion = RecordedMotion.of(recording, choice, delay=delay)
     window = window_of(motion, choice)
     groups = []
     for members in speed_levels(list(motion.strokes)):
@@ -144,7 +149,7 @@ def result_of(
     used: set[int] = set()
     covering = {f.stroke.index for _, members in groups for f in members if f.inside}
     for grid, members in groups:
-        level = _level(motion.recording, len(levels), grid, members, window, choice)
+        level = _level(motion, len(levels), grid, members, window, choice)
         if level is not None:
             levels.append(level)
             used |= {f.stroke.index for f in members if f.inside}
@@ -187,7 +192,7 @@ def window_of(motion: RecordedMotion, choice: SampleChoice) -> tuple[float, floa
 
 
 def _level(
-    recording: Recording,
+    motion: RecordedMotion,
     index: int,
     grid: Grid,
     strokes: Sequence[StrokeFriction],
@@ -195,12 +200,12 @@ def _level(
     choice: SampleChoice,
 ) -> Level | None:
     """Return one speed class. None if no stroke covers the window, or the directions have no common bin."""
-    found = ReducedStrokes.of(grid, strokes, uses_window=choice.uses_window)
+    recording, found = motion.recording, ReducedStrokes.of(grid, strokes, uses_window=choice.uses_window)
     if found is None:
         return None
     profile = profile_of(grid, strokes)
     spreads = {d: found.sides[d].spread if d in found.sides else spread_of(np.zeros(0)) for d in (1, -1)}
-    estimate = _estimate(recording, profile, found, spreads)
+    estimate = _estimate(motion, profile, found, spreads)
     offset = estimate["offset_n"] if len(found.sides) == 2 else 0.0
     slips = [s.slip.axis for members in found.used.values() for s in members if s.slip]
     level = Level(
@@ -235,14 +240,15 @@ def _level(
 
 
 def _estimate(
-    recording: Recording, profile: Profile, found: ReducedStrokes, spreads: dict[int, Spread]
+    motion: RecordedMotion, profile: Profile, found: ReducedStrokes, spreads: dict[int, Spread]
 ) -> dict[str, Any]:
     """Pair the directions, or use the only one, and estimate the uncertainty."""
     sides, only = found.sides, next(iter(found.sides))
     up, down = (sides.get(d, sides[only]) for d in (1, -1))
     known = found.bins & np.isfinite(profile.offset_n)
     slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
-    budget = tuple(systematic_budget(recording, up, down, slope, middle(np.diff(recording.time_s))))
+    step = middle(np.diff(motion.time_s))
+    budget = tuple(systematic_budget(motion.recording, up, down, slope, step, motion.late_s))
     budget = (*budget, _window_entry(profile, found))
     u_friction, u_offset = combined(budget)
     stderr = _by_chance(spreads, found, profile)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from pneudrive.friction.reduction.budget import CLOCK_S
 from pneudrive.signals.impossible import refuse_impossible
 from pneudrive.signals.motion import find_strokes, local_slope
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.signals.motion import Stroke
+    from pneudrive.signals.pressure_delay import PressureDelay
     from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
@@ -56,6 +58,8 @@ class RecordedMotion:
         Force balance to average: smoothed if the choice of samples does so.
     settled : ndarray of bool, shape (n,)
         Samples that count.
+    delay : PressureDelay or None
+        Delay of the pressures that closed chambers show. A clear one is removed from the recording.
     """
 
     recording: Recording
@@ -63,9 +67,17 @@ class RecordedMotion:
     raw_balance_n: Array
     balance_n: Array
     settled: NDArray[np.bool_]
+    delay: PressureDelay | None
 
     @classmethod
-    def of(cls, recording: Recording, choice: SampleChoice, *, inertia: bool = True) -> RecordedMotion:
+    def of(
+        cls,
+        recording: Recording,
+        choice: SampleChoice,
+        *,
+        inertia: bool = True,
+        delay: PressureDelay | None = None,
+    ) -> RecordedMotion:
         """Find strokes, balance and settled samples of a cleaned recording.
 
         Parameters
@@ -74,6 +86,7 @@ class RecordedMotion:
         choice : SampleChoice
         inertia : bool
             Whether inertia of the mass beyond the sensor is subtracted.
+        delay : PressureDelay, optional
 
         Raises
         ------
@@ -83,7 +96,7 @@ class RecordedMotion:
         strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
         refuse_impossible(recording, strokes)
         balance, every = balance_of(recording, inertia=inertia), np.ones(len(recording), dtype=bool)
-        motion = cls(recording, tuple(strokes), balance, balance, every)
+        motion = cls(recording, tuple(strokes), balance, balance, every, delay)
         settled, chosen = choice.choose(motion)
         return replace(motion, balance_n=chosen, settled=settled)
 
@@ -96,6 +109,15 @@ class RecordedMotion:
     def position_m(self) -> Array:
         """Positions, m."""
         return self.recording.position_m
+
+    @property
+    def late_s(self) -> float:
+        """Standard uncertainty of the times of the pressures: a delay that is not removed, or the rest of one."""
+        clock = CLOCK_S if self.recording.parallel else 0.0
+        if self.delay is None:
+            return clock
+        left = 0.0 if self.delay.is_clear else abs(self.delay.value_s)
+        return max(clock, max(left, self.delay.half_width_s) / 2.0)
 
     @cached_property
     def velocity_m_s(self) -> Array:

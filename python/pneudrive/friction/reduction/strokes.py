@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.reduction.budget import CLOCK_S
 from pneudrive.friction.reduction.motion import mean_speed
 from pneudrive.friction.reduction.pairing import Grid, Profile, bin_means, grid_over, pair, stroke_means
 from pneudrive.friction.reduction.reversal import ReversalPeak, breakaway, find_reversal_peaks
@@ -104,7 +103,7 @@ def stroke_frictions(
                 first=grid.first,
                 balance_n=row,
                 mean_n=float(chosen.mean()) if counts else float("nan"),
-                inside=window_means(recording, stroke, settled, window) if counts else None,
+                inside=window_means(motion, stroke, window) if counts else None,
                 slip=StrokeSlip.of(recording, stroke) if counts else None,
             )
         )
@@ -137,10 +136,9 @@ def stroke_rows(motion: RecordedMotion, strokes: Sequence[Stroke], grid: Grid) -
     return rows
 
 
-def window_means(
-    recording: Recording, stroke: Stroke, settled: NDArray[np.bool_], window: tuple[float, float]
-) -> StrokeMeans | None:
+def window_means(motion: RecordedMotion, stroke: Stroke, window: tuple[float, float]) -> StrokeMeans | None:
     """Average the settled samples of a stroke between two positions; return None without any."""
+    recording, settled = motion.recording, motion.settled
     position = recording.position_m[stroke.samples]
     inside = (position >= window[0]) & (position <= window[1]) & settled[stroke.samples]
     index = np.flatnonzero(inside) + stroke.start
@@ -156,7 +154,7 @@ def window_means(
         pressure_moves_n=_usual_range(pressure_a) * recording.area_a_m2
         + _usual_range(pressure_b) * recording.area_b_m2,
         parallel_n=sum(force.uncertainty * float(force.force_n[index].mean()) for force in recording.parallel),
-        late_n=CLOCK_S * _gas_rate(recording, index) if recording.parallel else 0.0,
+        late_n=motion.late_s * _gas_rate(recording, index) if motion.late_s else 0.0,
     )
 
 
