@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pneudrive.cli.main import run
-from pneudrive.errors import CommandError, RigError
+from pneudrive.errors import CommandError, PneudriveWarning, RigError
 from pneudrive.rig import Move, Samples, Sampling, load_rig
 from pneudrive.rig.opcua.access import Access, Protection, make_certificate
 from pneudrive.rig.opcua.client import open_rig
@@ -52,14 +52,17 @@ def access(files: Path, certificate: str = "client", server: str = "server", **f
 
 
 def test_the_right_client_gets_all_samples(served, files, tmp_path, monkeypatch):
-    monkeypatch.setenv("RIG_PASSWORD", PASSWORD)
+    monkeypatch.setenv("PNEUDRIVE_RIG_PASSWORD", PASSWORD)
     names = {"certificate": "client.pem", "key": "client.key", "server_certificate": "server.pem"}
     lines = [f'{key} = "{files / name}"' for key, name in names.items()]
     text = "\n".join(
-        ['kind = "opc-ua"', f'url = "{served.url}"', 'user = "anna"', 'password_env = "RIG_PASSWORD"', *lines]
+        ['kind = "opc-ua"', f'url = "{served.url}"', 'user = "anna"', 'password_env = "PNEUDRIVE_RIG_PASSWORD"', *lines]
     )
     (tmp_path / "bench.toml").write_text(text)
-    rig, direct = load_rig(tmp_path / "bench.toml"), load_rig("default", seed=3)
+    host = served.url.removeprefix("opc.tcp://")
+    with pytest.warns(PneudriveWarning, match=f"the password in PNEUDRIVE_RIG_PASSWORD is sent to {host}"):
+        rig = load_rig(tmp_path / "bench.toml")
+    direct = load_rig("default", seed=3)
     there, here = (Samples.join(list(r.acquire([Move(0.2, 0.1)], Sampling()))) for r in (rig, direct))
     assert (there.force_n == here.force_n).all()
     rig.close()
@@ -107,6 +110,11 @@ def test_secrets_stay_secret(files, tmp_path):
     (tmp_path / "password").chmod(0o644)
     with pytest.raises(RigError, match=r"(?s)others may read.*chmod 600"):
         Access(user="anna", password_file=tmp_path / "password").password()
+    (tmp_path / "private").write_text(PASSWORD)
+    (tmp_path / "private").chmod(0o600)
+    (tmp_path / "link").symlink_to("private")
+    with pytest.raises(RigError, match=r"(?s)is a link.*private file"):
+        Access(user="anna", password_file=tmp_path / "link").password()
     with pytest.raises(RigError, match="is empty or not set"):
         Access(user="anna", password_env="NO_SUCH_VARIABLE").password()
 
@@ -120,6 +128,11 @@ START = 'kind = "opc-ua"\nurl = "opc.tcp://127.0.0.1:1"\n'
         ('password = "x"', "a rig file contains no password itself"),
         ('user = "anna"', "a password is sent only over an encrypted connection"),
         ('certificate = "c.pem"', "needed together"),
+        ('password_env = "SERVICE_TOKEN"', "only variables whose names begin with PNEUDRIVE_"),
+        ('password_file = "/home/me/.ssh/id_ed25519"', "in the folder of the rig file"),
+        ('password_file = "../.ssh/id_ed25519"', "in the folder of the rig file"),
+        ('password_file = "link/id_ed25519"', "in the folder of the rig file"),
+        ('password_file = "~"', "in the folder of the rig file"),
         ('certifikate = "c.pem"', "Did you mean 'certificate'"),
     ],
 )

@@ -245,7 +245,7 @@ def test_the_rig_file_of_the_guide_is_one(tmp_path):
     assert limits is not None
     assert (identity.resolution, limits.supply_pressure_pa) == ({"force_n": pytest.approx(0.006)}, 5e5)
     assert limits.pressure_pa == pytest.approx((101300.0, 251300.0))
-    assert file.access.password_env == "RIG_PASSWORD"
+    assert file.access.password_env == "PNEUDRIVE_RIG_PASSWORD"
 
 
 def test_without_the_library_the_extra_is_named(monkeypatch):

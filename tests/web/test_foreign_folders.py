@@ -23,9 +23,14 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.report.page import FIGURES, Report
 from pneudrive.signals.layout import labels_from_name
+from pneudrive.signals.tables.column_units import header_unit, split_name
+from pneudrive.signals.tables.names import family_of
+from pneudrive.signals.tables.preamble import read_preamble
+from pneudrive.signals.tables.text_table import TextForm
 from pneudrive.simulation.trajectory import whole
 from pneudrive.units import parse
 from pneudrive.web.drive.description import edited
+from pneudrive.web.drive.run_request import RunRequest
 from pneudrive.web.messages import unpack
 from pneudrive.web.signatures import SIGNATURES
 from pneudrive.web.workspace import ChangedError, Workspace
@@ -271,11 +276,21 @@ LONG = 20_000
         lambda: reference(f"sine {'1' * LONG}"),
         lambda: edited(DRIVE, "friction.coulomb", f"{'1' * LONG}!"),
         lambda: labels_from_name("{a}{b}{c}{d}{e}{f}{g}{h}{i}x", "y" * 250),
+        lambda: split_name(f"force a{'-' * LONG}b"),
+        lambda: split_name(f"force{'(a' * LONG}"),
+        lambda: header_unit(f"force a{' ' * LONG}b"),
+        lambda: family_of(f"{'1' * LONG}a1"),
+        lambda: read_preamble([f"{'sampl' * LONG}!"], TextForm(), 3),
+        lambda: RunRequest.of({"path": "catalogue:reference", "command": f"{' ' * LONG}x", "duration": "1 s"}),
+        lambda: RunRequest.of({"path": "catalogue:reference", "command": f"{' ' * LONG}x.csv", "duration": "1 s"}),
     ],
-    ids=["digits", "blanks", "sine", "edit", "labels"],
+    ids=[
+        *("digits", "blanks", "sine", "edit", "labels", "column", "brackets", "unit", "family"),
+        *("preamble", "command", "command file"),
+    ],
 )
 def test_no_text_takes_quadratic_time(read: Callable[[], object]) -> None:
-    """Quadratic time would be 10 s, and the labels some 1e15 ways to split a name."""
+    """Quadratic time would be 3 s or more, and the labels some 1e15 ways to split a name."""
     begin = time.process_time()
     with suppress(PneudriveError):
         read()

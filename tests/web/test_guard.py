@@ -15,6 +15,9 @@ STUDIES = "/api/studies"
 GOOD = {"host": OWN, "authorization": f"Bearer {TOKEN}"}
 PAGE = GOOD | {"origin": f"http://{OWN}"}
 
+#: How a browser follows a link of another site, such as the file that `pneudrive web` opens.
+NAVIGATION = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+
 #: What is asked, with which headers, and how it is refused.
 PROBES = {
     "rebound name": ("GET", STUDIES, GOOD | {"host": f"evil.example:{PORT}"}, 421),
@@ -38,6 +41,8 @@ PROBES = {
     "page over https": ("GET", STUDIES, GOOD | {"origin": f"https://{OWN}"}, 403),
     "page of a file": ("GET", STUDIES, GOOD | {"origin": "null"}, 403),
     "another port says same-site": ("GET", STUDIES, GOOD | {"sec-fetch-site": "same-site"}, 403),
+    "cross-site script": ("GET", STUDIES, GOOD | NAVIGATION, 403),
+    "page in a frame": ("GET", "/", {"host": OWN} | NAVIGATION | {"sec-fetch-dest": "iframe"}, 403),
     "cross-site": ("GET", "/", {"host": OWN, "sec-fetch-site": "cross-site"}, 403),
     "form of another page": ("POST", "/api/check", GOOD, 403),
     "written without origin": ("PUT", "/api/file?path=axis.toml", GOOD, 403),
@@ -77,6 +82,7 @@ def test_a_socket_is_refused(served: Served, name: str) -> None:
 
 
 def test_the_page_of_this_user_is_let_in_and_runs_nothing_of_others(served: Served) -> None:
+    assert served.client.get("/", headers={"host": OWN} | NAVIGATION).status_code == 200
     assert served.client.get(STUDIES, headers=served.headers).json()["files"][0]["path"] == "axis.toml"
     page = served.client.get("/", headers={"host": f"localhost:{PORT}", "sec-fetch-site": "none"})
     assert page.status_code == 200

@@ -6,8 +6,12 @@ import asyncio
 import socket
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import httpx
 import pytest
@@ -118,3 +122,28 @@ def test_a_removed_option_names_its_replacement(option: list[str], capsys: pytes
     said = capsys.readouterr().err
     assert f"{option[0]} is no longer an option" in said
     assert "ssh -L" in said
+
+
+def test_the_token_is_no_argument_of_the_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every account of a computer reads the arguments of all processes; the file there is the user's alone."""
+    opened, seen = "http://127.0.0.1:8123/#token=secret", []
+
+    def browse(address: str) -> None:
+        path = Path(url2pathname(urlsplit(address).path))
+        seen.append((address, path, path.stat().st_mode & 0o077, path.read_text()))
+
+    monkeypatch.setattr("webbrowser.open", browse)
+    monkeypatch.setattr(served, "serve", lambda folder, port, tell, **_: [tell(opened), wait_until(lambda: bool(seen))])
+    assert run(["web", str(tmp_path)]) == 0
+    ((address, path, of_others, text),) = seen
+    assert "secret" not in address
+    assert f'content="0;url={opened}"' in text
+    assert not of_others
+    assert not path.exists()  # it goes with the server
+
+
+def wait_until(is_true: Callable[[], bool]) -> None:
+    for _ in range(200):
+        if is_true():
+            return
+        time.sleep(0.02)

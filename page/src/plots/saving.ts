@@ -118,7 +118,11 @@ export function saveSvg(of: Saved): void {
   download(fileOf(of, "svg"), new Blob([new XMLSerializer().serializeToString(svg)], { type: "image/svg+xml" }));
 }
 
-const cell = (text: string): string => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+/** A cell of a CSV file; a spreadsheet runs texts that begin with = + - @ unless a ' precedes them. */
+function cell(given: string): string {
+  const text = /^[=+\-@\t\r]/.test(given) && Number.isNaN(Number(given)) ? `'${given}` : given;
+  return /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+}
 
 /** The numbers that are drawn, one column for each curve. */
 export function saveCsv(of: Saved): void {

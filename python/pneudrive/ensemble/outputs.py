@@ -28,7 +28,7 @@ RATE_HZ = 1000.0
 TOUCH_N = 1e-3
 #: What is kept by default: these at the end, and the stroke time.
 STATE = ("position", "velocity", "pressure_a", "pressure_b", "temperature_a", "temperature_b")
-_CONDITION = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(>|<)\s*(.+?)\s*")
+_CONDITION = re.compile(r"\s*+([A-Za-z_][\w.]*+)\s*+([<>])\s*+(.*\S)\s*+")
 _CALL = re.compile(r"\s*([a-z_]+)\s*\((.*)\)\s*", re.DOTALL)
 
 

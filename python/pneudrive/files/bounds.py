@@ -41,6 +41,7 @@ BOUNDS: dict[str, Bound] = {
     "nesting": Bound(64, "levels", "files of pneudrive have at most 8 levels of nesting", raised=False),
     "file_bytes": Bound(1e11, "bytes", "1e9 samples of 12 channels of 8 bytes"),
     "unpacked_bytes": Bound(4e9, "bytes", "4e7 rows of 100 characters"),
+    "unpacking_factor": Bound(1e3, "times the size of the file", "recordings unpack to 2 to 50 times their size"),
     "line_bytes": Bound(1e6, "bytes", "a row of 50,000 columns"),
     "count": Bound(1e4, "", "10,000 levels, repeats or strokes take months on a rig"),
     "cycles": Bound(1e6, "cycles", "a rig runs 1,000 cycles a day"),

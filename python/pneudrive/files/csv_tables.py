@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from pneudrive.files.content import check_file, unreadable
@@ -16,6 +17,22 @@ if TYPE_CHECKING:
 
 
 LONGEST_HEADER = 1_000_000  # bytes of the first line: 50,000 names
+
+
+def spreadsheet_text(text: str) -> str:
+    """Return a text for a cell of a CSV file. Spreadsheets run texts that begin with = + - @ unless a ' precedes them.
+
+    Examples
+    --------
+    >>> spreadsheet_text("=HYPERLINK(1)"), spreadsheet_text("-1.5"), spreadsheet_text("-1+A1")
+    ("'=HYPERLINK(1)", '-1.5', "'-1+A1")
+    """
+    if not text.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return text
+    with suppress(ValueError):
+        float(text)
+        return text
+    return f"'{text}"
 
 
 def csv_names(path: Path, kind: type[PneudriveError]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache
@@ -14,13 +15,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import RecordingError
+from pneudrive.files.bounds import bound
 from pneudrive.files.packed import check_unpacked
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
+resource: Any = None
+with contextlib.suppress(ImportError):  # not on Windows
+    import resource
+
+MEMORY_OF_SMALL = 500_000_000  # bytes that a small MAT file may take: some copies of `packed.SMALL`
 UNIT_OF = "unit of "  # prefix of a column's name: key of its unit in the file's metadata
 OF_FILE = "the file of this row"  # name of an added column
 CLASSIC_NETCDF = b"CDF"  # first bytes of netCDF 3
@@ -69,14 +76,35 @@ def open_parquet(path: Path) -> Opened:
         return pl.scan_parquet(path)
 
     def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> dict[str, NDArray[Any]]:
+        check_parquet(path, wanted)
         table = scan().select(wanted)
         frame = (table if part is None else table.slice(part[0], part[1] - part[0])).collect()
+        texts = [int(column.str.len_bytes().sum()) for column in frame.iter_columns() if column.dtype == pl.String]
+        check_unpacked(
+            sum(texts), path.stat().st_size, RecordingError
+        )  # a text may stand in the file once, for all rows
         return {name: frame[name].to_numpy() for name in wanted}
 
     def count() -> int:
         return int(scan().select(pl.len()).collect().item())
 
     return Opened(lambda: scan().collect_schema().names(), get, count, parquet_metadata(path), lambda: None)
+
+
+def check_parquet(path: Path, wanted: Sequence[str]) -> None:
+    """Check the size of columns by the header of a Parquet file, where a constant column of any length is short.
+
+    Raises
+    ------
+    RecordingError
+        The columns are too large.
+    """
+    import polars as pl
+
+    table = pl.scan_parquet(path).select(wanted)
+    numbers = [8 if kind.is_numeric() or kind.is_temporal() else 16 for kind in table.collect_schema().dtypes()]
+    rows = int(table.select(pl.len()).collect().item())
+    check_unpacked(rows * sum(numbers), path.stat().st_size, RecordingError)
 
 
 def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[dict[str, NDArray[Any]]]:
@@ -128,6 +156,8 @@ def open_netcdf(path: Path) -> Opened:
 
     with path.open("rb") as file:
         engine = "scipy" if file.read(3) == CLASSIC_NETCDF else "h5netcdf"
+    if engine == "h5netcdf":  # xarray reads the axes when it opens the file; a classic file is as long as it says
+        _check_hdf5(path)
     data = xr.open_dataset(path, engine=engine, decode_times=False)
     unpacked = sum(variable.nbytes for variable in data.variables.values())
     check_unpacked(unpacked, path.stat().st_size, RecordingError)
@@ -154,6 +184,9 @@ def open_tdms(path: Path) -> Opened:
     Channels that start at different times, or have other rates, are interpolated to the fastest one.
     """
     nptdms = _optional("nptdms", "tdms")
+    header = [channel for group in nptdms.TdmsFile.read_metadata(path).groups() for channel in group.channels()]
+    unpacked = sum(len(channel) * getattr(channel.dtype, "itemsize", 8) for channel in header)
+    check_unpacked(unpacked, path.stat().st_size, RecordingError)
     data = nptdms.TdmsFile.read(path)
     channels = {f"{group.name}/{channel.name}": channel for group in data.groups() for channel in group.channels()}
     clocked = [name for name, channel in channels.items() if "wf_increment" in channel.properties]
@@ -216,7 +249,16 @@ def open_mat(path: Path) -> Opened:
         elif np.ndim(value) >= 1:
             flat[prefix] = np.squeeze(np.asarray(value))
 
-    collect("", {key: value for key, value in pymatreader.read_mat(path).items() if not key.startswith("__")})
+    if is_hdf5(path):
+        _check_hdf5(path)
+    else:
+        from scipy.io import whosmat
+
+        unpacked = sum(8 * math.prod(shape) for _, shape, kind in whosmat(path) if kind != "sparse")
+        check_unpacked(unpacked, path.stat().st_size, RecordingError)
+    with _limited_memory(path):
+        content = pymatreader.read_mat(path)
+    collect("", {key: value for key, value in content.items() if not key.startswith("__")})
 
     def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> dict[str, NDArray[Any]]:
         part = slice(*(rows or (None,)))
@@ -233,6 +275,43 @@ OPENERS: dict[str, tuple[str, Callable[[Path], Opened]]] = {
     "mf4": ("MDF", open_mf4),
     "mat": ("MAT", open_mat),
 }
+
+
+def is_hdf5(path: Path) -> bool:
+    """Return whether a file is HDF5, as MAT files from version 7.3 on; their HDF5 begins at byte 512."""
+    return _optional("h5py", "mat").is_hdf5(path)
+
+
+@contextlib.contextmanager
+def _limited_memory(path: Path) -> Iterator[None]:
+    """Limit the memory for a MAT file: arrays inside structures state their sizes only when they are read."""
+    try:
+        used = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    except (OSError, AttributeError):  # not Linux: the bound reader_bytes is left
+        yield
+        return
+    usual, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    most = used + MEMORY_OF_SMALL + int(bound("unpacking_factor") * path.stat().st_size)
+    resource.setrlimit(resource.RLIMIT_DATA, (most if usual < 0 else min(most, usual), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (usual, hard))
+
+
+def _check_hdf5(path: Path) -> None:
+    """Check the sizes of all data sets by their headers: a fill value stands for any number of samples.
+
+    Raises
+    ------
+    RecordingError
+        The data sets are too large.
+    """
+    h5py = _optional("h5py", "netcdf")
+    sizes: list[int] = []
+    with h5py.File(path) as file:
+        file.visititems(lambda _, item: sizes.append(item.nbytes) if isinstance(item, h5py.Dataset) else None)
+    check_unpacked(sum(sizes), path.stat().st_size, RecordingError)
 
 
 def _no_tables() -> None:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import PneudriveError
-from pneudrive.files.formats import OPENERS, read_parquets
+from pneudrive.files.formats import OPENERS, check_parquet, read_parquets
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -101,6 +101,8 @@ def _alike(request: dict[str, Any]) -> list[dict[str, NDArray[Any]]] | None:
     if request["ask"] != "some columns" or len(request["paths"]) < 2:
         return None
     try:
+        for path in request["paths"]:
+            check_parquet(Path(path), [])
         return read_parquets([Path(path) for path in request["paths"]], request["wanted"])
     except BaseException as error:  # a panic of Rust is a BaseException
         if isinstance(error, (KeyboardInterrupt, SystemExit)):

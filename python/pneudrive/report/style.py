@@ -54,6 +54,7 @@ _SETTINGS: dict[str, Any] = {
     "axes.axisbelow": True,
     "path.simplify_threshold": 0.5,
     "svg.fonttype": "path",
+    "text.parse_math": False,  # names of users may contain dollars: no text of a figure is a formula
     "svg.hashsalt": "pneudrive",  # equal data give equal files
 }
 
@@ -133,6 +134,11 @@ def _figure_class() -> type[Figure]:
 
     class Drawn(Figure):
         """A figure in the report's style."""
+
+        def draw(self, renderer: Any) -> None:  # noqa: ANN401 - of matplotlib
+            """Draw it. Labels of ticks are made here, also for a user who saves the figure later."""
+            with applied():
+                super().draw(renderer)
 
         def _repr_png_(self) -> bytes:
             """Draw it for a notebook."""
@@ -215,9 +221,12 @@ def headroom(axis: Axes, above: float = 0.0, below: float = 0.0) -> None:
 
 
 def logarithmic(axis: Axes) -> None:
-    """Return the horizontal axis a logarithmic scale with plain numbers."""
+    """Give the horizontal axis a logarithmic scale with plain numbers."""
+    from matplotlib.ticker import LogFormatter
+
     axis.set_xscale("log")
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.xaxis.set_minor_formatter(LogFormatter())  # the usual one writes formulas
 
 
 def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError, RecordingError, nearest, warn
+from pneudrive.files.csv_tables import spreadsheet_text
 from pneudrive.files.seal import BLANK, SEAL, put_seal, sealed_parquet
 
 if TYPE_CHECKING:
@@ -250,7 +251,8 @@ def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | No
     with whole(target) as temporary:
         try:
             if target.suffix.lower() == ".csv":
-                frame.write_csv(temporary)
+                texts = pl.col(pl.String).map_elements(spreadsheet_text, return_dtype=pl.String)
+                frame.with_columns(texts).rename(spreadsheet_text).write_csv(temporary)
             else:
                 temporary.write_bytes(sealed_parquet(frame, metadata or {}))
         except pl.exceptions.ComputeError as error:  # how polars reports a full disk

@@ -117,7 +117,10 @@ class Guard:
             raise RefusedError(403, "the origin is another page")
         if origin is None and (is_socket or method not in READING):
             raise RefusedError(403, "the origin is missing")
-        if _one(headers, "sec-fetch-site") not in (None, "same-origin", "none"):
+        opens_page = (_one(headers, "sec-fetch-mode"), _one(headers, "sec-fetch-dest")) == ("navigate", "document")
+        if _one(headers, "sec-fetch-site") not in (None, "same-origin", "none") and not (
+            opens_page and scope["path"] == "/"  # the file that leads a browser here is another site
+        ):
             raise RefusedError(403, "another site asks")
         if is_socket and self.sockets >= MOST_SOCKETS:
             raise RefusedError(503, f"{MOST_SOCKETS} sockets are open")

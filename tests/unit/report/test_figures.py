@@ -3,6 +3,7 @@
 import pytest
 
 from pneudrive.report import style
+from pneudrive.report.circuit.blocks import text_width
 from pneudrive.report.page import Picture, Report, svg_text
 from pneudrive.report.write import sections
 
@@ -42,6 +43,24 @@ def test_captions_are_sentences_and_synthetic_ones_are_marked(pictures):
     for picture in pictures:
         assert picture.caption.endswith((".", "²."))
         assert picture.synthetic == picture.name.startswith(("recovered", "paper", "stick-slip", "chamber"))
+
+
+def test_text_of_a_user_is_never_a_formula(tmp_path):
+    """Dollars around an unknown command end matplotlib with a traceback; around a known one they vanish."""
+    name = r"a $\x$ b"
+    width = [text_width(text, 10.0) for text in ("x$_1$", "x$_1$ ")]
+    assert width[0] > text_width("x_1", 10.0)  # a subscript is narrower
+    figure = style.new_figure(2.0)
+    axis = figure.subplots()
+    axis.plot([20.0, 50.0], [0.0, 1.0], label=name)
+    axis.set_yticks([0.0, 1.0], [name, name])
+    axis.set_title(name)
+    style.logarithmic(axis)
+    axis.legend()
+    with style.applied():
+        figure.savefig(tmp_path / "a.svg")  # labels of ticks are made here
+    figure.savefig(tmp_path / "b.svg", metadata={"Date": None})
+    assert not any("$" in text.get_text() for text in axis.get_xticklabels(which="both"))
 
 
 def test_looks_differ_without_colour():

@@ -47,15 +47,30 @@ def web(
         Open the page in the browser.
     """
     import sys
+    import tempfile
     import threading
     import webbrowser
 
     from pneudrive.web.serve import serve
 
-    def opened(address: str) -> None:
-        typer.echo(f"{address}\nThe address opens the page for whoever knows it. Ctrl-C ends the server.")
-        sys.stdout.flush()
-        if browser:
-            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+    with tempfile.TemporaryDirectory(prefix="pneudrive-") as private:
 
-    serve(folder, port, opened, control=control)
+        def opened(address: str) -> None:
+            typer.echo(f"{address}\nThe address opens the page for whoever knows it. Ctrl-C ends the server.")
+            sys.stdout.flush()
+            if browser:
+                way = Path(private) / "open.html"
+                _write_redirect(way, address)
+                threading.Thread(target=webbrowser.open, args=(way.as_uri(),), daemon=True).start()
+
+        serve(folder, port, opened, control=control)
+
+
+def _write_redirect(path: Path, address: str) -> None:
+    """Write a file that leads a browser to an address.
+
+    Only the user may read it. Every account of a shared computer can read the arguments of the browser's process.
+    """
+    path.touch(0o600, exist_ok=False)
+    text = f'<meta http-equiv="refresh" content="0;url={address}"><a href="{address}">{path.stem}</a>\n'
+    path.write_text(text, encoding="utf-8")

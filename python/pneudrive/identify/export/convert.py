@@ -244,6 +244,8 @@ def _csv(curve: SlidingCurve) -> Exported:
     import csv
     import io
 
+    from pneudrive.files.csv_tables import spreadsheet_text
+
     out = io.StringIO()
     for remark in _remarks(curve, curve.friction_n, curve.unwritten):
         out.write(f"# {remark}\n")
@@ -252,7 +254,8 @@ def _csv(curve: SlidingCurve) -> Exported:
     for e in curve.entries:
         ends = ["" if np.isnan(end) else repr(float(end)) for end in (e.low, e.high)]
         value = e.value if isinstance(e.value, str) else repr(float(e.value))
-        table.writerow([e.name, value, e.unit, *ends, e.source, e.note])
+        cells = [e.name, value, e.unit, *ends, e.source, e.note]
+        table.writerow([spreadsheet_text(cell) for cell in cells])
     return Exported("csv", (), curve, curve.friction_n, curve.unwritten, ".csv", out.getvalue())
 
 

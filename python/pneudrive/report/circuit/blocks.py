@@ -100,7 +100,8 @@ def text_width(text: str, points: float) -> float:
 
     if not text.strip():
         return 0.0
-    path = TextPath((0.0, 0.0), text, size=points, prop=FontProperties(family=style.FONT))
+    with style.applied():
+        path = TextPath((0.0, 0.0), text, size=points, prop=FontProperties(family=style.FONT))
     return float(path.get_extents().width) / 72.0 / MODULE_IN
 
 

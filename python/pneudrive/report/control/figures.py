@@ -171,7 +171,7 @@ def boxes(found: ControlComparison, along: str) -> Figure:
             medianprops={"color": style.ORANGE},
             flierprops={"marker": ".", "markersize": 3},
         )
-        axis.set_xscale("log")
+        style.logarithmic(axis)
     axis.set_yticks(range(1, len(each) + 1), list(found.tunings))
     axis.set_ylim(len(each) + 0.5, 0.5)
     axis.set_xlabel(f"largest error / {unit}")

@@ -22,6 +22,7 @@ from pneudrive.rig.rig_file import RigFile
 
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and about 50 ms for each attempt
 SALT_BYTES = 16
+PREFIX = "PNEUDRIVE_"  # of variables whose content a rig file may send to the server that it names
 MOST_CHECKED = 100
 OTHERS_MAY_READ = 0o077
 
@@ -73,12 +74,31 @@ class Access:
             return os.environ[self.password_env]
         if self.password_file is None:
             return None
+        if self.password_file.is_symlink():
+            rule = "a link could lead to a private file of yours, which the rig's server would receive"
+            raise RigError(f"the password file {self.password_file} is a link", rule=rule, remedy="Copy the file.")
         return secret(self.password_file).decode("utf-8").rstrip("\r\n")
 
 
 def _no_password(_: object) -> None:
-    remedy = 'password_file = "password.txt", or password_env = "RIG_PASSWORD"'
+    remedy = 'password_file = "password.txt", or password_env = "PNEUDRIVE_RIG_PASSWORD"'
     raise WrongValueError("a password", "a rig file contains no password itself", remedy)
+
+
+def _variable(given: object) -> str:
+    """Read the name of a variable. A rig file of somebody else must not send the token of another service."""
+    if not isinstance(given, str) or not given.startswith(PREFIX):
+        rule = f"a rig file may send only variables whose names begin with {PREFIX}"
+        raise WrongValueError(f"{given!r} is not a variable of a rig", rule, 'password_env = "PNEUDRIVE_RIG_PASSWORD"')
+    return given
+
+
+def _file_next_to_it(given: object) -> str:
+    """Read the name of a password file. A path or a link could lead to a private file of the user."""
+    if not isinstance(given, str) or Path(given).name != given or given.startswith(("~", "..")) or "\\" in given:
+        rule = "the password file lies in the folder of the rig file, and is named without a path"
+        raise WrongValueError(f"{given!r} is not the name of a password file", rule, 'password_file = "password.txt"')
+    return given
 
 
 class AccessFile(RigFile):
@@ -86,8 +106,8 @@ class AccessFile(RigFile):
 
     user: str | None = None
     password: Annotated[None, Reads(_no_password)] = None
-    password_file: str | None = None
-    password_env: str | None = None
+    password_file: Annotated[str | None, Reads(_file_next_to_it)] = None
+    password_env: Annotated[str | None, Reads(_variable)] = None
     user_certificate: str | None = None
     user_key: str | None = None
     certificate: str | None = None

@@ -8,6 +8,7 @@ import secrets
 import threading
 import time
 import weakref
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
 
@@ -16,7 +17,7 @@ import numpy as np
 from pneudrive.describe.keys import WrongValueError
 from pneudrive.describe.marks import Reads
 from pneudrive.describe.quantities import Bounds, Quantity
-from pneudrive.errors import ConnectionLostError, RigError
+from pneudrive.errors import ConnectionLostError, RigError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
 from pneudrive.rig.opcua.access import Access, AccessFile
@@ -27,7 +28,6 @@ from pneudrive.rig.plain_data import envelope_of, identity_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
 
 SCHEME = "opc.tcp"
 RECONNECT_S = 60.0
@@ -463,6 +463,9 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
     if str(source).startswith(f"{SCHEME}://"):
         return open_rig(str(source))
     file = OpcUaFile.load(source)
+    sent = file.password_env or file.password_file
+    if file.user is not None and sent is not None:
+        warn(f"the password in {sent} is sent to {urlsplit(file.url).netloc}, as {Path(source).name} states")
     return open_rig(file.url, load_map(file.beside(file.map)), file.access, *file.described(), file.reconnect_s)
 
 

@@ -25,9 +25,10 @@ _HEADER_UNITS = {
     "count": "count,counts,cts,cnt,ticks,tick,pulses,pulse,inc,incs,inkremente,lsb,digits,bit,bits:count",
     "": "%,-,1,rpm,1/min,u/min,hz,khz,deg,°,rad,w,kw,nm,l/min,slpm,sccm,m/s2,mm/s2,g,raw,percent,date-time,hh:mm:ss:-",
 }
+LONGEST_NAME = 200  # characters of a column's name in which a unit is looked for: each bracket is tried in turn
 #: How a pressure says that it counts from ambient, or from vacuum.
-_SUFFIX = re.compile(r"(.+?)[\s_.-]*\(?(g|gauge|gage|rel|ü|a|abs|absolute)\)?\.?")
-_BRACKETS = re.compile(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]")
+_SUFFIX = re.compile(r"(.*[^\s_.(-])[\s_.-]*+\(?(g|gauge|gage|rel|ü|a|abs|absolute)\)?\.?")
+_BRACKETS = re.compile(r"[\[(<{]([^\[\](){}<>]+)[\])>}]")
 _MICRO = str.maketrans({"µ": "u", "μ": "u", "²": "2", "^": ""})
 
 
@@ -103,10 +104,12 @@ def split_name(name: str) -> tuple[str, HeaderUnit | None]:
     >>> split_name("pressure_A")
     ('pressure_A', None)
     """
+    if len(name) > LONGEST_NAME:
+        return name, None
     for group in reversed(list(_BRACKETS.finditer(name))):
         before = re.search(r"[^\s_,;:\[\](){}<>]*[\])>}]?\s*$", name[: group.start()])
         word = before.group().strip() if before else ""
-        joined = header_unit(f"{word.strip('[](){}<>')}({group.group(1)})") if word else None
+        joined = header_unit(f"{word.strip('[](){}<>')}({group.group(1).strip()})") if word else None
         if joined is not None and before is not None:
             return name[: before.start()].strip(" [({<"), joined
         unit = header_unit(group.group(1))

@@ -57,4 +57,4 @@ def family_of(name: str) -> str:
     >>> family_of("pa12")
     'pa'
     """
-    return re.sub(r"\d+(?=\D*$)", "", name, count=1)
+    return re.sub(r"(?<!\d)\d++(?=\D*$)", "", name, count=1)

@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from pneudrive.signals.tables.text_table import TextForm
 
 _RATE = re.compile(
-    r"(?:(?:sampl\w*|scan|abtast\w*|acquisition)[ _-]*(?:rate|freq\w*)?|\bfs\b|\brate\b|frequenz)[^\d\n]{0,24}?"
+    r"(?:(?:sampl\w{0,12}|scan|abtast\w{0,12}|acquisition)[ _-]*(?:rate|freq\w{0,12})?|\bfs\b|\brate\b|frequenz)"
+    r"[^\d\n]{0,24}?"
     r"(\d+(?:[.,]\d+)?) *(k?Hz|1/s|S/s)\b",
     re.IGNORECASE,
 )
 _STEP = re.compile(
-    r"(?:(?:sampl\w*|scan|abtast\w*)[ _-]*(?:interval|period|time|zeit)?|\bdt\b|time step|increment)[^\d\n]{0,24}?"
+    r"(?:(?:sampl\w{0,12}|scan|abtast\w{0,12})[ _-]*(?:interval|period|time|zeit)?|\bdt\b|time step|increment)"
+    r"[^\d\n]{0,24}?"
     r"(\d+(?:[.,]\d+)?) *(s|ms|us|µs)\b",
     re.IGNORECASE,
 )

@@ -43,7 +43,7 @@ _WORD = re.compile(r"[^\W\d_]")  # a text that nobody takes for a number begins 
 #: Groups of three digits behind a sign that is then one of thousands, not of decimals.
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:([.,'’\s\u00a0\u202f])\d{3})+(?:[.,]\d*)?$")
 #: Names of columns that white space separates, each with a unit in brackets behind more of it.
-_LOOSE = re.compile(r"[^\s\[(]+\s*(?:[\[(][^\])]*[\])])?")
+_LOOSE = re.compile(r"[^\s\[(]+\s*(?:[\[(][^\])]{0,40}[\])])?")
 _BARE = re.compile(r"[-+]?\d{1,3}$")
 
 

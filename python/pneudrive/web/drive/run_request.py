@@ -36,9 +36,9 @@ MOST_SAMPLES = 1_000_000
 MOST_SECONDS = 2.0  # longest computing time of a run: the page waits for it
 _KEPT = 32  # number of kept descriptions
 #: A command that is no file: a number, or times with values; with the name of a component before it or not.
-_COMMAND = re.compile(r"\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*[-+.\d][^/\\]*", re.DOTALL)
+_COMMAND = re.compile(r"\s*+(?:[A-Za-z_][\w-]*+(?:\.command)?\s*+:)?\s*+[-+.\d][^/\\]*+", re.DOTALL)
 #: A command that is a file of the workspace, with the name of a component before it or not.
-_FILE = re.compile(r"(\s*(?:[A-Za-z_][\w-]*(?:\.command)?\s*:)?\s*)(\S.*\.csv)\s*", re.IGNORECASE)
+_FILE = re.compile(r"(\s*+(?:[A-Za-z_][\w-]*+(?:\.command)?\s*+:)?\s*+)(\S.*\.csv)\s*+", re.IGNORECASE)
 
 
 def check_changes(changes: dict[str, Any]) -> dict[str, Any]:
