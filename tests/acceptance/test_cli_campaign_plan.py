@@ -55,7 +55,6 @@ def test_ready_protocols_pass_on_the_default_rig_within_a_shift(capsys, name):
     status, out, err = plan(capsys, name)
     assert (status, err) == (0, "")
     assert minutes(out) <= 480
-    assert "A fraction" not in out
 
 
 def test_a_protocol_beyond_the_envelope_is_refused_with_the_reason(capsys, tmp_path):
@@ -73,25 +72,14 @@ def test_a_protocol_beyond_the_envelope_is_refused_with_the_reason(capsys, tmp_p
         assert words in err
 
 
-def test_a_protocol_that_takes_too_long_gets_a_fraction_that_fits(capsys, tmp_path):
-    file, part = tmp_path / "long.toml", tmp_path / "part.toml"
-    file.write_text(LONG)
+def test_a_protocol_that_takes_too_long_and_unused_tables_are_noted(capsys, tmp_path):
+    file = tmp_path / "long.toml"
+    file.write_text(LONG + "[adaptive]\nrepeats = 2\n")
     status, out, _ = plan(capsys, file)
     assert status == 0
     assert minutes(out) > 90
-    assert "This fraction takes" in out
-    status, out, _ = plan(capsys, file, "--fraction", part)
-    assert status == 0
-    assert out.rstrip().endswith(str(part))
-    assert part.read_text().startswith(LONG)
-    status, out, _ = plan(capsys, part)
-    assert status == 0
-    assert minutes(out) <= 90
-    assert "A fraction" not in out
-    status, _, err = plan(capsys, file, "--fraction", part)
-    assert status == 2
-    assert "the file exists" in err
-    assert part.read_text().startswith(LONG)
+    assert "more than limits.time" in out
+    assert "[adaptive] is not applied" in out
 
 
 @pytest.mark.parametrize(
@@ -100,8 +88,6 @@ def test_a_protocol_that_takes_too_long_gets_a_fraction_that_fits(capsys, tmp_pa
         (["plan", "quik-look"], "Did you mean 'quick-look'?"),
         (["plan", "nowhere.toml"], "there is no file nowhere.toml"),
         (["plan", "quick-look", "--rig", "default1"], "Did you mean 'default'?"),
-        (["plan", "quick-look", "--fraction", "no/such/folder.toml"], "a protocol cannot be written there"),
-        (["plan", "quick-look", "--fraction", "part.toml"], "fits into the time"),
         (["plann"], "Did you mean 'plan'?"),
     ],
 )

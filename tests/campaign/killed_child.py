@@ -42,10 +42,6 @@ tare = "1 s"
 [sentinel]
 speed = "50 mm/s"
 every = 5
-[adaptive]
-noise = "1 mN"
-repeats = 1
-added_speeds = 1
 [sampling]
 samples_per_stroke = 300
 burst_rate = "0 Hz"

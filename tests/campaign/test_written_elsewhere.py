@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pneudrive.campaign.cycle import KINDS, Cycle
-from pneudrive.campaign.planning.adaptive import measure
+from pneudrive.campaign.preliminary import preliminary_friction
 from pneudrive.campaign.running.checks import FLAGS
 from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage.folder import COLUMNS, Campaign
@@ -42,8 +42,8 @@ def test_the_example_of_the_page_is_a_campaign(folder):
         assert np.isnan(samples.temperature_k).all()
         assert set(samples.pressure_b_pa) == {150900.0}
         assert np.mean(samples.step == np.repeat([0, 1], 2000)) > 0.99
-        point = measure(samples, file.head.cycle, campaign.identity)
-        assert point.friction_n == pytest.approx(18.0 + 40.0 * speed, abs=0.05)
+        friction = preliminary_friction(samples, file.head.cycle, campaign.identity)
+        assert friction == pytest.approx(18.0 + 40.0 * speed, abs=0.05)
     assert status_of(folder).planned is None
 
 

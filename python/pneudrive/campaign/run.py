@@ -335,7 +335,7 @@ def _run(
     requests = Requests(campaign.path, someone_there=prompt.there, cancel=audience.cancel)
     run = CampaignRun(campaign, plan, rig, options, lock, journal, shown, requests, prompt, audience.subscribers, files)
     journal.write(f"{'resumed' if files else 'began'} after {run.now}; rig {campaign.identity.name}")
-    shown.began(plan, run.finished)
+    shown.began(plan, run.finished.keys())
     for note in plan.notes:
         shown.say(f"note: {note}")
     ended = "failed"

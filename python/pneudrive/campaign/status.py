@@ -15,7 +15,6 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.campaign.planning.plan import Plan
     from pneudrive.campaign.storage.folder import CycleFile
 
 
@@ -29,9 +28,9 @@ class Status(Shown):
     files : tuple of CycleFile
         Finished cycles.
     planned : int or None
-        Cycles of the plan that are needed; None if the folder holds no plan.
+        Cycles of the plan; None if the folder holds no plan.
     extra : int
-        Finished cycles that the plan does not list: repeats and added speeds.
+        Finished cycles that the plan does not list, from an adaptive campaign of an earlier version.
     remaining_s : float or None
         Remaining time on the rig's clock.
     flags : dict
@@ -79,20 +78,9 @@ def status_of(folder: str | Path) -> Status:
     except (CampaignError, ProtocolError):
         pass  # written by another program: no plan is known
     else:
-        unneeded = _needless(plan, campaign, files)
-        keys = {cycle.key for cycle in plan.cycles} - unneeded
-        planned, remaining, extra = len(keys), plan.remaining_s(done | unneeded), len(done - keys)
+        keys = {cycle.key for cycle in plan.cycles}
+        planned, remaining, extra = len(keys), plan.remaining_s(done), len(done - keys)
     flags = Counter(flag for file in files for flag, count in file.head.flags.items() if count)
     return Status(
         campaign, tuple(files), planned, extra, remaining, dict(flags), tuple(problems), holder(campaign.path)
     )
-
-
-def _needless(plan: Plan, campaign: Campaign, files: list[CycleFile]) -> set[str]:
-    """Return the keys of cycles that an adaptive campaign no longer needs."""
-    rules = plan.protocol.adaptive
-    if rules is None or rules.interval_n is None:
-        return set()
-    from pneudrive.campaign.planning.adaptive import finished_of, needless
-
-    return needless(plan, finished_of(files, campaign.identity, measured=True))

@@ -28,6 +28,7 @@ def cautions(plan: Plan) -> tuple[str, ...]:
         *_design(protocol),
         *_rig(plan.protocol, plan.identity, plan.envelope),
         *_time(plan),
+        *_unused(protocol),
     )
 
 
@@ -104,3 +105,9 @@ def _time(plan: Plan) -> Iterator[str]:
     limit = plan.protocol.limits.time_s
     if plan.time_s > limit:
         yield f"it takes {plan.time_s / 3600:.3g} h, more than limits.time = {limit / 3600:.3g} h"
+
+
+def _unused(protocol: Protocol) -> Iterator[str]:
+    for table in ("adaptive", "design"):
+        if getattr(protocol, table) is not None:
+            yield f"[{table}] is not applied: the plan runs as listed, and `pneudrive design` proposes further points"

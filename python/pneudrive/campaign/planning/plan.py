@@ -131,7 +131,7 @@ class _Layout:
                     "fraction.cells",
                     f"fraction.cells: there is no cell {name!r}",
                     rule="a cell combines levels of the protocol",
-                    remedy=remedy if remedy.startswith("Did") else "`pneudrive campaign plan --fraction` writes them.",
+                    remedy=remedy if remedy.startswith("Did") else "`pneudrive design` writes them.",
                 )
         return set(fraction.cells)
 

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, model_validator
 
 from pneudrive.campaign.planning.protocol_tables import (
-    Adaptive,
     BeforeBlock,
     Conditions,
     Count,
-    DesignTable,
     DriveUnderTest,
     Filter,
     Fraction,
@@ -41,8 +39,8 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).with_name("protocols")
 HARD = ("mounting", "seal", "drive")
-#: Factors of a fraction, as `[design] interaction` names them.
-FACTORS = ("speed", "turn", "stop", "restart", "position", "axis", "direction", "pressure", *HARD)
+#: Tables of earlier versions: they are read, and the plan notes that they are not applied.
+UNUSED = Field(default=None, description="of earlier versions; not applied")
 
 
 class Protocol(Described):
@@ -79,11 +77,11 @@ class Protocol(Described):
     before_block: BeforeBlock = BeforeBlock()
     sentinel: Sentinel | None = None
     filter: Filter = Filter()
-    adaptive: Adaptive | None = None
+    adaptive: dict[str, Any] | None = UNUSED
     conditions: Conditions = Conditions()
     limits: Tightened = Tightened()
     position: Range = Range()
-    design: DesignTable = DesignTable()
+    design: dict[str, Any] | None = UNUSED
     fraction: Fraction | None = None
 
     _text: str = PrivateAttr(default="")
@@ -104,13 +102,6 @@ class Protocol(Described):
                 f'speed.order = "{self.speed.order}" and order.kind = "{self.order.kind}" contradict each other',
                 remedy='Leave out speed.order, or set [order] kind = "as-given".',
             )
-        for name in self.design.interaction or []:
-            if name not in FACTORS:
-                raise wrong(
-                    "design.interaction",
-                    f"design.interaction: {name!r} is not a factor",
-                    remedy=nearest(name, FACTORS),
-                )
         return self
 
     @property
@@ -193,4 +184,4 @@ def _from_tables(tables: Mapping[str, Any], text: str, origin: str) -> Protocol:
     return protocol
 
 
-__all__ = ["FACTORS", "Adaptive", "Protocol", "parse_protocol", "protocol_schema", "read_protocol", "ready_protocols"]
+__all__ = ["Protocol", "parse_protocol", "protocol_schema", "read_protocol", "ready_protocols"]

@@ -319,26 +319,6 @@ class Filter(Described):
     )
 
 
-class Adaptive(Described):
-    """Rules that are applied after each cycle; absent keys: no rule."""
-
-    table_name: ClassVar[str] = "adaptive"
-    settled_time_s: MaybeTime = Field(
-        default=None, description="a cycle is repeated if its settled part is shorter in either direction"
-    )
-    noise_n: MaybeForce = Field(
-        default=None, description="a cycle is repeated if the standard error of its mean force is greater"
-    )
-    repeats: CountOrNone = Field(default=2, description="highest number of added repeats at a point")
-    interval_n: MaybeForce = Field(
-        default=None, description="half width of the 95 % interval at which the repeats of a point end"
-    )
-    least_repeats: Annotated[int, Whole(at_least=2)] = Field(default=3, description="least number of added repeats")
-    added_speeds: CountOrNone = Field(
-        default=0, description="most speeds that are added at a pair of pressures, where the curve bends most"
-    )
-
-
 class Conditions(Described):
     """Conditions for measuring; outside them the campaign waits."""
 
@@ -362,7 +342,7 @@ class Tightened(Described):
     )
     force_n: MaybeForce = Field(default=None, description="highest force, either sign")
     pressure: MaybePressure = Field(default=None, description="highest pressure in either chamber")
-    time_s: Time = Field(default=28800.0, description="time of the campaign above which a fraction of it is proposed")
+    time_s: Time = Field(default=28800.0, description="time of the campaign above which the plan has a note")
 
 
 class Range(Described):
@@ -378,22 +358,11 @@ class Range(Described):
     )
 
 
-class DesignTable(Described):
-    """Effects that a fraction of the campaign must keep estimable."""
-
-    table_name: ClassVar[str] = "design"
-    interaction: Annotated[list[str], Field(min_length=2, max_length=2)] | None = Field(
-        default=None,
-        description='two factors, ["stop", "pressure"]: whether the effect of the first depends on the second; '
-        "absent: these, or speed and pressure",
-    )
-
-
 class Fraction(Described):
-    """Cells that are run; `pneudrive campaign plan --fraction` writes this table."""
+    """Design points that are run; `pneudrive design` writes this table."""
 
     table_name: ClassVar[str] = "fraction"
-    cells: Annotated[list[str], Field(min_length=1)] = Field(description="names of the cells")
+    cells: Annotated[list[str], Field(min_length=1)] = Field(description="names of the design points")
 
     @model_validator(mode="after")
     def _distinct(self) -> Fraction:

@@ -10,7 +10,6 @@ import shutil
 import time
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.planning.adaptive import Finished, QuickPoint, finished_of, measure, needless, next_cycle
 from pneudrive.campaign.running.attempt import Attempts, GivenUpError, Measured, as_own_error
 from pneudrive.campaign.running.checks import arrival_flags, serious
 from pneudrive.campaign.running.measuring_conditions import FAULT, NO_ANSWER, MeasuringBounds, look
@@ -91,8 +90,7 @@ class CampaignRun:
         self._bounds = MeasuringBounds.of(plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa)
         self._thread = RigThread(rig)
         self._attempts = Attempts(self._thread, self._bounds.during, display.part)
-        self._wants_points = plan.protocol.adaptive is not None or display.wants_points
-        self.finished: list[Finished] = finished_of(files, campaign.identity, measured=self._wants_points)
+        self.finished = {file.head.cycle.key: file.head.flags for file in files}
         self._index = max((_number(path) for path in (campaign.path / CYCLES).glob("[0-9]*")), default=0)
         if files:
             self._attempts.finished(files[-1].head.cycle, files[-1].head.memory)
@@ -110,9 +108,8 @@ class CampaignRun:
 
     @property
     def total(self) -> int:
-        """Total number of cycles, as far as known."""
-        done = {one.cycle.key for one in self.finished} | needless(self.plan, self.finished)
-        return len(self.finished) + sum(p.cycle.key not in done for p in self.plan.planned)
+        """Total number of cycles."""
+        return len(self.finished.keys() | {cycle.key for cycle in self.plan.cycles})
 
     def _tell(self, text: str) -> None:
         self._journal.write(text)
@@ -121,7 +118,7 @@ class CampaignRun:
     def run(self) -> bool:
         """Run the remaining cycles of the plan, with pauses.
 
-        The next cycle depends only on the plan and the finished cycles.
+        The next cycle is the first of the plan that is not finished.
 
         Returns
         -------
@@ -130,8 +127,8 @@ class CampaignRun:
         """
         documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", self._metadata())
         try:
-            while (following := next_cycle(self.plan, self.finished)) is not None:
-                documents.event(self._cycle(*following))
+            for cycle in (cycle for cycle in self.plan.cycles if cycle.key not in self.finished):
+                documents.event(self._cycle(cycle))
                 self._checkpoint()
                 self._stop_where_all_is_bad()
         except EndedError as ended:
@@ -260,15 +257,13 @@ class CampaignRun:
 
     # -- a cycle ----------------------------------------------------------------------------------------------
 
-    def _cycle(self, cycle: Cycle, reason: str) -> dict[str, Any]:
+    def _cycle(self, cycle: Cycle) -> dict[str, Any]:
         """Run a cycle, store it, and return the data of its event."""
         self._lock.tell(state="running", text="", cycle=cycle.key)
-        self._display.cycle(cycle, reason, len(self.finished), self.total)
-        if reason:
-            self._journal.write(f"{cycle.key} {reason}")
+        self._display.cycle(cycle)
         confirmed = self._confirm(cycle) if cycle.text else {}
         measured = self._measured(cycle)
-        return self._write(cycle, reason, measured, confirmed)
+        return self._write(cycle, measured, confirmed)
 
     def _confirm(self, cycle: Cycle) -> dict[str, str]:
         """Ask the operator for a step and return who confirmed it."""
@@ -377,10 +372,10 @@ class CampaignRun:
 
     # -- finished cycles ----------------------------------------------------------------------------------------
 
-    def _write(self, cycle: Cycle, reason: str, measured: Measured, confirmed: dict[str, str]) -> dict[str, Any]:
+    def _write(self, cycle: Cycle, measured: Measured, confirmed: dict[str, str]) -> dict[str, Any]:
         """Store a cycle. The cycle is then finished. The storing cannot be interrupted."""
         identity, samples = self.campaign.identity, measured.samples
-        assert all(one.cycle.key != cycle.key for one in self.finished), f"{cycle.key} is finished already"
+        assert cycle.key not in self.finished, f"{cycle.key} is finished already"
         self._index += 1
         head = Head(
             index=self._index,
@@ -391,17 +386,15 @@ class CampaignRun:
             memory=measured.memory,
             confirmed=confirmed,
             attempts=measured.attempts,
-            reason=reason,
         )
         if measured.truth:
             write_truth(self.campaign.path, head, measured.truth)
         self._path = write_cycle(self.campaign.path, head, samples)
         self._attempts.finished(cycle, measured.memory)
-        point = measure(samples, cycle, identity) if self._wants_points else QuickPoint()
-        self.finished.append(Finished(cycle, head.flags, point))
+        self.finished[cycle.key] = head.flags
         found = _counted(head.flags)
         self._journal.write(f"{cycle.key} is finished, {len(samples)} samples" + (f"; flags: {found}" if found else ""))
-        self._display.finished(self.finished[-1])
+        self._display.finished(cycle, head.flags)
         return {
             "index": self._index,
             "key": cycle.key,
@@ -414,12 +407,12 @@ class CampaignRun:
         }
 
     def _stop_where_all_is_bad(self) -> None:
-        last = self.finished[-1]
-        self._bad = self._bad + 1 if serious(last.flags) else 0
+        flags = next(reversed(self.finished.values()))
+        self._bad = self._bad + 1 if serious(flags) else 0
         if self._bad >= self.options.bad_in_a_row:
             raise CampaignError(
                 f"{self._bad} cycles in a row have unusable samples",
-                value=_counted(last.flags),
+                value=_counted(flags),
                 where=str(self._path),
                 remedy="Check the sensors, then resume. The cycles are kept, with their flags.",
             )

@@ -1,7 +1,7 @@
 """Faults in the samples of a cycle on arrival: counted and named, never repaired.
 
-The samples stay as recorded, and the counts go into the header of the cycle (``flags``). An adaptive campaign repeats
-the cycle, and the analysis drops unusable samples.
+The samples stay as recorded, and the counts go into the header of the cycle (``flags``). The analysis drops unusable
+samples.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Displays of a running campaign: remaining time, current cycle and growing map; or plain lines."""
+"""Displays of a running campaign: one live table, or plain lines."""
 
 from __future__ import annotations
 
@@ -9,44 +9,31 @@ from typing import TYPE_CHECKING, Any, TextIO, cast
 
 import numpy as np
 
-from pneudrive.campaign.running.textplot import text_plot
-
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.planning.adaptive import Finished
     from pneudrive.campaign.planning.plan import Plan
     from pneudrive.campaign.storage.journal import Journal
     from pneudrive.rig.interface import Samples
 
-#: Points of the current cycle that are kept for its curve.
-SHOWN = 4000
 REFRESHED_HZ = 5.0
 LINES = 6  # of the latest messages
 
 
 class Display:
-    """The display of a running campaign; this base class shows nothing.
+    """The display of a running campaign; this base class shows nothing."""
 
-    Attributes
-    ----------
-    wants_points : bool
-        Whether preliminary estimates of the friction are requested.
-    """
+    def began(self, plan: Plan, done: Collection[str]) -> None:
+        """Show that the campaign begins; `done` has the keys of the cycles that are finished already."""
 
-    wants_points = False
-
-    def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
-        """Show that the campaign begins."""
-
-    def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
+    def cycle(self, cycle: Cycle) -> None:
         """Show that a cycle begins."""
 
     def part(self, samples: Samples) -> None:
         """Show samples that have arrived; this is called on the thread of the rig."""
 
-    def finished(self, one: Finished) -> None:
+    def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
 
     def say(self, text: str) -> None:
@@ -70,21 +57,25 @@ class CampaignProgress:
     Parameters
     ----------
     plan : Plan
-    finished : sequence of Finished
-        Finished before this run.
+    done : collection of str
+        Keys of the cycles that were finished before this run.
     """
 
-    def __init__(self, plan: Plan, finished: Sequence[Finished]) -> None:
-        self.count = len(finished)
-        self._done = {one.cycle.key for one in finished}
+    def __init__(self, plan: Plan, done: Collection[str]) -> None:
+        self._done = set(done)
         self._planned = {p.cycle.key: (p.time_s, float(p.samples)) for p in plan.planned}
+        self.total = len(self._done | self._planned.keys())
         self._began, self._passed = time.monotonic(), np.zeros(2)
 
-    def finished(self, one: Finished) -> None:
+    @property
+    def count(self) -> int:
+        """Number of finished cycles."""
+        return len(self._done)
+
+    def finished(self, key: str) -> None:
         """Count a cycle as done."""
-        self.count += 1
-        self._passed += self._planned.get(one.cycle.key, (0.0, 0.0))
-        self._done.add(one.cycle.key)
+        self._passed += self._planned.get(key, (0.0, 0.0))
+        self._done.add(key)
 
     @property
     def left(self) -> str:
@@ -116,7 +107,7 @@ def guarded(journal: Journal, *displays: Display) -> Display:
                 for each in found:
                     show(each, *arguments)
 
-            return call if callable(found[0]) else any(found)
+            return call
 
     return cast("Display", Guarded())
 
@@ -132,26 +123,20 @@ class LineDisplay(Display):
 
     def __init__(self, out: TextIO | None = None) -> None:
         self._out = out or sys.stdout
-        self._progress: CampaignProgress | None = None
-        self._planned = 0
 
-    def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
+    def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins."""
-        self._progress, self._planned = CampaignProgress(plan, finished), len(plan.planned)
-        to_do = f"{self._planned - len(finished)} of {self._planned} cycles to do"
-        left = to_do if finished else f"{self._planned} cycles"
-        self.say(f"{plan.protocol.name}: {left}, {self._progress.left} on the rig")
+        self._progress = progress = CampaignProgress(plan, done)
+        to_do = f"{progress.total - progress.count} of {progress.total} cycles to do"
+        count = to_do if done else f"{progress.total} cycles"
+        self.say(f"{plan.protocol.name}: {count}, {progress.left} on the rig")
 
-    def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
-        """Update the number of cycles."""
-        self._planned = planned
-
-    def finished(self, one: Finished) -> None:
+    def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
-        assert self._progress is not None
-        self._progress.finished(one)
-        flags = f"  flags: {', '.join(one.flags)}" if one.flags else ""
-        self.say(f"{self._progress.count}/{self._planned} {one.cycle.key}  {self._progress.left} left{flags}")
+        progress = self._progress
+        progress.finished(cycle.key)
+        flagged = f"  flags: {', '.join(flags)}" if flags else ""
+        self.say(f"{progress.count}/{progress.total} {cycle.key}  {progress.left} left{flagged}")
 
     def say(self, text: str) -> None:
         """Write a line."""
@@ -160,7 +145,7 @@ class LineDisplay(Display):
 
 
 class ScreenDisplay(Display):
-    """A live display on a terminal.
+    """A live table on a terminal: finished cycles, remaining time, the current cycle, the latest messages.
 
     Parameters
     ----------
@@ -168,70 +153,41 @@ class ScreenDisplay(Display):
         Default: the terminal.
     """
 
-    wants_points = True
-
     def __init__(self, console: Any = None) -> None:  # noqa: ANN401 - rich is imported on use
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
-        from rich.progress import Progress as Bar
 
         self._console = console or Console(file=sys.stdout, highlight=False)  # even if redirected later
-        self._bar = Bar(
-            TextColumn("{task.description}", markup=False),  # a name may hold brackets
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[left]}"),
-        )
-        self._task = self._bar.add_task("campaign", total=None, left="")
         self._lock = threading.Lock()
         self._live: Any = None
-        self._progress: CampaignProgress | None = None
-        self._said: list[str] = []
-        self._parts: list[Samples] = []
-        self._map: dict[tuple[float, float], list[tuple[float, float]]] = {}
-        self._cycle: Cycle | None = None
+        self._title = self._cycle = ""
+        self._messages: list[str] = []
+        self._samples = 0
 
-    def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
+    def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins."""
-        self._progress = CampaignProgress(plan, finished)
-        self._range = plan.envelope.position_m
-        self._bar.update(self._task, total=len(plan.planned), completed=len(finished), description=plan.protocol.name)
-        for one in finished:
-            self._add(one)
+        self._progress, self._title = CampaignProgress(plan, done), plan.protocol.name
         self.go_on()
 
-    def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
+    def cycle(self, cycle: Cycle) -> None:
         """Show that a cycle begins."""
         with self._lock:
-            self._cycle, self._parts = cycle, []
-        self._bar.update(self._task, total=planned)
-        if reason:
-            self.say(f"{cycle.key} {reason}")
+            self._cycle, self._samples = cycle.key, 0
 
     def part(self, samples: Samples) -> None:
-        """Add samples that arrived."""
+        """Count samples that arrived."""
         with self._lock:
-            self._parts.append(samples)
+            self._samples += len(samples)
 
-    def finished(self, one: Finished) -> None:
+    def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
-        assert self._progress is not None
-        self._progress.finished(one)
-        self._bar.update(self._task, completed=self._progress.count, left=f"{self._progress.left} left")
-        self._add(one)
-        if one.flags:
-            self.say(f"{one.cycle.key}: {', '.join(f'{flag} {count}' for flag, count in one.flags.items())}")
-
-    def _add(self, one: Finished) -> None:
-        if one.cycle.kind == "sweep" and one.cycle.speed_m_s and np.isfinite(one.point.friction_n):
-            pressures = (one.cycle.pressure_a_pa, one.cycle.pressure_b_pa)
-            with self._lock:
-                self._map.setdefault(pressures, []).append((1e3 * one.cycle.speed_m_s, one.point.friction_n))
+        self._progress.finished(cycle.key)
+        if flags:
+            self.say(f"{cycle.key}: {', '.join(f'{flag} {count}' for flag, count in flags.items())}")
 
     def say(self, text: str) -> None:
         """Show a line."""
         with self._lock:
-            self._said = [*self._said, text][-LINES:]
+            self._messages = [*self._messages, text][-LINES:]
         if self._live is None:
             self._console.print(text, markup=False)
 
@@ -250,10 +206,10 @@ class ScreenDisplay(Display):
         from rich.live import Live
 
         with self._lock:
-            self._said = []
+            self._messages = []
         if self._live is None:
             self._live = Live(
-                get_renderable=self._picture,
+                get_renderable=self._table,
                 console=self._console,
                 refresh_per_second=REFRESHED_HZ,
                 redirect_stdout=False,
@@ -265,31 +221,20 @@ class ScreenDisplay(Display):
         """End the display; its last state stays visible."""
         self._stop(keep=True)
 
-    def _picture(self) -> Any:  # noqa: ANN401 - of rich
-        from rich.console import Group
+    def _table(self) -> Any:  # noqa: ANN401 - of rich
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
         from rich.text import Text
 
+        progress = self._progress
+        table = Table.grid(padding=(0, 2))
         with self._lock:
-            parts, cycle, said = list(self._parts), self._cycle, list(self._said)
-            points = {pressures: list(values) for pressures, values in self._map.items()}
-        width = max((self._console.width - 3) // 2, 24)
-        height = max(min(14, self._console.height - LINES - 5), 5)
-        left = [f"{'now: ' + cycle.key if cycle else '':<{width}}"[:width], *self._curve(parts, width, height)]
-        right = [f"{len(points)} pair(s) of pressures so far", *self._speeds(points, width, height)]
-        both = [f"{a:<{width}}   {b}" for a, b in zip(left, right, strict=True)]
-        return Group(self._bar, Text("\n".join(both)), Text("\n".join(said)))
-
-    def _curve(self, parts: list[Samples], width: int, height: int) -> list[str]:
-        total = sum(map(len, parts))
-        stride = max(total // SHOWN, 1)
-        series = [(1e3 * part.position_m[::stride], part.force_n[::stride]) for part in parts]
-        low, high = self._range
-        return text_plot(series, width, height, x_label="mm", y_label="force, N,", x_range=(1e3 * low, 1e3 * high))
-
-    @staticmethod
-    def _speeds(points: dict[tuple[float, float], list[tuple[float, float]]], width: int, height: int) -> list[str]:
-        series = [tuple(zip(*values, strict=True)) for values in points.values() if values]
-        return text_plot(series, width, height, x_label="mm/s", y_label="friction, N,", log_x=True, joined=True)  # type: ignore[arg-type]
+            table.add_row(Text(self._title), ProgressBar(total=progress.total, completed=progress.count, width=40))
+            table.add_row("cycles", f"{progress.count}/{progress.total}, {progress.left} left")
+            table.add_row("now", Text(f"{self._cycle}, {self._samples} samples" if self._cycle else ""))
+            for message in self._messages:
+                table.add_row("", Text(message))
+        return table
 
 
 def duration(seconds: float) -> str:

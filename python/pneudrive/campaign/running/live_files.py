@@ -17,20 +17,19 @@ from zlib import crc32
 
 import numpy as np
 
-from pneudrive.campaign.running.live import SHOWN, CampaignProgress, Display
+from pneudrive.campaign.running.live import CampaignProgress, Display
 from pneudrive.campaign.storage.control import FOLDER, LIVE, LIVE_POINTS
 from pneudrive.campaign.storage.files import write_whole
 from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_bytes, read_json
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.planning.adaptive import Finished
     from pneudrive.campaign.planning.plan import Plan
     from pneudrive.rig.interface import Samples
 
@@ -39,6 +38,8 @@ if TYPE_CHECKING:
 COLUMNS = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 _FORCE = COLUMNS.index("force_n")
 EVERY_S = 0.2
+#: Points of the current cycle that are kept for its curve.
+SHOWN = 4000
 
 
 class LiveFiles(Display):
@@ -58,15 +59,15 @@ class LiveFiles(Display):
         self._points = np.zeros((0, len(COLUMNS)), dtype=np.float32)
         self._samples, self._is_new = 0, False
 
-    def began(self, plan: Plan, finished: Sequence[Finished]) -> None:
+    def began(self, plan: Plan, done: Collection[str]) -> None:
         """Begin to write."""
-        self._progress = CampaignProgress(plan, finished)
+        self._progress = CampaignProgress(plan, done)
         self._thread.start()
 
-    def cycle(self, cycle: Cycle, reason: str, done: int, planned: int) -> None:
+    def cycle(self, cycle: Cycle) -> None:
         """Write that a cycle begins."""
         with self._lock:
-            self._about = {"cycle": cycle.key, "planned": planned}
+            self._about = {"cycle": cycle.key, "planned": self._progress.total}
             self._restart()
 
     def _restart(self) -> None:
@@ -84,10 +85,10 @@ class LiveFiles(Display):
                 self._points = thinned(self._points, SHOWN)
             self._is_new = True
 
-    def finished(self, one: Finished) -> None:
+    def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Count a cycle as done."""
         with self._lock:
-            self._progress.finished(one)
+            self._progress.finished(cycle.key)
             self._is_new = True
 
     def ended(self) -> None:

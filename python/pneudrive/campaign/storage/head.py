@@ -37,7 +37,7 @@ class Head:
     attempts : int
         Number of starts of the cycle. More than 1 if it was interrupted and repeated.
     reason : str
-        Why a cycle was run that is not in the protocol.
+        Why an adaptive campaign of an earlier version added the cycle.
     sha256 : str
         Hash of the columns, see `pneudrive.campaign.storage.folder.digest`. Empty if the file does not contain one.
     """

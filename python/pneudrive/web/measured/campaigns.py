@@ -9,7 +9,7 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.planning.adaptive import finished_of
+from pneudrive.campaign.preliminary import finished_of
 from pneudrive.campaign.running.live_files import read_live
 from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage.control import WORDS, ask
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from pneudrive.campaign.planning.adaptive import Finished
+    from pneudrive.campaign.preliminary import Finished
     from pneudrive.campaign.status import Status
     from pneudrive.web.workspace import Workspace
 
@@ -134,7 +134,7 @@ class WatchedCampaign:
         sound = {
             key: file for key, file in files.items() if key not in known and f"{CYCLES}/{file.path.name}" not in damaged
         }
-        found = finished_of(list(sound.values()), status.campaign.identity, measured=True)
+        found = finished_of(list(sound.values()), status.campaign.identity)
         self._points = known | dict(zip(sound, found, strict=True))
         self._status = status
 
@@ -168,7 +168,7 @@ def _groups(points: list[Finished], ambient_pa: float) -> list[dict[str, Any]]:
     """Return the preliminary estimates of friction over speed, grouped by pair of chamber pressures."""
     groups: dict[tuple[float, float], list[dict[str, Any]]] = {}
     for one in points[:MOST_POINTS]:
-        cycle, friction = one.cycle, one.point.friction_n
+        cycle, friction = one.cycle, one.friction_n
         if cycle.kind == "sweep" and cycle.speed_m_s and math.isfinite(friction):
             point = {"key": cycle.key, "speed": cycle.speed_m_s, "friction": friction, "flags": sorted(one.flags)}
             groups.setdefault((cycle.pressure_a_pa, cycle.pressure_b_pa), []).append(point)
