@@ -4,7 +4,7 @@
     python tools/prose.py --list [FOLDER]    # the findings of a folder
     python tools/prose.py --since COMMIT     # the findings in lines that were added since a commit
 
-The words are those of `words.toml`. `tools/measure.py --check` holds the whole project to a fraction of flagged sentences.
+The words are those of `words.toml`. `tools/measure.py --check` limits the fraction of flagged sentences.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from pneudrive.lazy_names import UPPER, renamed
+from pneudrive.lazy_names import UPPER
 from pneudrive.processor import require as require_processor
 
 __version__ = "0.1.0"
@@ -118,15 +118,6 @@ _HOME = {
     "validate_motion": "pneudrive.validate.motion",
     "PneudriveError": "pneudrive.errors",
 }
-#: Old name -> new name, for one release.
-_RENAMED = {
-    "characteristic": "drive_characteristic",
-    "characteristics": "campaign_friction",
-    "design": "next_measurements",
-    "Design": "EnsembleDesign",
-    "compare": "compare_campaigns",
-    "compare_laws": "select_friction_law",
-}
 # Functions that methods of lower layers forward to.
 UPPER.update(
     start="pneudrive.simulation.start",
@@ -153,8 +144,6 @@ def __getattr__(name: str) -> object:
         return value
     if name in _SUBMODULES:
         return import_module(f"pneudrive.{name}")
-    if name in _RENAMED:
-        return getattr(sys.modules[__name__], renamed(__name__, name, _RENAMED[name]))
     msg = f"module 'pneudrive' has no attribute '{name}'"
     raise AttributeError(msg)
 
@@ -171,7 +160,7 @@ class _Package(ModuleType):
     """
 
     def __setattr__(self, name: str, value: object) -> None:
-        if not ((name in _HOME or name in _RENAMED) and isinstance(value, ModuleType)):
+        if not (name in _HOME and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
 
 

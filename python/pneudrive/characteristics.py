@@ -9,7 +9,6 @@ from pneudrive.friction.campaign.fits import fit_campaign
 from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve, CycleResult
 from pneudrive.friction.reduction.condition import BOTH, Condition, Skipped
 from pneudrive.friction.sentences import Statement
-from pneudrive.lazy_names import renamed
 
 __all__ = [
     "BOTH",
@@ -27,15 +26,3 @@ __all__ = [
     "recorded_characteristics",
     "write_characteristics",
 ]
-
-
-def __getattr__(name: str) -> object:
-    """Return `campaign_friction` by its old name, or raise an error; for a removed function, with its replacement."""
-    if name == "characteristics":
-        return globals()[renamed(__name__, name, "campaign_friction")]
-    if name in ("without_swings", "Contact"):
-        raise ImportError(
-            f"pneudrive.characteristics.{name} is removed: points with self-excited motion have the flag force_swing "
-            "and are not fitted. Measure them with a stiffer sensor."
-        )
-    raise AttributeError(f"module 'pneudrive.characteristics' has no attribute '{name}'")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import warnings
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -20,15 +19,7 @@ def upper(name: str) -> Any:  # noqa: ANN401 - any function
     return getattr(import_module(UPPER[name]), name)
 
 
-def renamed(package: str, old: str, new: str) -> str:
-    """Return the new name of a public name; warn of the old one."""
-    warnings.warn(f"{package}.{old} is now {package}.{new}", DeprecationWarning, stacklevel=3)
-    return new
-
-
-def lazy(
-    package: str, homes: Mapping[str, Sequence[str]], old_names: Mapping[str, str] | None = None
-) -> Callable[[str], object]:
+def lazy(package: str, homes: Mapping[str, Sequence[str]]) -> Callable[[str], object]:
     """Return the ``__getattr__`` of a package.
 
     Parameters
@@ -38,14 +29,10 @@ def lazy(
     homes : mapping
         Module within the package, or its full name -> public names that it holds. Other modules of the package keep
         their own names.
-    old_names : mapping, optional
-        Old name -> new name, for one release.
     """
     home = {name: module for module, names in homes.items() for name in names}
 
     def get(name: str) -> object:
-        if old_names is not None and name in old_names:
-            name = renamed(package, name, old_names[name])
         if name in home:
             module = home[name] if home[name].startswith("pneudrive.") else f"{package}.{home[name]}"
             value = getattr(import_module(module), name)

@@ -324,7 +324,7 @@ supply.pressure = "6 bar gauge"
     capsys.readouterr()
 
     task.write_text(text.replace("2 kg", "200 kg").replace("supply", 'incline = "90 deg"\nsupply'))
-    assert command(["size", str(task), "--draws", "8", "--out", str(tmp_path / "none")]) == 0
+    assert command(["size", str(task), "--samples", "8", "--out", str(tmp_path / "none")]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "feasible = false" in shown
     assert "Nearest miss" in shown

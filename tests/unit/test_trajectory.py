@@ -250,9 +250,3 @@ def test_the_ledger_closes_and_changes_no_bit(tmp_path):
     assert books["energy_turnover_j"] > 100.0
     pn.save(booked, tmp_path / "run.nc")
     assert "energy_turnover_j" in str(xr.load_dataset(tmp_path / "run.nc").attrs["ledger"])
-
-
-@pytest.mark.parametrize(("old", "new"), [("compare_laws", "select_friction_law"), ("Design", "EnsembleDesign")])
-def test_an_old_name_leads_to_the_new_one(old, new):
-    with pytest.warns(DeprecationWarning, match=f"pneudrive.{old} is now pneudrive.{new}"):
-        assert getattr(pn, old) is getattr(pn, new)

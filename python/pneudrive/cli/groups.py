@@ -2,39 +2,18 @@
 
 from __future__ import annotations
 
-import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 
 from pneudrive.cli.examples import EXAMPLES
 from pneudrive.documented import parts_of
-from pneudrive.errors import CommandError, PneudriveWarning, nearest
+from pneudrive.errors import CommandError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-
-#: Options under their old names, which are accepted for one release.
-RENAMED_OPTIONS = {"--into": "--out", "--beside": "--compare-with", "--patience": "--timeout", "--pace": "--speed"}
-RENAMED_OPTIONS |= {"--least": "--min-candidates", "--draws": "--samples"}
-
-
-class RenamedOptions(TyperCommand):
-    """Command that accepts the old names of its options."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401
-        """Parse the arguments; warn about an old name."""
-        known = {name for parameter in self.params for name in parameter.opts}
-        for place, argument in enumerate(args):
-            old, equals, value = argument.partition("=")
-            new = RENAMED_OPTIONS.get(old)
-            if new in known and old not in known:
-                warnings.warn(f"{old} is now {new}", PneudriveWarning, stacklevel=2)
-                args[place] = f"{new}{equals}{value}"
-        return super().parse_args(ctx, args)
 
 
 class LazyGroup(TyperGroup):
@@ -46,7 +25,6 @@ class LazyGroup(TyperGroup):
     table: ClassVar[Mapping[str, str]] = {}
     sections: ClassVar[Mapping[str, Sequence[str]]] = {}
     hidden_names: ClassVar[frozenset[str]] = frozenset()
-    old_names: ClassVar[Mapping[str, str]] = {}
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401
         """Parse the arguments of the group; without arguments, show its help."""
@@ -70,7 +48,7 @@ class LazyGroup(TyperGroup):
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
         lines = EXAMPLES.get(f"{ctx.command_path} {cmd_name}".removeprefix("pneudrive "), ())
         epilog = "\n  ".join(("\b\nExamples:", *lines)) if lines else None  # \b: click keeps the lines
-        single.command(name=cmd_name, cls=RenamedOptions, hidden=hidden, epilog=epilog, help=text)(found)
+        single.command(name=cmd_name, hidden=hidden, epilog=epilog, help=text)(found)
         command = typer.main.get_command(single)
         own: dict[str, Any] = {parameter.name: parameter for parameter in command.params}
         for name, (form, words) in described.items():
@@ -94,9 +72,6 @@ class LazyGroup(TyperGroup):
         CommandError
             The command does not exist; the message gives the nearest name.
         """
-        if args and args[0] in self.old_names:
-            old, args = args[0], [self.old_names[args[0]], *args[1:]]
-            warnings.warn(f"the command {old} is now {args[0]}", PneudriveWarning, stacklevel=2)
         if args and not args[0].startswith("-") and args[0] not in self.table:
             shown = [name for name in self.table if name not in self.hidden_names]
             path = f"{ctx.command_path} {args[0]}".removeprefix("pneudrive ")
@@ -121,7 +96,6 @@ def group(
     hidden: frozenset[str] = frozenset(),
     *,
     sections: Mapping[str, Sequence[str]] | None = None,
-    old_names: Mapping[str, str] | None = None,
     completion: bool = False,
 ) -> typer.Typer:
     """Return a group of lazily imported commands.
@@ -134,8 +108,6 @@ def group(
         Commands that the help leaves out.
     sections : mapping, optional
         Title -> commands, for the help of the group.
-    old_names : mapping, optional
-        Old name of a command -> its name; the old one is accepted for one release.
     completion : bool
         Offer ``--install-completion`` and ``--show-completion``; only for the root.
 
@@ -143,7 +115,7 @@ def group(
     -------
     typer.Typer
     """
-    fields = {"table": table, "hidden_names": hidden, "sections": sections or {}, "old_names": old_names or {}}
+    fields = {"table": table, "hidden_names": hidden, "sections": sections or {}}
     kind = type("Group", (LazyGroup,), fields)
     return typer.Typer(
         cls=kind,

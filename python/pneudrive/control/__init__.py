@@ -88,5 +88,4 @@ __getattr__ = lazy(
         "suited": ["Suitability", "suitability"],
         "tuning": ["LawModel", "Plant", "TunedGain", "Tuning", "laws", "tune"],
     },
-    old_names={"compare": "benchmark"},
 )

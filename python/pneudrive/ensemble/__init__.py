@@ -50,5 +50,4 @@ __getattr__ = lazy(
         ],
         "sensitivity": ["sensitivity"],
     },
-    old_names={"Design": "EnsembleDesign"},
 )

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 control = group(
     dict.fromkeys(("tune", "run", "benchmark", "reference", "export", "header"), "pneudrive.cli.control.control"),
-    old_names={"compare": "benchmark"},
 )
 
 SetupOption = Annotated[
