@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.constants import ANR_TEMPERATURE_K
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -30,7 +32,7 @@ STEP_S, MOST_SAMPLES = 0.1, 5000  # step and largest number of compared times, s
 LEAST_CHANGE = 0.1  # least range of a pressure relative to its mean: a smaller one belongs to an open chamber (assumed)
 LARGEST_RMS = 0.02  # of the range: with larger residuals a chamber is not closed (assumed)
 AT_REST_K, REST_S, REST = 2.0, 0.5, 0.002  # spread of the first temperature; a start at rest: first seconds, of travel
-IN_MOTION_K, ROOM_K = 30.0, 293.15  # the same for a start in motion; temperature of the wall (assumed)
+IN_MOTION_K = 30.0  # the same for a start in motion (assumed); the wall has the temperature of the reference atmosphere
 MODEL_RMS = 0.005  # of the range: residuals of a good model, with which the first temperature is weighted (assumed)
 LARGEST_S = 3.0  # largest delay that is sought
 BLOCK_S, LEAST_BLOCKS = 15.0, 8  # blocks of time of the standard error
@@ -130,11 +132,11 @@ def _chamber_delay(time_s: Array, distance_m: Array, pressure_pa: Array) -> tupl
     begins = distance_m[time_s <= REST_S]
     kelvin = AT_REST_K if np.ptp(begins) < REST * travel else IN_MOTION_K
     first = float(pressure_pa[: max(begins.size, 1)].mean()) if kelvin == AT_REST_K else float(pressure_pa[0])
-    scale = np.array([1.0, 1.0, unit, kelvin / ROOM_K, 0.1])
+    scale = np.array([1.0, 1.0, unit, kelvin / ANR_TEMPERATURE_K, 0.1])
 
     def residual(point: Array) -> Array:
         rest = (pressure_pa - _simulated(time_s, distance_m, point)) / unit
-        return np.r_[rest, MODEL_RMS * np.sqrt(rest.size) * 0.05 * point[3] * ROOM_K / kelvin]
+        return np.r_[rest, MODEL_RMS * np.sqrt(rest.size) * 0.05 * point[3] * ANR_TEMPERATURE_K / kelvin]
 
     low = np.array([np.log(1e-3 * travel), np.log(1e-6), 0.0, -0.3, -LARGEST_S])
     high = np.array([np.log(1e3 * travel), np.log(1e3), np.inf, 0.3, LARGEST_S])

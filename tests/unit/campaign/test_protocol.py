@@ -76,13 +76,6 @@ WRONG = [
     ('["a", "b"]', '["a", "a"]', 17, "'a' is empty or occurs twice", "levels differ"),
     ("average = 5", "average = 0", 20, "0 is not a number of samples", '"none"'),
     ("repeats = 2", "repeats = 0", 2, "0 is out of bounds", "at least 1"),
-    (
-        "[mounting]",
-        '[design]\ninteraction = ["stop", "positon"]\n[mounting]',
-        17,
-        "'positon' is not a factor",
-        "'position'",
-    ),
     ("[mounting]", '[order]\nkind = "random"\n[mounting]', 17, "is not known", "Did you mean 'randomised'?"),
 ]
 
