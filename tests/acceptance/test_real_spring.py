@@ -13,6 +13,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.characterise import characterise_recordings, load_recordings
+from pneudrive.validate.closure import close_balance
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "data" / "measurements" / "mbari-2022-gas-spring"
@@ -56,6 +57,24 @@ def test_the_interval_contains_five_percent_of_ram_area_and_30_ms(found):
             others = extension(characterise_recordings([changed]), recording.name)
             for level, other in zip(extension(found, recording.name), others, strict=True):
                 assert abs(other.friction_n - level.friction_n) < level.expanded_n
+
+
+@pytest.mark.parametrize("seconds", [0.3, -0.3])
+def test_the_force_balance_removes_a_delay_of_the_pressures(seconds):
+    """The friction is that of the recording before the shift; both values are printed."""
+    (charged,) = load_recordings([FILES["charged"]], LAYOUT)
+    time = charged.time_s
+    names = ("pressure_a_pa", "pressure_b_pa")
+    late = {name: np.interp(time - seconds, time, getattr(charged, name)) for name in names}
+    found = close_balance(replace(charged, **late))
+    base = close_balance(charged)
+    assert base.recorded is None
+    for speed in (0.05, 0.1, 0.3, 0.6):
+        assert found.friction_at(speed) == pytest.approx(base.friction_at(speed), rel=0.07)
+    assert abs(found.recorded.friction_at(0.6) / base.friction_at(0.6) - 1.0) > 0.5
+    assert found.share < 0.005
+    assert f"{abs(found.delay.value_s):.3f}" in str(found)
+    assert "is removed" in str(found)
 
 
 def test_recordings_of_one_machine_that_differ_are_reported(found):

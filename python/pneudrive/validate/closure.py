@@ -9,10 +9,12 @@ import numpy as np
 
 from pneudrive.estimate.estimates import Estimate
 from pneudrive.signals.motion import NOISE_FACTOR, local_slope, noise_level
+from pneudrive.signals.pressure_delay import pressure_delay
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.signals.pressure_delay import PressureDelay
     from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
@@ -45,11 +47,16 @@ class Closure:
         Slope of the friction in +x while the gains are free, N s/m.
     correlation : float or None
         Of the first parallel force's gain with that slope.
-    range_n : float
+    range_n, fastest_m_s : float
+        Range of the measured force; largest speed in sliding.
     time_s, residual_n : ndarray
         Residuals of the samples in sliding.
     doubts : tuple of str
         Likely causes of a balance that does not close.
+    delay : PressureDelay or None
+        Delay of the pressures of closed chambers after the motion. A clear delay was removed before the balance.
+    recorded : Closure or None
+        Balance with the delay of the recording, if a clear delay was removed.
     """
 
     name: str
@@ -61,15 +68,31 @@ class Closure:
     viscous: Estimate
     correlation: float | None
     range_n: float
+    fastest_m_s: float
     time_s: Array = field(repr=False)
     residual_n: Array = field(repr=False)
     doubts: tuple[str, ...] = ()
+    delay: PressureDelay | None = None
+    recorded: Closure | None = field(default=None, repr=False)
+
+    def friction_at(self, speed_m_s: float) -> float:
+        """Return the friction at a speed in its direction, N, positive if it opposes the motion."""
+        at_rest, slope = self.friction_n[1 if speed_m_s > 0.0 else -1]
+        return at_rest + slope * abs(speed_m_s)
 
     def __str__(self) -> str:
         """Return the result in sentences."""
         lines = [
             f"{self.name}: the balance closes within {self.rms_n:.3g} N, {100 * self.share:.2f} % of the force range"
         ]
+        if self.recorded is not None:
+            lines.append(f"{self.delay}: this delay is removed")
+            for way in self.friction_n:
+                speed = way * self.fastest_m_s
+                lines.append(
+                    f"friction at {speed:.2g} m/s: {self.friction_at(speed):.4g} N, with the delay as recorded "
+                    f"{self.recorded.friction_at(speed):.4g} N"
+                )
         for name, gain in self.gains.items():
             lines.append(f"gain of {name}, if free: {gain.value:.3f} [{gain.low:.3f}, {gain.high:.3f}]")
         if self.correlation is not None:
@@ -83,12 +106,23 @@ class Closure:
 def close_balance(recording: Recording) -> Closure:
     """Return the force balance of a recording.
 
+    A clear delay between the pressures of closed chambers and the motion is removed first. Force and position are
+    assumed to have one clock.
+
     Parameters
     ----------
     recording : Recording
         With force, pressures and parallel forces.
     """
-    time = recording.time_s - recording.time_s[0]
+    delay, begin = pressure_delay(recording), float(recording.time_s[0])
+    if delay is None or not delay.is_clear:
+        return replace(_balance(recording, begin), delay=delay)
+    return replace(_balance(delay.removed(recording), begin), delay=delay, recorded=_balance(recording, begin))
+
+
+def _balance(recording: Recording, begin_s: float) -> Closure:
+    """Return the balance of a recording as it is; times count from `begin_s`."""
+    time = recording.time_s - begin_s
     sliding = _sliding(recording, time)
     base, balance = sliding.base, recording.balance_n()[sliding.use]
     found, *_ = np.linalg.lstsq(base, balance, rcond=None)
@@ -105,7 +139,7 @@ def close_balance(recording: Recording) -> Closure:
     doubts = tuple(_doubts(recording, sliding, rms / span))
     return Closure(
         recording.name, rms, rms / span, friction, offset, gains, viscous, correlation, span,
-        time[sliding.use], residual, doubts,
+        float(np.abs(sliding.speed).max()), time[sliding.use], residual, doubts,
     )  # fmt: skip
 
 

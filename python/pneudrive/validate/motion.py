@@ -103,6 +103,8 @@ class MotionValidation(Shown):
             "closures": [
                 {"name": c.name, "rms_n": c.rms_n, "percent": 100.0 * c.share, "offset_n": c.offset_n,
                  "gains": {name: [g.value, g.low, g.high] for name, g in c.gains.items()}}
+                | ({} if c.delay is None else {"delay_s": [c.delay.value_s, c.delay.half_width_s]})
+                | ({} if c.recorded is None else {"percent_as_recorded": 100.0 * c.recorded.share})
                 for c in self.closures
             ],
         }  # fmt: skip

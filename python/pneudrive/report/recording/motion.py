@@ -133,7 +133,7 @@ def _forces(closures: tuple[Closure, ...]) -> list[Section]:
         f"{c.name}: gain and viscous friction correlate at {c.correlation:.2f}. Friction depends on the area."
         for c in closures
         if c.correlation is not None
-    ]
+    ] + [f"{c.name}: {c.delay}. This delay is removed from the force balance." for c in closures if c.recorded]
     pictures = [Picture("closure", topic.say("residual"), closure_figure(closures))]
     doubts = [doubt for c in closures for doubt in c.doubts]
     return [topic.section(*topic.listed(first), topic.text(), topic.table(rows), *topic.listed(doubts), *pictures)]
