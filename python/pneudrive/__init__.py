@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.dynamic import identify as identify
     from pneudrive.identify.dynamic import identify_presliding as identify_presliding
     from pneudrive.identify.follow.fit import identify_motion as identify_motion
+    from pneudrive.identify.follow.regulator import identify_regulator as identify_regulator
     from pneudrive.identify.static.laws import select_friction_law as select_friction_law
     from pneudrive.identify.static.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
@@ -114,6 +115,7 @@ _HOME = {
     "Sensor": "pneudrive.identify.dynamic",
     "identify_presliding": "pneudrive.identify.dynamic",
     "identify_motion": "pneudrive.identify.follow.fit",
+    "identify_regulator": "pneudrive.identify.follow.regulator",
     "validate": "pneudrive.validate",
     "validate_motion": "pneudrive.validate.motion",
     "PneudriveError": "pneudrive.errors",

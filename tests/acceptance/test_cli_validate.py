@@ -131,7 +131,10 @@ def test_a_drive_is_identified_the_fit_put_into_it_and_exported_from_files_alone
         pl.DataFrame(record(drive(), seed, duration_s=3.0).columns).write_csv(tmp_path / f"{name}.csv")
     free = "friction.coulomb,valve.conductance"
     assert run(["identify", str(start), str(tmp_path / "run.csv"), "--free", free, "--out", str(fit)]) == 0
-    shown = capsys.readouterr().out.replace(f"{fit}\n", "")
+    said = capsys.readouterr()
+    assert "cost" not in said.err
+    assert re.search(r"rms residual position \S+ (um|mm|m), pressure_a \S+ bar", said.err)
+    shown = said.out.replace(f"{fit}\n", "")
     assert str(DriveFit.from_toml(fit)) + "\n" == shown
     with pytest.raises(FitError, match="Fit again"):
         DriveFit.from_toml(fit).profile()
@@ -144,6 +147,15 @@ def test_a_drive_is_identified_the_fit_put_into_it_and_exported_from_files_alone
     out = str(tmp_path / "validation")
     assert run(["validate", str(applied), str(tmp_path / "other.csv"), "--out", out]) == 0
     assert "the balances close" in capsys.readouterr().out
+    assert run(["validate", str(fit), str(tmp_path / "run.csv"), str(tmp_path / "other.csv"), "--out", out]) == 0
+    shown = capsys.readouterr().out
+    assert "recordings held out of the fit: 1 of 2" in shown
+    kept = toml.tomllib.loads((tmp_path / "validation/validation.toml").read_text())
+    assert [record["badge"] for record in kept["record"]] == ["made the fit", "held out"]
+    assert kept["verdict"][0]["value"] == pytest.approx(kept["record"][1]["position_m"]["free"]["fit_percent"])
+    assert "made the fit" in (tmp_path / "validation/report.html").read_text()
+    assert run(["validate", str(applied), str(tmp_path / "run.csv"), "--out", out]) == 0
+    assert "no recording was held out" in capsys.readouterr().out
     assert run(["export", str(fit), "--to", "csv", "--speeds", "1 mm/s .. 300 mm/s"]) == 0
     row = next(r for r in csv.reader(capsys.readouterr().out.splitlines()) if r[0] == "coulomb")
     assert float(row[3]) < 30.0 < float(row[4])

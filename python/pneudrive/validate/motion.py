@@ -13,12 +13,21 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
 from pneudrive.identify.follow.doubts import POOR, check_readings, open_recordings, other_readings, poor_fit
 from pneudrive.identify.follow.driven import DrivenCircuit
-from pneudrive.identify.follow.fit import FollowFit, FollowRecord, follow_record, hold_values, record_line
+from pneudrive.identify.follow.fit import (
+    FollowFit,
+    FollowRecord,
+    follow_record,
+    hold_values,
+    read_follow_fit,
+    record_line,
+)
 from pneudrive.identify.follow.motion import driven_recordings
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
+from pneudrive.signals.recording import Recording
 from pneudrive.simulation.trajectory import whole
 from pneudrive.validate.closure import Closure, close_balance
+from pneudrive.validate.held_out import HELD_OUT, MADE, badge_of, held_out_notes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -26,7 +35,6 @@ if TYPE_CHECKING:
     from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
-    from pneudrive.signals.recording import Recording
 
 PRESSURE, CLOSURE = 0.01, 0.01  # targets: shares of the ranges of pressure and force (assumed)
 LATE_S = 0.05  # delay of the pressures that is named as a difference of clocks, if its interval excludes 0
@@ -48,6 +56,8 @@ class MotionValidation(Shown):
     doubts : tuple of str
         Likely causes of differences.
     solution : FollowSolution or None
+    badges : dict
+        Recording -> ``made the fit``, ``held out``, or empty if it is not known.
     """
 
     circuit: Circuit
@@ -56,14 +66,18 @@ class MotionValidation(Shown):
     open: tuple[str, ...]
     doubts: tuple[str, ...]
     solution: FollowSolution | None = field(default=None, repr=False)
+    badges: dict[str, str] = field(default_factory=dict)
 
     @property
     def verdicts(self) -> tuple[tuple[bool, str], ...]:
-        """Whether each target is met, with a sentence."""
+        """Whether each target is met, with a sentence; pressures of recordings that were held out, if there are any."""
         found = []
         for record in self.records:
+            if self.badges.get(record.name) == MADE and HELD_OUT in [self.badges[r.name] for r in self.records]:
+                continue
+            badge = f" ({self.badges[record.name]})" if self.badges.get(record.name) else ""
             for side, share in zip("ab", record.rms, strict=True):
-                words = f"{record.name}, chamber {side}: rms {100 * share:.2f} % of the range (target 1 %)"
+                words = f"{record.name}{badge}, chamber {side}: rms {100 * share:.2f} % of the range (target 1 %)"
                 found.append((share <= PRESSURE, words))
         for closure in self.closures:
             words = f"{closure.name}, force: closes within {100 * closure.share:.2f} % of the range (target 1 %)"
@@ -96,7 +110,8 @@ class MotionValidation(Shown):
             "doubts": list(self.doubts),
             "open": list(self.open),
             "recordings": [
-                {"name": r.name, "rms_percent": [100.0 * v for v in r.rms], "delay_s": list(r.delay_s),
+                {"name": r.name, "badge": self.badges.get(r.name, ""),
+                 "rms_percent": [100.0 * v for v in r.rms], "delay_s": list(r.delay_s),
                  "temperature_a_k": list(r.temperature_a_k), "temperature_b_k": list(r.temperature_b_k)}
                 for r in self.records
             ],
@@ -116,7 +131,7 @@ class MotionValidation(Shown):
 
 def validate_motion(
     circuit: FollowFit | Circuit | str | Path,
-    recordings: Iterable[str | Path | Recording],
+    recordings: str | Path | Recording | Iterable[str | Path | Recording],
     *,
     layout: Layout | str | Path | None = None,
     progress: Callable[[float, float, str], None] | None = None,
@@ -130,7 +145,7 @@ def validate_motion(
     Parameters
     ----------
     circuit : FollowFit, Circuit or path
-    recordings : iterable of path or Recording
+    recordings : path or Recording, or several
     layout : Layout or path, optional
     progress, cancel
         See `pneudrive.progress.Watch`.
@@ -145,6 +160,9 @@ def validate_motion(
         Input is not valid.
     """
     watch = Watch(progress, cancel)
+    recordings = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
+    circuit = read_follow_fit(circuit) or circuit if isinstance(circuit, str | Path) else circuit
+    fitted = {r.name: r.sha256 for r in circuit.records} if isinstance(circuit, FollowFit) else {}
     described = circuit.circuit if isinstance(circuit, FollowFit) else circuit
     described = described if isinstance(described, Circuit) else Circuit.load(described)
     records, driven = driven_recordings(recordings, layout), DrivenCircuit(described)
@@ -160,7 +178,11 @@ def validate_motion(
         doubts += [*poor_fit(solution), *other_readings(solution), *_late(found)]
     forces = [record.recording for record in records if np.ptp(record.recording.force_n) > 0.0]
     closures = tuple(close_balance(force) for force in forces)
-    return MotionValidation(described, found, closures, tuple(r.name for r in idle), tuple(doubts), solution)
+    badges = {r.name: badge_of(r.name, r.recording.sha256 or "", fitted) for r in records}
+    notes = tuple(held_out_notes(badges[record.name] for record in found))
+    return MotionValidation(
+        described, found, closures, tuple(r.name for r in idle), (*notes, *doubts), solution, badges
+    )
 
 
 def _late(records: tuple[FollowRecord, ...]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from pneudrive import __version__
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.follow.fit import FollowFit
+from pneudrive.identify.follow.motion import check_follow, refuse_circuit
+from pneudrive.identify.follow.regulator import RegulatorFit
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, read_drive_recordings
@@ -20,7 +23,10 @@ from pneudrive.signals.plausible import check_plausible, moves, time_gaps
 from pneudrive.simulation.trajectory import save_columns, whole
 from pneudrive.validate.breakaway import RecordedBreakaway, breakaways
 from pneudrive.validate.diagnosis import diagnose
+from pneudrive.validate.held_out import HELD_OUT, badge_of, held_out_notes, sources_of
 from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness
+from pneudrive.validate.motion import MotionValidation, validate_motion
+from pneudrive.validate.regulator import RegulatorValidation, validate_regulator
 from pneudrive.validate.sensors import corrected
 from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import ModelRun, run_model
@@ -30,11 +36,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.progress import Flag
     from pneudrive.signals.drive_recording import DriveRecording, Given
     from pneudrive.signals.layout import Layout
+    from pneudrive.signals.recording import Recording
     from pneudrive.validate.diagnosis import Diagnosis
 
     Array = NDArray[np.float64]
@@ -138,12 +146,19 @@ class Validation(Shown):
     records : tuple of RecordResult
     window_s : float
         Length of the runs from measured states.
+    fitted : dict
+        Recordings that made the fit of the drive: name -> hash. Empty if unknown, or without a fit.
     """
 
     drive: Drive
     records: tuple[RecordResult, ...]
     window_s: float = WINDOW_S
     notes: tuple[str, ...] = field(default=())
+    fitted: Mapping[str, str] = field(default_factory=dict)
+
+    def badge(self, record: RecordResult) -> str:
+        """Return whether a recording ``made the fit`` or was ``held out``; empty if it is not known."""
+        return badge_of(record.recording.name, record.recording.sha256, self.fitted)
 
     @property
     def synthetic(self) -> bool:
@@ -161,7 +176,10 @@ class Validation(Shown):
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdicts on all targets."""
+        """Verdicts on all targets, from the recordings that were held out of the fit, if there are any."""
+        held_out = tuple(r for r in self.records if self.badge(r) == HELD_OUT)
+        if 0 < len(held_out) < len(self.records):
+            return replace(self, records=held_out).verdicts
         fit = self.pooled(["position_m"]).fit_percent
         nrmse = self.pooled(["pressure_a_pa", "pressure_b_pa"]).nrmse
         errors = [abs(b.error) for r in self.records for b in r.breakaways]
@@ -262,26 +280,59 @@ class Validation(Shown):
         return said
 
 
+@overload
 def validate(
     drive: Drive | DriveFit,
     recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
     *,
+    follow: None = None,
     layout: Layout | str | Path | None = None,
     window_s: float = WINDOW_S,
     sensors: DriveFit | Mapping[str, Sensor | Mapping[str, Any]] | None = None,
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
-) -> Validation:
+) -> Validation: ...
+@overload
+def validate(
+    drive: FollowFit | Circuit | str | Path,
+    recordings: str | Path | Recording | Sequence[str | Path | Recording],
+    *,
+    follow: Literal["motion"],
+    layout: Layout | str | Path | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> MotionValidation: ...
+@overload
+def validate(
+    drive: RegulatorFit,
+    recordings: str | Path | Sequence[str | Path],
+    *,
+    layout: Layout | str | Path | None = None,
+) -> RegulatorValidation: ...
+def validate(
+    drive: Any,
+    recordings: Any,
+    *,
+    follow: str | None = None,
+    layout: Layout | str | Path | None = None,
+    window_s: float = WINDOW_S,
+    sensors: DriveFit | Mapping[str, Sensor | Mapping[str, Any]] | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> Validation | MotionValidation | RegulatorValidation:
     """Validate a drive against its recordings.
 
     Parameters
     ----------
     drive : Drive or DriveFit
-        Drive to validate; a fit is applied to its drive, and its errors of sensors are corrected.
+        Drive to validate; a fit is applied to its drive, and its errors of sensors are corrected. Verdicts come from
+        the recordings that were held out of the fit. Also a fit along motions, or of a regulator.
     recordings
         One or several recordings. Each is a file of ``pneudrive simulate --out``, a foreign file with a layout, a
         result of ``pn.simulate``, or a mapping of SI columns (time_s, command, position_m, pressure_a_pa,
         pressure_b_pa).
+    follow : {"motion"}, optional
+        The piston of a circuit follows the recorded position, see `pneudrive.validate_motion`.
     layout
         Layout of foreign files. None: ``layout.toml`` next to the file.
     window_s : float
@@ -316,8 +367,16 @@ def validate(
     >>> pn.validate(drive, run).verdicts[0].met
     True
     """
+    if isinstance(drive, RegulatorFit):
+        return validate_regulator(drive, recordings, layout=layout)
+    if follow is not None or isinstance(drive, FollowFit):
+        check_follow(follow or "motion")
+        return validate_motion(drive, recordings, layout=layout, progress=progress, cancel=cancel)
+    fitted: dict[str, str] = {}
     if isinstance(drive, DriveFit):
+        fitted = {r["name"]: r.get("sha256", "") for r in drive.provenance.get("recordings", ())}
         drive, sensors = drive.apply(), drive if sensors is None else sensors
+    refuse_circuit(drive)
     if not hasattr(drive, "core_json"):
         raise DescriptionError(
             f"drive is a {type(drive).__name__}, not a drive", remedy='Write pn.Drive.load("drive.toml").'
@@ -325,7 +384,7 @@ def validate(
     if not (np.isfinite(window_s) and window_s > 0.0):
         raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
     watch = Watch(progress, cancel)
-    read, known = [], []
+    read, known, fitted = [], [], fitted or sources_of(drive)
     for recording in read_drive_recordings(recordings, layout):
         check_plausible(recording, drive)
         own = sensors.sensors_of(recording.name) if isinstance(sensors, DriveFit) else sensors
@@ -333,7 +392,9 @@ def validate(
         read.append(without)
         known += said
     records = tuple(_record(drive, Signals.of(r), window_s) for r in watch.each(read, "recordings simulated"))
-    found = Validation(drive, records, window_s, (*known, *_notes(records), *time_gaps(read)))
+    badges = [badge_of(r.name, r.sha256, fitted) for r in read]
+    notes = (*held_out_notes(badges), *known, *_notes(records), *time_gaps(read))
+    found = Validation(drive, records, window_s, notes, fitted)
     found.diagnosis(progress, cancel)
     return found
 
@@ -417,7 +478,10 @@ def validation_toml(found: Validation) -> str:
         "verdict": [
             {name: vars(v)[name] for name in ("what", "value", "target", "text", "met")} for v in found.verdicts
         ],
-        "record": [_record_table(record) | {"run": run_name(at)} for at, record in enumerate(found.records)],
+        "record": [
+            _record_table(record) | {"badge": found.badge(record), "run": run_name(at)}
+            for at, record in enumerate(found.records)
+        ],
         "condition": [vars(row) for row in found.conditions],
         "diagnosis": {
             "left": diagnosis.left,

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pneudrive as pn
+from pneudrive.cli.main import run as run_command
 from pneudrive.errors import FitError
 from pneudrive.identify.follow.regulator import Regulator, identify_regulator
 from pneudrive.signals.drive_recording import volume_recording
@@ -42,6 +44,24 @@ def test_a_command_that_does_not_change_is_refused():
     still = volume_recording({"time_s": one.time_s, "pressure_pa": one.pressure_pa, "command": 0 * one.time_s + 0.5})
     with pytest.raises(FitError, match="the command does not change"):
         identify_regulator(Regulator.model_validate(START), [still])
+
+
+def test_a_fit_is_validated_on_further_runs(tmp_path, monkeypatch, capsys):
+    runs = sorted(DATA.glob("run_*.csv.xz"))
+    layout = DATA / "joint_5_a.toml"
+    fit = pn.identify_regulator(DATA / "regulator.toml", runs[:3], layout)
+    monkeypatch.chdir(tmp_path)
+    fit.to_toml("lag.toml")
+    checked = pn.validate(fit, runs[2:4], layout=layout)
+    assert [r.badge for r in checked.runs] == ["made the fit", "held out"]
+    assert 0.02 < checked.runs[1].share < 0.06
+    assert checked.runs[1].rms_pa == pytest.approx(checked.runs[1].share * 440e3, rel=0.3)
+    assert not run_command(["validate", "lag.toml", str(runs[3]), "--layout", str(layout), "--out", "check"])
+    shown = capsys.readouterr().out
+    assert f"rms {checked.runs[1].rms_pa / 1e5:.3g} bar" in shown
+    assert "held out" in shown
+    assert not run_command(["validate", "lag.toml", str(runs[0]), "--layout", str(layout), "--out", "check"])
+    assert "no recording was held out" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("side", ["a", "b"])

@@ -10,6 +10,9 @@ import typer
 
 from pneudrive.cli.options import CatalogueFolders, Layout, Page, Profile, names_in, one_of, sensor_option
 from pneudrive.cli.output import check_outputs, tell, tell_fit, writable_folder
+from pneudrive.numbers import plain
+from pneudrive.simulation.trajectory import meaning
+from pneudrive.units import readable
 
 if TYPE_CHECKING:
     from pneudrive.identify.dynamic.search import Progress
@@ -113,8 +116,14 @@ def _motion(
 
 
 def _show(progress: Progress) -> None:
-    rms = ", ".join(f"{name} {value:.3g}" for name, value in progress.rms.items())
-    sys.stderr.write(f"step {progress.step} ({progress.phase}): cost {progress.cost:.5g}; rms {rms}\n")
+    """Write the rms residual of each channel. The cost is left out: each phase weights the residuals anew."""
+    from pneudrive.identify.dynamic.recordings import CHANNELS
+
+    rms = []
+    for name, value in progress.rms.items():
+        size, unit = readable(meaning(CHANNELS[name])[1])
+        rms.append(f"{name} {plain(value / size)} {unit}")
+    sys.stderr.write(f"step {progress.step} ({progress.phase}): rms residual {', '.join(rms)}\n")
 
 
 def _tank(

@@ -32,6 +32,7 @@ def validate(
     -------
     drive : DRIVE|FIT
         Drive file (TOML), catalogue:NAME, or fit of `pneudrive identify --out` with the zeros of its sensors.
+        Also a fit along motions or of a regulator. Verdicts use the recordings that were held out of the fit.
     recordings : RECORDING...|MAP|CAMPAIGN
         Recordings of the drive (time, command, position, both pressures), or one friction map or campaign.
     sensor : CHANNEL: KEY = VALUE, ...
@@ -41,10 +42,18 @@ def validate(
     """
     from pneudrive.describe.drive import Drive
     from pneudrive.errors import CommandError
+    from pneudrive.identify.follow.regulator import read_regulator_fit
     from pneudrive.report.validation.page import write_validation_report
+    from pneudrive.validate.regulator import validate_regulator
     from pneudrive.validate.static import is_friction
     from pneudrive.validate.validation import validate as validated
 
+    lag = read_regulator_fit(drive)
+    if lag is not None:
+        checked = validate_regulator(lag, list(recordings), layout=layout)
+        show_lines([str(checked)])
+        tell(checked.write(writable_folder(out)))
+        return
     if _follows_motion(drive):
         _motion(drive, recordings, layout, out)
         return
@@ -59,11 +68,11 @@ def validate(
         _friction(described, recordings[0], out)
         return
     found = validated(
-        described,
+        described if fit is None else fit,
         list(recordings),
         layout=layout,
         window_s=seconds,
-        sensors=known or fit,
+        sensors=known or None,
         progress=on_terminal().tell,
     )
     folder = writable_folder(out)
@@ -84,11 +93,9 @@ def _follows_motion(path: str) -> bool:
 
 
 def _motion(path: str, recordings: list[Path], layout: Path | None, out: Path) -> None:
-    from pneudrive.identify.follow.fit import read_follow_fit
     from pneudrive.validate.motion import validate_motion
 
-    known = read_follow_fit(path) or path
-    found = validate_motion(known, list(recordings), layout=layout, progress=on_terminal().tell)
+    found = validate_motion(path, list(recordings), layout=layout, progress=on_terminal().tell)
     folder = writable_folder(out)
     show_lines([str(found)])
     tell(found.write(folder))
@@ -119,13 +126,22 @@ def _friction(drive: Drive, path: Path, out: Path) -> None:
 
 def _say(found: Validation) -> None:
     """Print one line per recording, the verdicts and the diagnosis."""
-    heads = ("recording", "position fit %", f"from states, {found.window_s:g} s %", "pressure NRMSE %", "off from s")
+    heads = (
+        "recording",
+        "position fit %",
+        f"from states, {found.window_s:g} s %",
+        "pressure NRMSE %",
+        "off from s",
+        "fit",
+    )
     rows = []
     for record in found.records[:MOST_ROWS]:
         position = record.channels["position_m"]
         pressure = max(record.channels[c].free.nrmse for c in ("pressure_a_pa", "pressure_b_pa"))
         off = "-" if position.off_s is None else f"{position.off_s:.2f}"
         fits = (f"{position.free.fit_percent:.1f}", f"{position.restarted.fit_percent:.1f}")
-        rows.append((record.recording.name, *fits, f"{100 * pressure:.2g}", off))
+        rows.append((record.recording.name, *fits, f"{100 * pressure:.2g}", off, found.badge(record)))
+    if not found.fitted:
+        heads, rows = heads[:-1], [row[:-1] for row in rows]
     show_table(heads, rows)
     show_lines([str(found)])

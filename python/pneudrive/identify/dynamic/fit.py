@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from pneudrive.identify.dynamic.states import measured_starts, observed, white_n
 from pneudrive.identify.dynamic.transforms import transforms_of
 from pneudrive.identify.dynamic.uncertainty import Solved, information
 from pneudrive.identify.dynamic.undetermined import unresolved_damping
+from pneudrive.identify.follow.fit import identify_motion
+from pneudrive.identify.follow.motion import check_follow, refuse_circuit
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.signals.drive_recording import read_drive_recordings
 from pneudrive.signals.plausible import check_plausible, refuse_standstill, time_gaps
@@ -30,9 +32,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.dynamic.shooting import Recorded
+    from pneudrive.identify.follow.fit import FollowFit
     from pneudrive.progress import Flag
     from pneudrive.signals.drive_recording import DriveRecording
 
@@ -57,11 +61,13 @@ GAIN = 0.02
 HUBER_K = 1.345
 
 
+@overload
 def identify(
     drive: Drive,
     recordings: Any,  # noqa: ANN401 - one or several recordings of several types
     free: Sequence[str],
     *,
+    follow: None = None,
     sensors: Mapping[str, Sensor | Mapping[str, Any]] | None = None,
     channels: Sequence[str] | None = None,
     segment: str | float | None = "0.4 s",
@@ -71,7 +77,34 @@ def identify(
     threads: int = 2,
     progress: Callable[[Progress], None] | None = None,
     cancel: Flag | None = None,
-) -> DriveFit:
+) -> DriveFit: ...
+@overload
+def identify(
+    drive: Circuit | str | Path,
+    recordings: Any,  # noqa: ANN401
+    free: Sequence[str] = ("volumes", "heat"),
+    *,
+    follow: Literal["motion"],
+    layout: str | Path | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+    cancel: Flag | None = None,
+) -> FollowFit: ...
+def identify(
+    drive: Any,
+    recordings: Any,
+    free: Sequence[str] = ("volumes", "heat"),
+    *,
+    follow: str | None = None,
+    sensors: Mapping[str, Sensor | Mapping[str, Any]] | None = None,
+    channels: Sequence[str] | None = None,
+    segment: str | float | None = "0.4 s",
+    robust: bool = False,
+    layout: str | Path | None = None,
+    rtol: float = RTOL,
+    threads: int = 2,
+    progress: Any = None,
+    cancel: Flag | None = None,
+) -> DriveFit | FollowFit:
     """Identify parameters of a drive from recordings of its motion by output error.
 
     The drive is simulated under the recorded command. Free parameters of the drive and the sensors, and the start of
@@ -89,6 +122,9 @@ def identify(
         ``pressure_a_pa``, ``pressure_b_pa``).
     free : sequence of str
         Names in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ...
+    follow : {"motion"}, optional
+        The piston of a circuit follows the recorded position, see `pneudrive.identify_motion`. Of the other arguments,
+        only `layout`, `progress` and `cancel` count.
     sensors : mapping, optional
         Channel -> `Sensor` or its keywords: known noise, offset, gain, lag and resolution.
         ``{"command": {"delay": "free"}}``, or a time, delays the recorded command.
@@ -127,6 +163,10 @@ def identify(
     >>> round(fit.values["friction.coulomb"], 2)
     30.0
     """
+    if follow is not None:
+        check_follow(follow)
+        return identify_motion(drive, recordings, free, layout=layout, progress=progress, cancel=cancel)
+    refuse_circuit(drive)
     records = read_drive_recordings(recordings, layout, needed=("time_s", "command"), gaps=True)
     present = [channels_in(record, channels) for record in records]
     options = _options(segment, robust, rtol, threads)

@@ -161,7 +161,7 @@ def other_readings(solution: FollowSolution) -> list[str]:
         if size < min(BETTER * base, POOR):
             found.append(
                 f"the pressures are {words}: with {'+' if shift > 0 else '-'}{ambient / 1e5:.4g} bar the residuals "
-                f"fall to {100 * size / base:.0f} %; check gauge and abs in the layout"
+                f"fall to {100 * size / base:.0f} % of their present size; check gauge and abs in the layout"
             )
     return found
 

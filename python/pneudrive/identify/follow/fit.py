@@ -19,6 +19,7 @@ from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem,
 from pneudrive.numbers import plain
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
+from pneudrive.signals.recording import Recording
 from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
-    from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
 
@@ -226,7 +226,7 @@ def record_line(record: FollowRecord) -> str:
 
 def identify_motion(
     circuit: Circuit | str | Path,
-    recordings: Iterable[str | Path | Recording],
+    recordings: str | Path | Recording | Iterable[str | Path | Recording],
     free: Sequence[str] = ("volumes", "heat"),
     *,
     layout: Layout | str | Path | None = None,
@@ -243,7 +243,7 @@ def identify_motion(
     ----------
     circuit : Circuit or path
         One piston between two chambers; a motor at its rod may be left out.
-    recordings : iterable of path or Recording
+    recordings : path or Recording, or several
         Time, position and both chamber pressures.
     free : sequence of str
         Groups ``volumes``, ``heat``, ``wall``, ``leak``, ... (`driven.GROUPS`), or names such as ``upper.volume``.
@@ -263,6 +263,8 @@ def identify_motion(
         Input is not valid; the message gives value, rule and remedy.
     """
     watch = Watch(progress, cancel)
+    if isinstance(recordings, str | Path | Recording):
+        recordings = [recordings]
     if not free:
         raise FitError("no number is free", remedy=f"Name some of {', '.join(GROUPS)}.")
     described = circuit if isinstance(circuit, Circuit) else Circuit.load(circuit)
@@ -398,6 +400,7 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
             continue
         try:
             rival = _with_extra(described, solution, [*free, *extra])
+            rival.model = words
             begin = _begin(rival, solution.point)
             if name == "held":
                 rival = replace(rival, is_delayed=False, starts_free=False, weights=list(problem.weights))

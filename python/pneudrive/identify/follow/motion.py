@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.errors import RecordingError
+from pneudrive.describe.circuit import Circuit
+from pneudrive.errors import CommandError, RecordingError
 from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.recording import Recording
@@ -74,6 +75,22 @@ class DrivenRecording:
         steady = self.ranges_pa / self.pressures_pa.mean(axis=1)
         ratio = volumes.max(axis=1) / volumes.min(axis=1)
         return bool((steady < OPEN_CHANGE).all() and (ratio > OPEN_VOLUME).any())
+
+
+def check_follow(follow: str) -> None:
+    """Refuse a value of the argument `follow` other than ``"motion"``."""
+    if follow != "motion":
+        raise CommandError(f"follow = {follow!r} is not known", rule='the only value is "motion"')
+
+
+def refuse_circuit(drive: object) -> None:
+    """Refuse a circuit where a drive with a valve command is fitted or validated."""
+    if isinstance(drive, Circuit):
+        raise CommandError(
+            f"{drive.name} is a circuit, not a drive",
+            rule="a drive runs under the recorded command of its valve",
+            remedy='if its piston follows the recorded position, add follow="motion"',
+        )
 
 
 def driven_recordings(

@@ -74,6 +74,8 @@ class FollowProblem:
         Whether the delay of each recording is free.
     starts_free : bool
         Whether start temperatures may leave those of the walls.
+    model : str
+        Name of the model in reports of progress.
     """
 
     driven: DrivenCircuit
@@ -82,6 +84,7 @@ class FollowProblem:
     parts: Sequence[tuple[float, float]] = ()
     is_delayed: bool = True
     starts_free: bool = True
+    model: str = "requested model"
     watch: Watch = UNWATCHED
     weights: list[Array] = field(default_factory=list)
 
@@ -311,7 +314,7 @@ def _search(
     found, value = raws, cost
     low, high = problem.begin().shared - REACH, problem.begin().shared + REACH
     for step in range(MOST_STEPS):
-        problem.watch.tell(step, 0, "steps of the search")
+        problem.watch.tell(step, MOST_STEPS, f"{problem.model}: steps of a search, most")
         residuals = [problem.residual(i, raws[i], point.local[i, 4]) for i in range(len(raws))]
         matrix, gradient = _normal(problem, point, residuals, _jacobians(problem, point, raws, residuals, pool))
         diagonal = np.diag(matrix).copy()

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 NAMES = ("gain_pa", "offset_pa", "filling_s", "venting_s")
+KIND = "regulator-fit"  # of its file
 BLOCK_S = 1.0  # blocks of time for the covariance
 TIED = 0.95  # correlation of gain and offset above which the recordings do not separate them
 TURNED = 0.2  # relative spread from run to run above which a number differs between runs
@@ -113,6 +114,8 @@ class RegulatorFit(Shown):
     dead_time_s : tuple of float
         Dead times that fit within 2 % of the best residual.
     undetermined : tuple of str
+    sha256 : dict
+        Name of each recording -> hash of its data.
     """
 
     name: str
@@ -127,6 +130,7 @@ class RegulatorFit(Shown):
     dead_time_s: tuple[float, float]
     undetermined: tuple[str, ...]
     series: dict[str, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
+    sha256: dict[str, str] = field(default_factory=dict, repr=False)
 
     def _card(self) -> Card:
         rows = []
@@ -149,7 +153,8 @@ class RegulatorFit(Shown):
     def to_toml(self, path: str | Path) -> Path:
         """Write the fit."""
         tables = {
-            "kind": "regulator-fit",
+            "kind": KIND,
+            "name": self.name,
             "version": __version__,
             "rms_percent": 100.0 * self.rms,
             "held_percent": 100.0 * self.held,
@@ -161,10 +166,36 @@ class RegulatorFit(Shown):
             "intervals": {name: list(ends) for name, ends in self.intervals.items()},
             "spread": self.spread,
             "runs": self.runs,
+            "sha256": self.sha256,
         }
         with whole(Path(path)) as temporary:
             temporary.write_text(toml.write(tables), encoding="utf-8")
         return Path(path)
+
+    def simulate(self, record: VolumeRecording) -> Array:
+        """Return the pressure of a recording from its command and its first pressure, absolute, Pa."""
+        values = [self.values[name] for name in NAMES]
+        return 1e5 * _simulate(np.r_[np.array(values[:2]) / 1e5, np.log(values[2:])], record, 0.0)
+
+
+def read_regulator_fit(path: str | Path) -> RegulatorFit | None:
+    """Read a file of `RegulatorFit.to_toml`; None for another file."""
+    if Path(path).suffix != ".toml" or not Path(path).is_file():
+        return None
+    tables, _ = toml.read(path, FitError, "`pneudrive identify --out` writes it.")
+    if tables.get("kind") != KIND:
+        return None
+    missing = [key for key in ("rms_percent", "values", "runs") if key not in tables]
+    missing += [f"values.{name}" for name in NAMES if name not in tables.get("values", NAMES)]
+    if missing:
+        raise FitError("the fit of a regulator is not complete", where=str(path), value=f"missing: {missing[0]}")
+    return RegulatorFit(
+        str(tables.get("name", Path(path).stem)), dict(tables["values"]), tables.get("intervals", {}), tables["runs"],
+        tables.get("spread", {}), tables["rms_percent"] / 100.0, tables.get("predicted_percent", np.nan) / 100.0,
+        tables.get("held_percent", np.nan) / 100.0, tables.get("correlation", np.nan),
+        tuple(tables.get("dead_time_s", (0.0, 0.0))), tuple(tables.get("undetermined", ())),
+        sha256=dict(tables.get("sha256", {})),
+    )  # fmt: skip
 
 
 def identify_regulator(
@@ -220,6 +251,7 @@ def identify_regulator(
         described.name, _named(solved), intervals, runs, spread, 1e5 * rms / span,
         1e5 * float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))) / span if predicted else float("nan"),
         1e5 * float(np.sqrt(np.mean(held.fun**2))) / span, correlation, dead, tuple(lost), shown,
+        {r.name: r.sha256 for r in records},
     )  # fmt: skip
 
 

@@ -152,7 +152,11 @@ def _identified(drive: Drive) -> Iterator[tuple[str | None, ...]]:
 def _provenance(found: Validation) -> Section:
     topic, identified = Topic("validation", "provenance"), list(_identified(found.drive))
     recordings = [r.recording for r in found.records]
-    rows = ((r.name, str(r.source) if r.source else None, len(r), r.sha256[:16]) for r in recordings)
+    badges = [found.badge(r) or None for r in found.records]
+    rows = (
+        (r.name, badge, str(r.source) if r.source else None, len(r), r.sha256[:16])
+        for r, badge in zip(recordings, badges, strict=True)
+    )
     return topic.section(
         topic.text("synthetic" if found.synthetic else "measured"),
         topic.table(rows),

@@ -136,11 +136,11 @@ def _kind(path: Path, reading: FileForm, roles: Roles) -> str:
     if "position" not in found and "force" not in found and has_pressure:
         return "fixed-volume"
     shown = ", ".join(f"{g.role}: column {g.column!r}" for g in roles.guesses)
-    named = f"; columns: {', '.join(reading.names)}" if reading.names else ""
+    named = f"columns: {', '.join(reading.names)}" if reading.names else ""
     raise RecordingError(
         "this table is not a recording, according to names and numbers",
         where=str(path),
-        value=f"{shown}{named}"[:300],
+        value="; ".join(text for text in (shown, named) if text)[:300],
         rule="time, position and force of a rig; time, command, position and pressures of a drive; time and pressure "
         "of a fixed volume",
         remedy="if it is a recording, write the layout by hand: see the guide, Your own recordings",
