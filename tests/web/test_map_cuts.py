@@ -12,6 +12,7 @@ import xarray as xr
 import pneudrive as pn
 from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as run_command
+from pneudrive.identify.static.seals import fit_file
 from web.conftest import Served
 from web.maps import WIDE, coulomb, friction_map, stribeck
 from web.test_recordings import get
@@ -109,6 +110,30 @@ def test_the_python_gives_every_curve_that_is_shown(maps: Served, monkeypatch: p
         exec(shown["python"], names)
         for group, said in zip(shown["groups"], names["found"], strict=True):
             assert list(values(said)) == group["curve"]["friction"]
+
+
+def test_each_seal_of_many_has_its_curves_and_the_python_names_its_fit(
+    maps: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ten seals at three pressures are 30 pairs: more than a panel has line styles, but three for each seal."""
+    folder = maps.folder / "results" / "seals"
+    folder.mkdir()
+    each = []
+    for number in range(10):
+        one = friction_map(stribeck, WIDE, GAUGES, 0.2 + 0.1 * number)
+        one["recording"] = one["recording"] + f"-{number}"
+        each.append(one.assign(seal=("row", [f"S{number}"] * one.sizes["row"])))
+        pn.fit_friction(each[-1], pressure_dependence=True).to_toml(folder / fit_file(f"S{number}"))
+    write_map(xr.concat(each, "row", combine_attrs="override"), folder / "map.parquet")
+    shown = get(maps, "/api/map", path="results/seals/map.parquet")["groups"]
+    assert [("curve" in group) for group in shown] == [True] * 10 * len(GAUGES)
+    monkeypatch.chdir(maps.folder)
+    cut = get(maps, "/api/slice", path="results/seals/map.parquet", speed="0.03")
+    names: dict = {}
+    exec(cut["python"], names)
+    assert [group["assembly"] for group in cut["groups"]] == [f"S{number}" for number in range(10)]
+    for group, said in zip(cut["groups"], names["found"], strict=True):
+        assert list(said.friction_n) == group["curve"]["friction"]
 
 
 def test_maps_without_a_common_condition_or_fit_are_answered_in_words(maps: Served) -> None:

@@ -11,6 +11,7 @@ import type { Editor } from "./editor";
 import { change, drawing, onDisk, opened, problems, said, save, set, setNumber, takeFromDisk, useDrawing, valid, type Field } from "./opened";
 import { isIn, KINDS, Problems, SaveButton, TextField } from "../workspace/parts";
 import { route } from "../routes";
+import { list } from "../workspace/studies";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
 
 const name = signal("");
@@ -127,7 +128,7 @@ function Described() {
               <label>
                 File <input value={name.value} placeholder="axis.toml" onInput={(event) => (name.value = event.currentTarget.value)} />
               </label>
-              <button type="button" disabled={!name.value} onClick={() => void save(name.value)}>Save as a new file</button>
+              <button type="button" disabled={!name.value} onClick={() => void save(name.value).then(list)}>Save as a new file</button>
             </>
           ) : (
             <SaveButton isSaved={now.text === now.saved} save={() => save(now.path)} />

@@ -146,7 +146,7 @@ type Curve = { friction: (number | null)[]; low: (number | null)[]; high: (numbe
 
 interface Slice {
   chamber: "a" | "b";
-  groups: { label: string; points: (Point & { gauge: number })[]; curve?: Curve & { gauge: number[] } }[];
+  groups: { label: string; assembly: string; points: (Point & { gauge: number })[]; curve?: Curve & { gauge: number[] } }[];
   python: string;
 }
 
@@ -192,6 +192,7 @@ function drawnGroups<Key extends "speed" | "gauge">(key: Key, size: number, grou
 /** Plot of a part of the map: one pressure, one speed, or the difference from another map. */
 function Cuts({ path, found }: { path: string; found: FrictionMap }) {
   const fit = (drawn.value || besideOf(path)).replace(/^.*\//, "");
+  const own = new Set(found.groups.map((one) => one.assembly)); // of the chosen seal
   const of = `${path} ${fit}`; // another map may be shown by the time of an answer
   const others = (studies.value?.files ?? []).filter((one) => one.kind === "friction map" && one.path !== path).map((one) => one.path);
   const cut = (speed: string) =>
@@ -225,7 +226,7 @@ function Cuts({ path, found }: { path: string; found: FrictionMap }) {
       </p>
       {shown && (
         <>
-          <Scatter title={`Friction over pressure at ${digits(MM * shown.speed, 3)} mm/s`} x={`chamber ${shown.chamber}, bar gauge`} y="friction, N" log={false} groups={drawnGroups("gauge", 1 / BAR, shown.groups)} />
+          <Scatter title={`Friction over pressure at ${digits(MM * shown.speed, 3)} mm/s`} x={`chamber ${shown.chamber}, bar gauge`} y="friction, N" log={false} groups={drawnGroups("gauge", 1 / BAR, shown.groups.filter((one) => own.has(one.assembly)))} />
           {shown.python && <Copied of="at one speed" python={shown.python} />}
         </>
       )}

@@ -245,7 +245,7 @@ export function Plot(props: PlotProps) {
   }, [data, props.shades, props.bands, props.marks, props.range?.join()]);
   useLayoutEffect(() => plot.current?.redraw(false, false), [props.cursors?.join(), props.events]);
 
-  const saved = (): Saved => ({ title: props.title, x: `${over}, ${xUnit}`, y: props.unit || "1", legend: props.curves.map(({ label, look: own }, k) => ({ label, look: own ?? k })), u: plot.current! });
+  const saved = (): Saved => ({ title: props.title, x: `${over}, ${xUnit}`, y: props.unit || "1", legend: props.curves.map(({ label, look: own }, k) => ({ label, look: own ?? k })), u: plot.current!, extreme: props.extreme });
   return (
     <figure class="plot" data-plot={props.title}>
       <figcaption ref={title}>
@@ -253,7 +253,7 @@ export function Plot(props: PlotProps) {
         <span class="value" data-value="time" />
         <Legend labels={props.curves.map(({ label, look: own }, k) => [label, own ?? k])} isOne={props.curves.length === 1} />
         {props.onReset && <button type="button" class="link" onClick={props.onReset}>Reset zoom</button>}
-        <More title={props.title} saved={saved}><Values {...props} /></More>
+        <More title={props.title} saved={saved} extreme={props.extreme}><Values {...props} /></More>
       </figcaption>
       <div ref={place} aria-hidden="true" />
     </figure>
@@ -274,7 +274,7 @@ export function Legend({ labels, isOne = false }: { labels: [string, number][]; 
 }
 
 /** Menu of a plot: save it, or read its values. */
-export function More({ title, saved, children }: { title: string; saved: () => Saved; children?: ComponentChildren }) {
+export function More({ title, saved, extreme, children }: { title: string; saved: () => Saved; extreme?: boolean; children?: ComponentChildren }) {
   const [open, setOpen] = useState(false);
   return (
     <details class="more" onToggle={(event) => setOpen((event.currentTarget as HTMLDetailsElement).open)}>
@@ -284,7 +284,7 @@ export function More({ title, saved, children }: { title: string; saved: () => S
           <p class="row">
             Save as{" "}
             {([["PNG", savePng], ["SVG", saveSvg], ["CSV", saveCsv]] as const).map(([name, save]) => (
-              <button key={name} type="button" onClick={() => save(saved())}>{name}</button>
+              <button key={name} type="button" onClick={() => save(saved())}>{name === "CSV" && extreme ? "CSV of lowest and highest" : name}</button>
             ))}
           </p>
           {children}

@@ -10,6 +10,7 @@ export interface Saved {
   y: string;
   legend: { label: string; look: number }[];
   u: uPlot;
+  extreme?: boolean; // values are the lowest and the highest of each pixel, in turn
   points?: { x: number; y: number; spread: number | null; look: number }[];
 }
 
@@ -128,6 +129,6 @@ function cell(given: string): string {
 export function saveCsv(of: Saved): void {
   const rows = of.points
     ? [["curve", of.x, of.y, "U (k = 2)"], ...of.points.map((one) => [of.legend.find((each) => each.look === one.look)?.label ?? "", String(one.x), String(one.y), one.spread === null ? "" : digits(one.spread, 6)])]
-    : [[of.x, ...of.legend.map((one) => `${one.label}, ${of.y}`)], ...Array.from(of.u.data[0], (x, i) => [String(x), ...of.u.data.slice(1).map((column) => String(column[i] ?? ""))])];
+    : [[of.extreme ? `${of.x} (lowest and highest of each pixel)` : of.x, ...of.legend.map((one) => `${one.label}, ${of.y}`)], ...Array.from(of.u.data[0], (x, i) => [String(x), ...of.u.data.slice(1).map((column) => String(column[i] ?? ""))])];
   download(fileOf(of, "csv"), new Blob([rows.map((row) => row.map(cell).join(",")).join("\n") + "\n"], { type: "text/csv" }));
 }

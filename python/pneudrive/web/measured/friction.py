@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from posixpath import basename, dirname
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from pneudrive.errors import CommandError
 from pneudrive.friction.friction_map import AMBIENT, read_map
 from pneudrive.identify.static.differences import common, curve_differences
 from pneudrive.identify.static.result import FrictionFit
+from pneudrive.identify.static.seals import fit_file
 from pneudrive.views import ShownCurve, View
 from pneudrive.web.lineage import recordings_of_map
 from pneudrive.web.measured.map_fits import FIT, assemblies_of, fits_of
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
 MAPS = (".parquet", ".csv")
 MOST_POINTS = 10_000
-MOST_CURVES = 8
+MOST_CURVES = 8  # of each seal, mounting and drive: as many as there are line styles
 HEAT_COLUMNS, HEAT_ROWS = 24, 60
 SPEEDS = 120  # points of a curve
 NEAR = 0.05  # speeds that differ by less, relatively, are one speed
@@ -83,9 +85,11 @@ def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
     fits, why = fits_of(path, fit_name, names)
     ends = np.abs(found["velocity_m_s"].to_numpy())
     speeds = np.geomspace(ends.min(), ends.max(), SPEEDS) if ends.min() < ends.max() else ends[:1]
-    for group in groups[:MOST_CURVES]:
+    curves = Counter[str]()
+    for group in groups:
         fit = fits.get(group["assembly"])
-        if fit is not None:
+        curves[group["assembly"]] += 1
+        if fit is not None and curves[group["assembly"]] <= MOST_CURVES:
             predicted = fit.predict(speeds, *group["gauges"])
             own = [one["speed"] for one in group["points"]]
             group["curve"] = {
@@ -167,7 +171,8 @@ def map_slice(workspace: Workspace, name: str, fit: str, speed: str) -> dict[str
             if abs(np.log(point["speed"] / speed_m_s)) <= NEAR
         ]
         other = float(gauges[inside, 1 - along].mean())
-        groups.append({"label": f"{title}chamber {'ba'[along]} at {bar(other)} bar gauge", "points": points})
+        label = f"{title}chamber {'ba'[along]} at {bar(other)} bar gauge"
+        groups.append({"assembly": own[0]["assembly"], "label": label, "points": points})
         reach = gauges[inside, along]
         if of_seal is not None and np.ptp(reach) > SAME_PA:
             over = np.linspace(reach.min(), reach.max(), SPEEDS)
@@ -176,14 +181,14 @@ def map_slice(workspace: Workspace, name: str, fit: str, speed: str) -> dict[str
             known = [point["gauge"] for point in points] or [np.inf, -np.inf]
             groups[-1]["curve"] = {"gauge": over.tolist(), "measured": [min(known), max(known)], **_band(said)}
             groups[-1]["curve"]["measured"] = [number(one) for one in groups[-1]["curve"]["measured"]]
-            others.append((other, float(reach.min()), float(reach.max())))
+            file = fit_file(own[0]["assembly"]) if len(names) > 1 else fit_name
+            others.append((_fit_name(name, file), other, float(reach.min()), float(reach.max())))
     pair = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
     python = (
         "import numpy as np\nfrom pneudrive.identify.static.result import FrictionFit\n\n"
-        f"fit = FrictionFit.from_toml({_fit_name(name, fit_name)!r})\n"
-        f"# gauge pressure of chamber {'ba'[along]}, and the ends of that of chamber {'ab'[along]}, Pa\n"
+        f"# fit, gauge pressure of chamber {'ba'[along]}, and the ends of that of chamber {'ab'[along]}, Pa\n"
         f"levels = {others!r}\n"
-        f"found = [fit.predict({speed_m_s!r}, {pair}) for other, low, high in levels]\n"
+        f"found = [FrictionFit.from_toml(file).predict({speed_m_s!r}, {pair}) for file, other, low, high in levels]\n"
     )
     return {"chamber": "ab"[along], "groups": groups, "python": python if others else ""}
 
