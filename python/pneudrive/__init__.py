@@ -69,7 +69,6 @@ if TYPE_CHECKING:
     from pneudrive.identify.static.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
     from pneudrive.platforms import platform as platform
-    from pneudrive.signals.measuring import measure as measure
     from pneudrive.simulation.simulate import citations as citations
     from pneudrive.simulation.simulate import simulate as simulate
     from pneudrive.simulation.trajectory import save as save
@@ -91,7 +90,6 @@ _HOME = {
     "export_fmu": "pneudrive.fmu.package",
     "lines": "pneudrive.simulation.tube_study",
     "platform": "pneudrive.platforms",
-    "measure": "pneudrive.signals.measuring",
     "size": "pneudrive.sizing.search",
     "save": "pneudrive.simulation.trajectory",
     **dict.fromkeys(["characterise", "campaign_friction"], "pneudrive.friction.campaign.characteristics"),

@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
-import { Copied, NumberField, Problems } from "../workspace/parts";
+import { NumberField, Problems } from "../workspace/parts";
 import type { Mark } from "../plots/plot";
 import { ask, newest, read, Refused, type Problem } from "../server/server";
 import { studies } from "../workspace/studies";
@@ -186,13 +186,12 @@ interface Row {
   slope: number | null;
 }
 
-const measured = signal<{ rows: Row[]; command: string; python: string; of: string } | null>(null);
-const isCopied = signal(false);
+const measured = signal<{ rows: Row[]; of: string } | null>(null);
 let asked = ""; // what is to be measured, as JSON
 const fetchMeasured = newest(async () => {
   const of = asked;
   try {
-    measured.value = { ...(await ask<{ rows: Row[]; command: string; python: string }>("/api/measure", JSON.parse(of))), of };
+    measured.value = { ...(await ask<{ rows: Row[] }>("/api/measure", JSON.parse(of))), of };
     wrong.value = [];
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
@@ -216,9 +215,8 @@ export function Measuring({ path, version, columns, span, isTimed }: { path: str
   const now = cursors.value;
   const other = beside.value;
   const unit = isTimed ? "s" : "samples";
-  const wanted = JSON.stringify({ path, at: now, columns, beside: other?.strokes.length ? other.path : "", strokes: other?.numbers ?? [1, 1], shift: other?.shift ?? 0 });
+  const wanted = JSON.stringify({ path, at: now, columns, beside: other?.strokes.length ? other.path : "", shift: other?.shift ?? 0 });
   useEffect(() => {
-    isCopied.value = false;
     asked = wanted;
     if (now) void fetchMeasured();
   }, [wanted, version]);
@@ -301,10 +299,6 @@ function MeasuredTable({ path, wanted, span, isTimed }: { path: string; wanted: 
           })}
         </tbody>
       </table>
-      <p>
-        <button type="button" onClick={() => (isCopied.value = true)}>Copy the measurement as command or Python</button>
-      </p>
-      {isCopied.value && <Copied command={found.command} python={found.python} />}
     </>
   );
 }

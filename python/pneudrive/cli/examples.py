@@ -25,7 +25,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "web": ("pneudrive web my-studies", "ssh -L 8123:127.0.0.1:8123 HOST   # with --port 8123 on HOST"),
     "layout": ("pneudrive layout bench.csv --out layout.toml",),
-    "measure": ("pneudrive measure bench.csv --at '8 s' --to '10.5 s'",),
     "characterise": (
         "pneudrive characterise bench/*.csv --layout layout.toml --out results",
         "pneudrive characterise my-campaign --out results",

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 SECTIONS = {
     "Describe": ("catalogue", "components", "check", "draw", "schema"),
     "Simulate": ("simulate", "sweep", "lines", "platform", "web"),
-    "Measure": ("layout", "measure", "characterise", "campaign", "rig", "compare", "reproduce"),
+    "Measure": ("layout", "characterise", "campaign", "rig", "compare", "reproduce"),
     "Identify": ("fit", "identify", "apply", "validate", "design", "report"),
     "Size": ("size", "datasheet", "characteristic"),
     "Control": ("control",),

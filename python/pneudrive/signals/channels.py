@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.files.tables import Table
-    from pneudrive.signals.layout import Column, Layout, SampledLayout
+    from pneudrive.signals.force_calibration import ForceCalibration
+    from pneudrive.signals.layout import FileLayout, Layout
+    from pneudrive.signals.layout_tables import ColumnTable
 
     Array = NDArray[Any]
 
@@ -51,8 +53,10 @@ class FileChannel:
         Name by which the columns of two files are the same: that of the layout, or of the column without its unit.
     slope, zero : float
         SI value = slope * shown number + zero; pressures absolute. NaN: no such line is known.
-    said : Column or None
+    said : ColumnTable or None
         Conversion from the file's numbers to the unit by the layout. None: the numbers are already in the unit.
+    curve : ForceCalibration or None
+        Calibration of the force sensor.
     """
 
     column: str
@@ -61,14 +65,18 @@ class FileChannel:
     quantity: str
     slope: float = math.nan
     zero: float = math.nan
-    said: Column | None = None
+    said: ColumnTable | None = None
+    curve: ForceCalibration | None = None
 
     def of(self, raw: Array) -> Array:
         """Return numbers of the file in the unit, without a copy if they already have it."""
         if self.said is None:
             return raw
         value = self.said.in_unit(raw)
-        return value if self.said.curve is None else self.said.corrected(self.slope * value) / self.slope
+        if self.curve is None:
+            return value
+        sign = 1 if self.said.positive == "+x" else -1
+        return sign * self.curve.force_n(sign * (self.slope * value)) / self.slope
 
     def si(self, shown: Array) -> Array:
         """Return displayed numbers in SI, without a copy if they already are in SI."""
@@ -150,7 +158,7 @@ class SharedChannel:
     slope: float
     zero: float
 
-    def of(self, values: Array) -> Array:
+    def of(self, values: Any) -> Any:  # noqa: ANN401 - a number or an array
         """Return numbers of the other file in the unit of this file."""
         return values if (self.slope, self.zero) == (1.0, 0.0) else self.slope * values + self.zero
 
@@ -183,10 +191,10 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     RecordingError, LayoutError
         The file cannot be read with or without its layout, or has no column of numbers.
     """
-    said: SampledLayout | None = None
+    said: FileLayout | None = None
     notes: tuple[str, ...] = ()
     try:
-        said = None if layout is None else _for_file(layout, path)
+        said = None if layout is None else layout.for_any_file(path)
         opened = _open(path, said, cache)
     except (RecordingError, LayoutError) as error:
         if layout is None:
@@ -252,18 +260,20 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
     return out
 
 
-def _channel(name: str, role: str | None, said: SampledLayout | None, unit: str) -> FileChannel:
+def _channel(name: str, role: str | None, said: FileLayout | None, unit: str) -> FileChannel:
     if role is not None and said is not None:
         column = said.columns[role]
-        zero = column.unit.shift + (said.ambient_pressure_pa if column.unit.gauge else 0.0)
+        line = column.conversion
+        zero = line.shift + (said.ambient_pressure_pa if line.gauge else 0.0)
         label = f"{role.replace('_', ' ')} ({name})"
-        return FileChannel(name, label, column.unit.text, role, column.unit.factor, zero, column)
+        curve = said.tables.force_calibration if role == "force" else None
+        return FileChannel(name, label, line.text, role, line.factor, zero, column, curve)
     quantity, si_unit, _ = meaning(name)
     slope, zero = (1.0, 0.0) if unit == si_unit != "1" else (math.nan, math.nan)
     return FileChannel(name, quantity.replace("_", " "), unit, quantity, slope, zero)
 
 
-def _open(path: Path, said: SampledLayout | None, cache: Path) -> _OpenTable:
+def _open(path: Path, said: FileLayout | None, cache: Path) -> _OpenTable:
     """Open a file as a table that can be read in parts.
 
     A file that is not Parquet, or has dates as texts, is converted.
@@ -281,7 +291,7 @@ def _open(path: Path, said: SampledLayout | None, cache: Path) -> _OpenTable:
         kinds = [table.get([name], (0, 16))[name].dtype.kind for name in names]
         if said.is_plain and not any(kind in TEXT_KINDS for kind in kinds):
             return _OpenTable(table, roles=dict(zip(names, said.columns, strict=True)))
-    how = (said.format, said.text, said.columns) if said is not None else ()
+    how = (said.format, said.tables.text_form, said.columns) if said is not None else ()
     converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"
     if not converted.is_file():
         columns, about = _converted(path, said)
@@ -291,7 +301,7 @@ def _open(path: Path, said: SampledLayout | None, cache: Path) -> _OpenTable:
     return _OpenTable(table, **json.loads(table.metadata["pneudrive"]))
 
 
-def _converted(path: Path, said: SampledLayout | None) -> tuple[dict[str, Array], dict[str, Any]]:
+def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], dict[str, Any]]:
     """Read every numeric column by name, with further data of an open table."""
     if said is not None:
         found = read_table(path, said, others=True)
@@ -305,12 +315,6 @@ def _converted(path: Path, said: SampledLayout | None) -> tuple[dict[str, Array]
     return numbers, {"units": units, "texts": [names[at] for at in sorted(form.words)]}
 
 
-def _for_file(layout: Layout, path: Path) -> SampledLayout:
-    if layout.kind == "rig":
-        return layout.for_file(path)
-    return layout.for_drive_file(path) if layout.kind == "drive" else layout.for_volume_file(path)
-
-
 def _kinds(table: Table) -> dict[str, str]:
     """Return the kind of each column that holds numbers, or dates and times, by their first rows."""
     out = {}
@@ -321,7 +325,7 @@ def _kinds(table: Table) -> dict[str, str]:
     return out
 
 
-def _time(said: SampledLayout | None, opened: _OpenTable, kinds: dict[str, str]) -> FileChannel | None:
+def _time(said: FileLayout | None, opened: _OpenTable, kinds: dict[str, str]) -> FileChannel | None:
     """Return the column of the time, in s: that of the layout, or a column with a name of time whose unit fits."""
     for name, role in opened.roles.items():
         if role == "time" and said is not None and name in kinds:
@@ -336,7 +340,7 @@ def _time(said: SampledLayout | None, opened: _OpenTable, kinds: dict[str, str])
     return None
 
 
-def _delays(said: SampledLayout | None) -> tuple[str, ...]:
+def _delays(said: FileLayout | None) -> tuple[str, ...]:
     late = [] if said is None else [role for role, one in said.columns.items() if one.delay_s]
     return (f"shown as recorded, without the layout's delay_s: {', '.join(late)}",) if late else ()
 

@@ -15,8 +15,8 @@ from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.impossible import refuse_pressure
-from pneudrive.signals.layout import Layout, SampledLayout, stem
-from pneudrive.signals.load import aligned, convert, find_layout, layout_beside, read_raw
+from pneudrive.signals.layout import FileLayout, Layout, stem
+from pneudrive.signals.load import find_layout, layout_beside, read_raw, si_columns
 from pneudrive.signals.trajectories import is_run
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 
@@ -37,17 +37,6 @@ OF_VOLUME = ("time_s", "pressure_pa", "command", "inlet_pressure_pa")
 LEAST_OF_VOLUME = 10
 #: Columns that only a simulation has completely.
 _SIMULATED = {"acceleration_m_s2", "mass_flow_a_kg_s", "mass_flow_b_kg_s"}
-_LAYOUT_COLUMNS = {
-    "time": "time_s",
-    "command": "command",
-    "position": "position_m",
-    "velocity": "velocity_m_s",
-    "force": "force_n",
-    "pressure": "pressure_pa",
-    "inlet_pressure": "inlet_pressure_pa",
-    **{f"pressure_{c}": f"pressure_{c}_pa" for c in "ab"},
-    **{f"temperature_{c}": f"temperature_{c}_k" for c in "ab"},
-}
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -410,10 +399,9 @@ def _first_line(path: Path) -> str | None:
     return f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None
 
 
-def _columns_of(path: Path, said: SampledLayout) -> dict[str, Array]:
+def _columns_of(path: Path, said: FileLayout) -> dict[str, Array]:
     """Read a file through a layout: columns in SI, on one time base."""
     raw, flags, _ = read_raw(path, said)
     for flag, count in flags.items():
         warn(f"{path.name} has the flag {flag} ({count}): see the flags in the guide, Your own recordings")
-    values = aligned(said, {channel: convert(said, channel, column) for channel, column in raw.items()})
-    return {_LAYOUT_COLUMNS[channel]: column for channel, column in values.items()}
+    return si_columns(said, raw)

@@ -5,136 +5,98 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import wrong
 from pneudrive.errors import LayoutError, Problems, nearest
 from pneudrive.files.packed import COMPRESSIONS
 from pneudrive.repr_tables import Shown
-from pneudrive.signals.layout_tables import CHANNELS, SIGNS, GeometryTable, LayoutTables
+from pneudrive.signals.layout_tables import CHANNELS, ColumnTable, GeometryTable, LayoutTables, TimeTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from pneudrive.signals.force_calibration import ForceCalibration
-    from pneudrive.signals.tables.column_units import ColumnUnit
-    from pneudrive.signals.tables.text_table import TextForm
-
 
 @dataclass(frozen=True)
-class Column:
-    """One channel: Reader of a column: SI value = sign * (raw * scale + offset) * factor, with a delay of ``delay_s``.
+class FileLayout:
+    """The layout of one file, with the overrides that match its name.
 
-    ``scale`` and ``offset`` convert the raw number to the column's unit. ``accuracy_si`` is a standard uncertainty.
-    ``range_si`` has the lowest and highest value of the sensor (pressures absolute). ``curve`` is the calibration of
-    the force sensor, before the sign. ``date_form`` is the format of dates and times, if the column of the time has
-    them.
-    ``clock`` is the column of the channel's separate times. ``wraps`` is the number of counts until a counter restarts.
-    ``guessed`` marks a unit that was guessed from the size of the numbers.
-    A time has a column or ``rate_hz``. A time of day may have a column of dates, ``date``.
+    Attributes
+    ----------
+    tables : LayoutTables
+        The tables of the layout, values in SI.
+    kind : str
+        Kind of recording.
+    labels : dict
+        Fixed labels, and those of the file's name.
     """
 
-    column: int | str | None
-    unit: ColumnUnit
-    sign: int = 1
-    scale: float = 1.0
-    offset: float = 0.0
-    delay_s: float = 0.0
-    accuracy_si: float | None = None
-    range_si: tuple[float, float] | None = None
-    calibration: str = ""
-    curve: ForceCalibration | None = None
-    date_form: str | None = None
-    clock: int | str | None = None
-    wraps: float | None = None
-    guessed: bool = False
-    rate_hz: float | None = None
-    date: int | str | None = None
-    date_format: str = ""
-
-    def in_unit(self, raw: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return raw numbers in the column's unit, towards +x, before a curve. Unchanged numbers are not copied."""
-        value = raw if self.scale == 1.0 else raw * self.scale
-        value = value if self.offset == 0.0 else value + self.offset
-        return value if self.sign == 1 else self.sign * value
-
-    def corrected(self, si: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return SI values through the curve of the sensor, if there is one."""
-        return si if self.curve is None else self.sign * self.curve.force_n(self.sign * si)
-
-
-@dataclass(frozen=True)
-class SampledLayout:
-    """A layout for one file of a drive or a fixed volume, in SI, with the overrides that match its name."""
-
-    format: str
-    text: TextForm
-    skip_samples: int
-    columns: dict[str, Column]
-    ambient_pressure_pa: float
+    tables: LayoutTables
+    kind: str
     labels: dict[str, str]
+
+    @cached_property
+    def columns(self) -> dict[str, ColumnTable]:
+        """Columns by channel; those of parallel forces are ``force 1: pressure`` and ``force 1: against``."""
+        found = {name: self.tables.channel(name, self.kind) for name in CHANNELS[self.kind][0]}
+        for number, force in enumerate(self.rig.force, 1):
+            found |= {f"force {number}: pressure": force.pressure, f"force {number}: against": force.against}
+        return {name: column for name, column in found.items() if column is not None}
+
+    @cached_property
+    def rig(self) -> LayoutTables:
+        """Tables with geometry, masses and chambers of a rig. Empty for other kinds."""
+        return self.tables if self.kind == "rig" else LayoutTables()
+
+    @property
+    def time(self) -> TimeTable:
+        """Column of the time, or the rate of the samples."""
+        return self.columns["time"]  # type: ignore[return-value]
+
+    @property
+    def format(self) -> str:
+        """Format of the file."""
+        return self.tables.format
+
+    @property
+    def cycle(self) -> int | str | None:
+        """Column that numbers the cycles of a campaign file."""
+        return self.rig.columns.cycle  # type: ignore[attr-defined]
+
+    @property
+    def skip_samples(self) -> int:
+        """Number of samples at the beginning that are left out."""
+        return self.tables.skip_samples
+
+    @property
+    def ambient_pressure_pa(self) -> float:
+        """Absolute pressure around the rig."""
+        return self.tables.ambient_pa
 
     @property
     def dates(self) -> dict[int | str, str]:
         """Columns of dates and times, with their format."""
-        time = self.columns["time"]
-        clocks = (
-            [time.column, *(column.clock for column in self.columns.values())] if time.date_form is not None else []
-        )
-        found = {place: time.date_form or "" for place in clocks if place is not None}
+        time = self.time
+        clocks = [time.column, *(column.clock for column in self.columns.values())] if time.is_date else []
+        found = {place: time.format for place in clocks if place is not None}
         return found if time.date is None else found | {time.date: time.date_format}
 
     @property
     def places(self) -> list[int | str]:
         """Columns of the file that are read: those of the channels, and of their dates and clocks."""
         columns = self.columns.values()
-        places = [*(c.column for c in columns), self.columns["time"].date, *(c.clock for c in columns)]
+        places = [*(c.column for c in columns), self.time.date, *(c.clock for c in columns)]
         return list(dict.fromkeys(place for place in places if place is not None))
 
     @property
     def is_plain(self) -> bool:
         """Whether every channel is a column, and each of its rows can be read separately."""
-        time = self.columns["time"]
-        special = (
-            time.rate_hz,
-            time.date,
-            *(c.clock for c in self.columns.values()),
-            *(c.wraps for c in self.columns.values()),
-        )
+        columns = self.columns.values()
+        special = (self.time.rate_hz, self.time.date, *(c.clock for c in columns), *(c.wraps for c in columns))
         return all(value is None for value in special)
-
-
-class Parallel(NamedTuple):
-    """A parallel force of a layout: its pressures are the channels `plus` and, if given, `minus`."""
-
-    name: str
-    area_m2: float
-    uncertainty: float
-    sign: int
-    plus: str
-    minus: str | None
-
-
-@dataclass(frozen=True)
-class FileLayout(SampledLayout):
-    """A layout for one file of a rig, with the geometry of the drive under test."""
-
-    cycle: int | str | None
-    area_a_m2: float
-    area_b_m2: float
-    chamber_pressures: dict[str, float]  # stated (not measured) pressures, absolute
-    incline_rad: float
-    mass_beyond_sensor_kg: float
-    stiffness_n_m: float | None
-    geometry_accuracy: dict[str, float]
-    window_m: tuple[float, float] | None
-    parallel: tuple[Parallel, ...] = ()
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -155,7 +117,7 @@ class Layout(Shown):
     ... [chamber_b]
     ... pressure = "3 bar gauge"
     ... ''')
-    >>> layout.for_file(Path("run.csv")).chamber_pressures["pressure_b"]
+    >>> layout.for_file(Path("run.csv")).tables.chamber_pressures()["pressure_b"]
     401325.0
     """
 
@@ -181,67 +143,32 @@ class Layout(Shown):
         return cls(toml.parse(text, origin, LayoutError), origin, text)._checked()
 
     def for_file(self, path: Path) -> FileLayout:
-        """Apply the overrides that match the file's name and bring all values to SI.
-
-        Raises
-        ------
-        LayoutError
-            If a value is wrong for this file.
-        """
-        said, common = self._common("rig", path, "friction needs time, position and force")
-        area_a, area_b = said.geometry.areas()
-        parallel = []
-        for number, force in enumerate(said.force):
-            names = {key: f"force {number + 1}: {key}" for key in force.columns()}
-            for key, column in force.columns().items():
-                common["columns"][names[key]] = Column(**said.column("pressure", "rig", column))
-            sign, ends = SIGNS[force.positive], (names["pressure"], names.get("against"))
-            parallel.append(Parallel(force.name, force.area_m2, force.area_accuracy, sign, *ends))
-        return FileLayout(
-            **common,
-            cycle=said.columns.cycle,
-            area_a_m2=area_a,
-            area_b_m2=area_b,
-            chamber_pressures=said.chamber_pressures(),
-            incline_rad=said.rig.incline_rad,
-            mass_beyond_sensor_kg=said.rig.mass_beyond_sensor_kg,
-            stiffness_n_m=said.rig.stiffness_n_m,
-            geometry_accuracy=said.geometry_accuracy(),
-            window_m=said.window.position,
-            parallel=tuple(parallel),
-        )
-
-    def for_volume_file(self, path: Path) -> SampledLayout:
-        """Apply the overrides like `for_drive_file`, for a recording of a fixed volume."""
-        verb = 'kind = "fixed-volume", with the columns time and pressure'
-        return SampledLayout(**self._common("fixed-volume", path, verb)[1])
-
-    def for_drive_file(self, path: Path) -> SampledLayout:
-        """Apply the overrides that match the file's name, for a recording of a drive.
+        """Apply the overrides that match the file's name, for a recording of a rig.
 
         Raises
         ------
         LayoutError
             If a value is wrong for this file, or the layout has another kind.
         """
-        verb = "a drive needs time, command, position and both pressures"
-        return SampledLayout(**self._common("drive", path, verb)[1])
+        return self._for("rig", path, "friction needs time, position and force")
 
-    def _common(self, kind: str, path: Path, verb: str) -> tuple[LayoutTables, dict[str, Any]]:
-        """Return the parts common to all layouts of a file."""
+    def for_volume_file(self, path: Path) -> FileLayout:
+        """Apply the overrides like `for_file`, for a recording of a fixed volume."""
+        return self._for("fixed-volume", path, 'kind = "fixed-volume", with the columns time and pressure')
+
+    def for_drive_file(self, path: Path) -> FileLayout:
+        """Apply the overrides like `for_file`, for a recording of a drive."""
+        return self._for("drive", path, "a drive needs time, command, position and both pressures")
+
+    def for_any_file(self, path: Path) -> FileLayout:
+        """Apply the overrides like `for_file`, for a recording of the layout's own kind."""
+        return {"rig": self.for_file, "drive": self.for_drive_file}.get(self.kind, self.for_volume_file)(path)
+
+    def _for(self, kind: str, path: Path, verb: str) -> FileLayout:
         self._needs(kind, verb)
         chosen = self._matching(path)
-        said = _read(self, tuple(chosen))
-        units = CHANNELS[kind][0]
-        columns = {name: Column(**said.column(name, kind)) for name in units if getattr(said.columns, name) is not None}
-        return said, {
-            "format": said.format,
-            "text": said.text_form,
-            "skip_samples": said.skip_samples,
-            "columns": columns,
-            "ambient_pressure_pa": said.ambient_pa,
-            "labels": self._labels(said, path, chosen),
-        }
+        tables = _read(self, tuple(chosen))
+        return FileLayout(tables, kind, self._labels(tables, path, chosen))
 
     def _labels(self, said: LayoutTables, path: Path, chosen: Sequence[int]) -> dict[str, str]:
         """Return the fixed labels and those of the file's name.

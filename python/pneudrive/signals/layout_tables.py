@@ -25,6 +25,9 @@ from pneudrive.signals.tables.text_table import TextForm
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from pneudrive.errors import DescriptionError
 
 # Channel -> SI unit.
@@ -42,7 +45,6 @@ CHANNELS = {
     "fixed-volume": (VOLUME_UNITS, ("time", "pressure")),
 }
 DELIMITERS = {"whitespace": None, "tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
-SIGNS = {"+x": 1, "-x": -1}
 #: SI unit -> a unit that a column may have.
 EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K": "degC"}
 
@@ -101,6 +103,17 @@ class ColumnTable(Described):
     def is_date(self) -> bool:
         """Whether the column contains dates and times."""
         return self.unit == date_times.UNIT
+
+    @property
+    def conversion(self) -> ColumnUnit:
+        """Unit as a line to SI. A command and a date have the factor 1."""
+        return self.unit if isinstance(self.unit, ColumnUnit) else ColumnUnit(1.0)
+
+    def in_unit(self, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return raw numbers in the column's unit, towards +x. Unchanged numbers are not copied."""
+        value = raw if self.scale == 1.0 else raw * self.scale
+        value = value if self.offset == 0.0 else value + self.offset
+        return value if self.positive == "+x" else -1 * value
 
     @model_validator(mode="after")
     def _fits_the_channel(self) -> ColumnTable:
@@ -240,11 +253,6 @@ class ParallelTable(Described):
     pressure: _PRESSURE  # type: ignore[valid-type]
     against: _PRESSURE | None = None  # type: ignore[valid-type]
 
-    def columns(self) -> dict[str, ColumnTable]:
-        """Return its columns, by key."""
-        found = {"pressure": self.pressure, "against": self.against}
-        return {key: column for key, column in found.items() if column is not None}
-
 
 class LayoutTables(Described):
     """A layout, or the layout of one file with the overrides that match its name."""
@@ -285,16 +293,9 @@ class LayoutTables(Described):
 
     @property
     def text_form(self) -> TextForm:
-        """Format of a text table."""
-        return TextForm(
-            delimiter=self.delimiter,
-            header=self.header,
-            decimal=self.decimal,
-            thousands=self.thousands,
-            skip_lines=self.skip_lines,
-            comment=self.comment or "\0",  # None: a character that no text contains
-            header_delimiter=self.header_delimiter,
-        )
+        """Format of a text table. No comment sign: a character that no text contains."""
+        form: dict[str, Any] = {name: getattr(self, name) for name in TextForm.__dataclass_fields__}
+        return TextForm(**form | {"comment": self.comment or "\0"})
 
     def missing(self, kind: str) -> Iterator[DescriptionError]:
         """Return keys that a file of this kind needs and the layout lacks."""
@@ -347,40 +348,22 @@ class LayoutTables(Described):
                 out[f"pressure_{side}"] = chamber.pressure.absolute_pa(self.ambient_pa)
         return out
 
+    def channel(self, name: str, kind: str) -> ColumnTable | None:
+        """Return the column of a channel with ``range`` in SI; scale and offset of a command follow from its range."""
+        column: ColumnTable | None = getattr(self.columns, name)
+        if column is None or column.range is None:
+            return column
+        if name == "command":  # the ends of the signal are -1 and 1, or 0 and 1 for the line of a volume
+            low, high = units.parse_range(column.range, column.unit)
+            lowest = 0.0 if kind == "fixed-volume" else -1.0
+            scale = (1.0 - lowest) / (high - low)
+            return column.model_copy(update={"range": (low, high), "scale": scale, "offset": lowest - low * scale})
+        is_pressure = UNITS[name] == "Pa"
+        return column.model_copy(update={"range": absolute(column.range, self.ambient_pa)}) if is_pressure else column
+
     def geometry_accuracy(self) -> dict[str, float]:
         """Return the standard uncertainties of the geometry that the layout gives."""
         g = self.geometry
         said = {"area": g.area_accuracy} if g.bore_m is None else {"bore_m": g.bore_accuracy}
         said["alignment_rad"] = self.rig.alignment_rad
         return {name: value for name, value in said.items() if value is not None}
-
-    def column(self, channel: str, kind: str, column: ColumnTable | None = None) -> dict[str, Any]:
-        """Return a column of the layout as a `Column`; `column` is given for a parallel force."""
-        given: ColumnTable = column or getattr(self.columns, channel)
-        is_time = isinstance(given, TimeTable)
-        scale, offset, ends = given.scale, given.offset, given.range
-        if channel == "command" and ends is not None:
-            # The ends of the signal are -1 and 1, or 0 and 1 for the line of a volume.
-            ends = units.parse_range(ends, given.unit)
-            lowest = 0.0 if kind == "fixed-volume" else -1.0
-            scale = (1.0 - lowest) / (ends[1] - ends[0])
-            offset = lowest - ends[0] * scale
-        elif UNITS[channel] == "Pa" and ends is not None:
-            ends = absolute(ends, self.ambient_pa)
-        return {
-            "column": given.column,
-            "unit": given.unit if isinstance(given.unit, ColumnUnit) else ColumnUnit(1.0),
-            "sign": SIGNS[given.positive],
-            "scale": scale,
-            "offset": offset,
-            "delay_s": given.delay_s,
-            "accuracy_si": given.accuracy,
-            "range_si": ends,
-            "calibration": given.calibration,
-            "curve": self.force_calibration if channel == "force" else None,
-            "date_form": given.format if given.is_date else None,
-            "clock": given.clock,
-            "wraps": given.wraps,
-            "guessed": given.guessed,
-            **({"rate_hz": given.rate_hz, "date": given.date, "date_format": given.date_format} if is_time else {}),
-        }

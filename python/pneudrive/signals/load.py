@@ -13,11 +13,10 @@ import numpy as np
 
 from pneudrive.errors import DescriptionError, RecordingError, warn
 from pneudrive.files.tables import open_table
-from pneudrive.signals.layout import FileLayout, Layout, SampledLayout, stem
+from pneudrive.signals.layout import FileLayout, Layout, stem
 from pneudrive.signals.layout_tables import CHANNEL_UNITS, UNITS
-from pneudrive.signals.recording import ParallelForce, Recording
-from pneudrive.signals.tables import date_times
-from pneudrive.signals.tables.column_units import split_name
+from pneudrive.signals.recording import CHANNELS, ParallelForce, Recording
+from pneudrive.signals.tables.column_units import ColumnUnit, split_name
 from pneudrive.signals.tables.formats import read_columns
 from pneudrive.signals.tables.names import SECONDARY, role_of, side_of, words_of
 from pneudrive.signals.tables.text_table import read_bytes, read_text
@@ -34,15 +33,23 @@ from pneudrive.simulation.trajectory import read_columns as read_trajectory_colu
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
     from threading import Event
 
     from numpy.typing import NDArray
 
     from pneudrive.files.tables import Table
-    from pneudrive.signals.layout import Parallel
     from pneudrive.signals.tables.text_table import NumberTable
 
+#: Channel of a layout -> name of its column in SI.
+SI_NAMES = {
+    "time": "time_s",
+    "position": "position_m",
+    "force": "force_n",
+    "velocity": "velocity_m_s",
+    **{name: f"{name}_pa" for name in ("pressure", "inlet_pressure", "pressure_a", "pressure_b")},
+    **{name: f"{name}_k" for name in ("temperature_a", "temperature_b")},
+}
 SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
 HASHED_ROWS, HASHED_BYTES = 1 << 18, 1 << 20  # of a long file at a time
 NO_RECORDING = frozenset({"", ".toml", ".md", ".json", ".html"})  # suffixes of texts beside recordings
@@ -153,10 +160,9 @@ def layout_beside(file: Path) -> Layout:
 
 
 def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recording:
-    """Read one file through a layout."""
+    """Read one file of a rig through a layout."""
     said = layout.for_file(path)
-    raw, flags, digest = read_raw(path, said)
-    return to_recording(name or stem(path), path, said, raw, flags, digest)
+    return to_recording(name or stem(path), path, said, *read_raw(path, said))
 
 
 def load_drive_motion(path: Path, layout: Layout) -> Recording:
@@ -167,21 +173,8 @@ def load_drive_motion(path: Path, layout: Layout) -> Recording:
     RecordingError, LayoutError
         As for `load_recordings`.
     """
-    sampled = layout.for_drive_file(path)
-    said = FileLayout(
-        **vars(sampled),
-        cycle=None,
-        area_a_m2=0.0,
-        area_b_m2=0.0,
-        chamber_pressures={},
-        incline_rad=0.0,
-        mass_beyond_sensor_kg=0.0,
-        stiffness_n_m=None,
-        geometry_accuracy={},
-        window_m=None,
-    )
-    raw, flags, digest = read_raw(path, sampled)
-    return to_recording(stem(path), path, said, raw, flags, digest)
+    said = layout.for_drive_file(path)
+    return to_recording(stem(path), path, said, *read_raw(path, said))
 
 
 def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
@@ -255,9 +248,7 @@ def find_long(file: RecordingFile, least: int) -> LongFile | None:
     return LongFile(file, said, count, table) if count is not None and count > least else None
 
 
-def read_raw(
-    path: Path, said: FileLayout | SampledLayout
-) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:
+def read_raw(path: Path, said: FileLayout) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:
     """Read the raw columns that a layout names, by channel, the flags of reading, and the hash of the file.
 
     Raises
@@ -287,12 +278,12 @@ def read_raw(
     return raw, table.flags | ({"unit_guessed": guessed} if guessed else {}), hashlib.sha256(data).hexdigest()
 
 
-def unit_doubts(said: FileLayout | SampledLayout) -> list[str]:
+def unit_doubts(said: FileLayout) -> list[str]:
     """Return differences between the unit in a column's name and the layout: sizes, and gauge or absolute."""
     doubts = []
     for channel, column in said.columns.items():
         _, named = split_name(column.column) if isinstance(column.column, str) else ("", None)
-        if named is None or not named.si or column.unit.text in ("", date_times.UNIT):
+        if named is None or not named.si or not isinstance(unit := column.unit, ColumnUnit):
             continue
         where = f'the column "{column.column}" of {channel}'
         try:
@@ -300,18 +291,18 @@ def unit_doubts(said: FileLayout | SampledLayout) -> list[str]:
         except DescriptionError:
             doubts.append(f"{where} is in {named.unit} by its name, which is not a unit of {channel}: check the column")
             continue
-        is_other = not math.isclose(factor, column.unit.factor, rel_tol=1e-3) and column.scale == 1.0
-        turned = None not in (named.gauge, column.unit.gauge) and named.gauge is not column.unit.gauge
+        is_other = not math.isclose(factor, unit.factor, rel_tol=1e-3) and column.scale == 1.0
+        turned = None not in (named.gauge, unit.gauge) and named.gauge is not unit.gauge
         if is_other or turned:
             sort = "" if named.gauge is None else " gauge" if named.gauge else " abs"
-            doubts.append(f"{where} is in {named.unit}{sort} by its name, but in {column.unit.text} by the layout")
+            doubts.append(f"{where} is in {named.unit}{sort} by its name, but in {unit.text} by the layout")
     return doubts
 
 
-def unread_pressures(said: FileLayout | SampledLayout, unread: Iterable[str]) -> list[str]:
+def unread_pressures(said: FileLayout, unread: Iterable[str]) -> list[str]:
     """Return columns that are not read, and whose names say that they are pressures of a chamber open to ambient."""
-    stated = said.chamber_pressures if isinstance(said, FileLayout) else {}
-    sides = {channel[-1] for channel, pressure in stated.items() if pressure == said.ambient_pressure_pa}
+    stated = said.rig.chamber_pressures().items()
+    sides = {channel[-1] for channel, pressure in stated if pressure == said.ambient_pressure_pa}
     names = {name: split_name(name)[0] for name in unread if sides}
     return [
         name
@@ -322,15 +313,13 @@ def unread_pressures(said: FileLayout | SampledLayout, unread: Iterable[str]) ->
     ]
 
 
-def read_table(
-    path: Path, said: FileLayout | SampledLayout, data: bytes | None = None, *, others: bool = False
-) -> NumberTable:
+def read_table(path: Path, said: FileLayout, data: bytes | None = None, *, others: bool = False) -> NumberTable:
     """Read the raw columns that a layout names, in its order, of all rows.
 
     Parameters
     ----------
     path : Path
-    said : FileLayout or SampledLayout
+    said : FileLayout
     data : bytes, optional
         Content of the file, if it is known.
     others : bool
@@ -342,7 +331,8 @@ def read_table(
         If the file cannot be read so.
     """
     if said.format == "csv":
-        table = read_text(path, data or read_bytes(path), said.text, said.places, said.dates, others=others)
+        form = said.tables.text_form
+        table = read_text(path, data or read_bytes(path), form, said.places, said.dates, others=others)
     else:
         table = read_columns(said.format, path, said.places, said.dates, others=others)
     return timed(table, said.columns, said.places, str(path))
@@ -357,76 +347,71 @@ def to_recording(
     sha256: str | None,
 ) -> Recording:
     """Convert raw columns to SI, absolute pressures and one time base."""
-    values = aligned(said, {channel: convert(said, channel, column) for channel, column in raw.items()})
-    time = values.pop("time")
-    accuracy = dict(said.geometry_accuracy)
-    limits: dict[str, tuple[float, float]] = {}
-    calibration: dict[str, str] = {}
-    channels: dict[str, NDArray[np.float64] | float] = {}
-    for channel in CHANNEL_UNITS:
-        if channel == "time":
-            continue
-        suffix = {"position": "position_m", "force": "force_n"}.get(channel, f"{channel}_pa")
-        if channel not in values:
-            channels[suffix] = 0.0 if channel == "force" else said.chamber_pressures[channel]
-            continue
-        column = said.columns[channel]
-        channels[suffix] = values[channel]
-        if column.accuracy_si is not None:
-            accuracy[suffix] = column.accuracy_si
-        if column.calibration:
-            calibration[suffix] = column.calibration
-        if column.range_si is not None:
-            limits[suffix] = column.range_si
-    force = said.columns.get("force")
-    curve = None if force is None else force.curve
-    if force is not None and curve is not None and "force_n" in limits:
-        low, high = force.sign * curve.force_n(force.sign * np.array(limits["force_n"]))
+    values = si_columns(said, raw)
+    rig, curve = said.rig, said.tables.force_calibration if "force" in said.columns else None
+    stated = {f"{channel}_pa": pressure for channel, pressure in rig.chamber_pressures().items()}
+    measured = {SI_NAMES[channel]: said.columns[channel] for channel in CHANNEL_UNITS if channel in said.columns}
+    limits = {name: column.range for name, column in measured.items() if name != "time_s" and column.range is not None}
+    if curve is not None and "force_n" in limits:
+        sign = 1 if said.columns["force"].positive == "+x" else -1
+        low, high = sign * curve.force_n(sign * np.array(limits["force_n"]))
         limits["force_n"] = (float(low), float(high))
+    area_a, area_b = rig.geometry.areas() if said.kind == "rig" else (0.0, 0.0)
     return Recording(
         name=name,
-        time_s=time,
-        position_m=np.asarray(channels["position_m"]),
-        force_n=np.asarray(channels["force_n"]),
-        pressure_a_pa=np.asarray(channels["pressure_a_pa"]),
-        pressure_b_pa=np.asarray(channels["pressure_b_pa"]),
-        area_a_m2=said.area_a_m2,
-        area_b_m2=said.area_b_m2,
+        time_s=values["time_s"],
+        **{channel: values.get(channel, stated.get(channel, 0.0)) for channel in CHANNELS},  # type: ignore[arg-type]
+        area_a_m2=area_a,
+        area_b_m2=area_b,
         ambient_pressure_pa=said.ambient_pressure_pa,
-        mass_beyond_sensor_kg=said.mass_beyond_sensor_kg,
-        incline_rad=said.incline_rad,
-        accuracy=accuracy,
+        mass_beyond_sensor_kg=rig.rig.mass_beyond_sensor_kg,
+        incline_rad=rig.rig.incline_rad,
+        accuracy=rig.geometry_accuracy()
+        | {n: c.accuracy for n, c in measured.items() if n != "time_s" and c.accuracy is not None},
         labels=said.labels,
-        window_m=said.window_m,
+        window_m=rig.window.position,
         source=path,
         sha256=sha256,
-        stiffness_n_m=said.stiffness_n_m,
+        stiffness_n_m=rig.rig.stiffness_n_m,
         flags=flags,
         limits=limits,
-        calibration=calibration,
+        calibration={n: c.calibration for n, c in measured.items() if n != "time_s" and c.calibration},
         force_calibration=curve.applied() if curve is not None else None,
-        parallel=tuple(_parallel_force(force, values, said.ambient_pressure_pa) for force in said.parallel),
+        parallel=tuple(_parallel_forces(said, values)),
     )
 
 
-def _parallel_force(force: Parallel, values: dict[str, NDArray[np.float64]], ambient_pa: float) -> ParallelForce:
-    across = values[force.plus] - (ambient_pa if force.minus is None else values[force.minus])
-    return ParallelForce(force.name, force.area_m2, force.uncertainty, force.sign * force.area_m2 * across)
+def _parallel_forces(said: FileLayout, values: dict[str, NDArray[np.float64]]) -> Iterator[ParallelForce]:
+    for number, force in enumerate(said.rig.force, 1):
+        against = values.get(f"force {number}: against", said.ambient_pressure_pa)
+        area = (1 if force.positive == "+x" else -1) * force.area_m2
+        yield ParallelForce(
+            force.name, force.area_m2, force.area_accuracy, area * (values[f"force {number}: pressure"] - against)
+        )
 
 
-def convert(said: FileLayout | SampledLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+def si_columns(said: FileLayout, raw: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """Return raw columns in SI on one time base, by the names of `SI_NAMES`; pressures absolute."""
+    values = aligned(said, {channel: convert(said, channel, column) for channel, column in raw.items()})
+    return {SI_NAMES.get(channel, channel): column for channel, column in values.items()}
+
+
+def convert(said: FileLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the raw values of one channel in SI, pressures absolute."""
     column = said.columns[channel]
+    unit, curve = column.conversion, said.tables.force_calibration
     value = column.in_unit(raw)
-    value = value if column.unit.factor == 1.0 else column.unit.factor * value
-    value = value + column.unit.shift  # always: what is returned is never the raw column, and has no zero with a sign
-    value = column.corrected(value)
-    if channel == "command" and column.range_si is not None:  # noise of the measured signal at full opening
+    value = value if unit.factor == 1.0 else unit.factor * value
+    value = value + unit.shift  # always: the result is never the raw column, and has no zero with a sign
+    if channel == "force" and curve is not None:  # of the sensor, before the sign
+        sign = 1 if column.positive == "+x" else -1
+        value = sign * curve.force_n(sign * value)
+    if channel == "command" and column.range is not None:  # noise of the measured signal at full opening
         value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
-    return value + said.ambient_pressure_pa if column.unit.gauge else value
+    return value + said.ambient_pressure_pa if unit.gauge else value
 
 
-def aligned(said: FileLayout | SampledLayout, values: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+def aligned(said: FileLayout, values: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
     """Return all channels on the time base, without the ends at which a delayed channel has no values."""
     time = values["time"]
     delays = {channel: said.columns[channel].delay_s - said.columns["time"].delay_s for channel in values}

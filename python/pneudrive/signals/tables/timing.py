@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.signals.layout import Column
+    from pneudrive.signals.layout_tables import ColumnTable, TimeTable
 
     Array = NDArray[np.float64]
 
@@ -148,7 +148,9 @@ def overlap(columns: Iterable[Array], size: int) -> slice:
     return slice(first, max(last, first))
 
 
-def timed(table: NumberTable, columns: Mapping[str, Column], places: Sequence[int | str], where: str) -> NumberTable:
+def timed(
+    table: NumberTable, columns: Mapping[str, ColumnTable], places: Sequence[int | str], where: str
+) -> NumberTable:
     """Return the columns of the channels, in their order, each with one value for each time.
 
     Parameters
@@ -169,7 +171,7 @@ def timed(table: NumberTable, columns: Mapping[str, Column], places: Sequence[in
     read: dict[int | str | None, Array] = dict(zip(places, table.columns, strict=False))
     flags = dict(table.flags)
     size = table.columns[0].size
-    time, wraps = _time_of(columns["time"], read, size, table, where)
+    time, wraps = _time_of(columns["time"], read, size, table, where)  # type: ignore[arg-type]
     found: dict[str, Array] = {}
     completed = []
     for channel, column in columns.items():
@@ -200,7 +202,7 @@ def timed(table: NumberTable, columns: Mapping[str, Column], places: Sequence[in
 
 
 def _time_of(
-    column: Column, read: Mapping[int | str | None, Array], size: int, table: NumberTable, where: str
+    column: TimeTable, read: Mapping[int | str | None, Array], size: int, table: NumberTable, where: str
 ) -> tuple[Array, int]:
     """Return the times in the unit of their column, and the number of wraps of a counter."""
     if column.rate_hz is not None:
@@ -209,7 +211,7 @@ def _time_of(
     if column.date is not None:
         return time + read[column.date], 0
     refuse_equal_stamps(time, column.column, where)
-    clocks = [modulus / column.unit.factor for modulus in CLOCKS_S]
+    clocks = [modulus / column.conversion.factor for modulus in CLOCKS_S]
     time, midnights = unwrapped(time, clocks, forward=True)
     counters = COUNTERS if column.wraps is None else (column.wraps,)
     time, wraps = (time, 0) if midnights else unwrapped(time, counters, forward=True)

@@ -1,27 +1,51 @@
-"""A recording measured at two times, requested by the page, and the same as command and as Python."""
+"""A recording measured between two times, requested by the page."""
 
 from __future__ import annotations
 
-import shlex
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from pydantic import FiniteFloat, StrictStr
 
 from pneudrive.signals.channels import pairs
-from pneudrive.signals.measuring import measured
 from pneudrive.web.messages import plain
 from pneudrive.web.requests import PageRequest
-from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from pneudrive.web.measured.recordings import OpenRecording, Recordings
 
-    from numpy.typing import NDArray
 
-    from pneudrive.web.measured.recordings import Recordings
+@dataclass(frozen=True)
+class MeasuredChannel:
+    """One channel at two samples.
 
-    Array = NDArray[Any]
+    Attributes
+    ----------
+    recording : str
+        File.
+    label, unit : str
+        Unit of the channel. Channels of another recording use the unit of the first.
+    time_s : (float, float)
+        Times of the samples. Times of another recording are on the clock of the first.
+    values : (float, float)
+    """
+
+    recording: str
+    label: str
+    unit: str
+    time_s: tuple[float, float]
+    values: tuple[float, float]
+
+    @property
+    def difference(self) -> float:
+        """Second value minus the first one."""
+        return self.values[1] - self.values[0]
+
+    @property
+    def slope(self) -> float:
+        """Difference divided by the time between the samples, unit per s; NaN if both samples are the same."""
+        between = self.time_s[1] - self.time_s[0]
+        return self.difference / between if between else float("nan")
 
 
 class MeasureRequest(PageRequest):
@@ -35,21 +59,18 @@ class MeasureRequest(PageRequest):
     columns : tuple of str
     beside : str
         Another recording. Empty for no other.
-    strokes : (int, int)
-        Numbers of the aligned strokes, from 1.
     shift : float
-        Resulting time shift of the other recording, s.
+        Time shift of the other recording, s.
     """
 
     path: StrictStr
     at: tuple[FiniteFloat, FiniteFloat]
     columns: tuple[StrictStr, ...]
     beside: StrictStr
-    strokes: tuple[int, int]
     shift: FiniteFloat
 
     def answer(self, recordings: Recordings) -> dict[str, Any]:
-        """Return the channels at two samples, also of the other recording, and the same as command and as Python.
+        """Return the channels at two samples, also of the other recording.
 
         Raises
         ------
@@ -59,36 +80,20 @@ class MeasureRequest(PageRequest):
         own = recordings.need(self.path)
         channels = [channel for channel in own.channels if channel.column in self.columns]
         names = [channel.column for channel in channels]
-        rows = measured(self.path, channels, *_ends([own.sample_at(at, names) for at in self.at]))
+        times, values = self._ends(own, names, 0.0)
+        rows = [MeasuredChannel(self.path, one.label, one.unit, times, values[one.column]) for one in channels]
         if self.beside:
             other = recordings.need(self.beside)
             both = [pair for pair in pairs(own.file, other.file) if pair.own.column in names]
-            wanted = [one.other.column for one in both]
-            there, values = _ends([other.sample_at(at - self.shift, wanted) for at in self.at])
-            shown = {one.own.column: one.of(values[one.other.column]) for one in both}
-            rows += measured(self.beside, [one.own for one in both], there + self.shift, shown)
-        told = [{**vars(one), "difference": one.difference, "slope": one.slope} for one in rows]
-        timed = own.time is not None
-        return {"rows": plain(told), "command": self.as_command(timed=timed), "python": self.as_python()}
+            times, values = self._ends(other, [pair.other.column for pair in both], self.shift)
+            for pair in both:
+                first, second = (pair.of(value) for value in values[pair.other.column])
+                rows.append(MeasuredChannel(self.beside, pair.own.label, pair.own.unit, times, (first, second)))
+        return {"rows": plain([{**vars(one), "difference": one.difference, "slope": one.slope} for one in rows])}
 
-    def as_command(self, *, timed: bool) -> str:
-        """Return the shell line that measures the same in the folder of the workspace."""
-        words = ["pneudrive", "measure", safe(self.path)]
-        for option, at in zip(("--at", "--to"), self.at, strict=True):
-            words += [option, f"{at!r} s" if timed else repr(at)]
-        if self.beside:
-            words += ["--compare-with", safe(self.beside), "--strokes", ",".join(map(str, self.strokes))]
-        return shlex.join(words)
-
-    def as_python(self) -> str:
-        """Return the Python lines that measure the same in the folder of the workspace."""
-        beside = f", beside={self.beside!r}, strokes={self.strokes!r}" if self.beside else ""
-        return f"import pneudrive as pn\n\nfound = pn.measure({self.path!r}, {self.at[0]!r}, {self.at[1]!r}{beside})\n"
-
-
-def _ends(samples: Sequence[tuple[float, dict[str, float]]]) -> tuple[Array, dict[str, Array]]:
-    """Return times and values of samples as arrays."""
-    names = samples[0][1]
-    return np.array([time for time, _ in samples]), {
-        name: np.array([own[name] for _, own in samples]) for name in names
-    }
+    def _ends(
+        self, recording: OpenRecording, names: list[str], shift: float
+    ) -> tuple[tuple[float, float], dict[str, tuple[float, float]]]:
+        """Return times and values of the samples nearest to both times, on the clock of the first recording."""
+        (first, before), (second, behind) = (recording.sample_at(at - shift, names) for at in self.at)
+        return (first + shift, second + shift), {name: (before[name], behind[name]) for name in names}

@@ -19,10 +19,11 @@ from pneudrive.progress import Watch
 from pneudrive.signals.channels import open_channels, pairs
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
-from pneudrive.signals.measuring import motion_of, nearest_sample, strokes_in
+from pneudrive.signals.load import load_drive_motion, load_recording
+from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.samples import find_faults
 from pneudrive.signals.spectrum import amplitude_density
-from pneudrive.signals.trajectories import is_trajectory
+from pneudrive.signals.trajectories import is_trajectory, read_trajectory
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.cache import cache_folder
 from pneudrive.web.measured.samples import KeptSamples
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.signals.channels import ChannelFile, FileChannel
+    from pneudrive.signals.recording import Recording
     from pneudrive.web.workspace import Listed, Workspace
 
     Array = NDArray[Any]
@@ -242,7 +244,9 @@ class Recordings:
         recording = motion_of(path, layout)
         if recording is None:
             return {"strokes": [], "faults": {}}
-        every = strokes_in(recording)
+        times = recording.time_s
+        found = find_strokes(recording.name, times, recording.position_m)
+        every = [(float(times[one.start]), float(times[one.stop - 1]), one) for one in found]
         strokes = [
             {"from": begin, "to": end, "direction": one.direction, "speed": one.speed_m_s}
             for begin, end, one in every[:MOST_STROKES]
@@ -276,6 +280,26 @@ class Recordings:
         return {"beside/time": found.time_s + shift, **values}
 
 
+def nearest_sample(time_s: Array, at: float) -> int:
+    """Return the index of the sample nearest to a time among increasing times.
+
+    The earlier of two equally near samples.
+    """
+    after = min(int(np.searchsorted(time_s, at)), len(time_s) - 1)
+    return after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
+
+
+def motion_of(path: Path, layout: Layout | None) -> Recording | None:
+    """Return a recording of a rig or a drive by its layout, or a trajectory.
+
+    None for others, whose motion is unknown.
+    """
+    if layout is not None:
+        read = {"rig": load_recording, "drive": load_drive_motion}.get(layout.kind)
+        return None if read is None else read(path, layout)
+    return read_trajectory(path, path.stem) if path.suffix in SUFFIXES and is_trajectory(path) else None
+
+
 def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:
     """Return the recordings of each name without folder and suffix, which results may refer to."""
     out: dict[str, list[str]] = {}
@@ -292,11 +316,11 @@ def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
         strokes = (
             ""
             if layout is not None and layout.kind != "rig"
-            else f"; pneudrive characterise {safe(name)} finds strokes"
+            else f". In a terminal: pneudrive characterise {safe(name)} finds strokes"
         )
         return (
-            f"Strokes and faults are not searched: {count:,} samples, at most {MOST_SAMPLES_OF_STROKES:,} here. "
-            f"In a terminal: pneudrive measure {safe(name)} --at 0 --to 1 counts faults{strokes}."
+            f"Strokes and faults are not searched: {count:,} samples, at most {MOST_SAMPLES_OF_STROKES:,} here"
+            f"{strokes}."
         )
     return "Strokes and faults are not shown: they have times, but samples are counted." if opened.time is None else ""
 
