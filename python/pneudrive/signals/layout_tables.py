@@ -295,7 +295,8 @@ class LayoutTables(Described):
     def text_form(self) -> TextForm:
         """Format of a text table. No comment sign: a character that no text contains."""
         form: dict[str, Any] = {name: getattr(self, name) for name in TextForm.__dataclass_fields__}
-        return TextForm(**form | {"comment": self.comment or "\0"})
+        form["comment"] = self.comment or "\0"
+        return TextForm(**form)
 
     def missing(self, kind: str) -> Iterator[DescriptionError]:
         """Return keys that a file of this kind needs and the layout lacks."""
