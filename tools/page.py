@@ -62,7 +62,9 @@ def build(target: Path = BUILT) -> None:
 def types() -> str:
     """Return the types of the server's answers in TypeScript, from the classes of the server."""
     sys.path.insert(0, str(ROOT / "python"))
+    from pneudrive.errors import SEVERE
     from pneudrive.report.circuit.shapes import PistonShapes, Shape
+    from pneudrive.sizing.checks import MachineCheck
     from pneudrive.web.drive.platforms import SentLine, SentOutput, SentPlatform
     from pneudrive.web.results import SentCurve, SentValue, SentView
     from pneudrive.web.signatures import CommandInput
@@ -95,7 +97,9 @@ def types() -> str:
         return words.get(ast.unparse(node), ast.unparse(node))
 
     lines = ["/** Types of the server's answers. Written by `python tools/page.py types`; do not edit. */"]
-    drawn = (Shape, PistonShapes, SentLine, SentOutput, SentPlatform)
+    lines += ["\n/** First words of a severe finding: no view folds or limits it. */"]
+    lines += [f"export const SEVERE = {json.dumps(SEVERE)};"]
+    drawn = (MachineCheck, Shape, PistonShapes, SentLine, SentOutput, SentPlatform)
     for one in (Listed, SentValue, SentCurve, SentView, *drawn, CommandInput):
         own = {"choices": "[value: string, title: string][]"} if one is CommandInput else {}
         lines.append(f"\nexport interface {one.__name__} {{")

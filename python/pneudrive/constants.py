@@ -23,5 +23,8 @@ AIR_GAS_CONSTANT_J_KG_K = 287.05
 #: Critical pressure ratio of a leak past a seal: a narrow gap, far from an ideal nozzle (assumed).
 LEAK_CRITICAL_RATIO = 0.2
 
+#: Kinetic energy that a cylinder absorbs at its end, J for each m2 of piston (assumed): 2 J at a bore of 25 mm.
+IMPACT_ENERGY_J_M2 = 4000.0
+
 #: Molar gas constant, exact by definition [bipm2019].
 MOLAR_GAS_CONSTANT_J_MOL_K = 8.31446261815324

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 _NOT_THE_CALLER = ("pneudrive", "pydantic")
 
 Wrong = TypeVar("Wrong", bound="PneudriveError")
+#: First words of a severe finding: it endangers people, the machine or the order. No output folds or limits it.
+SEVERE = HAZARD, OPEN_CHECK, NOT_READY = "Hazard: ", "Open check: ", "Not ready to order: "
 MOST_SHOWN = 30  # further errors of one file in a message
 LONGEST_QUOTE, LONGEST_PART = 300, 800  # characters: what a file holds, and what we say about it
 #: Control characters except the end of a line, and characters that reverse the direction of text.
@@ -234,6 +236,11 @@ def warn(message: str) -> None:
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _NOT_THE_CALLER:
         frame, level = frame.f_back, level + 1
     warnings.warn(message, PneudriveWarning, stacklevel=level)
+
+
+def is_severe(finding: str) -> bool:
+    """Return whether a finding endangers people, the machine or the order; the core marks its findings alike."""
+    return finding.startswith(SEVERE)
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:

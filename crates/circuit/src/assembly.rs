@@ -33,3 +33,4 @@ pub use prescribed::{Mechanics, Prescribed, close};
 pub use recorder::{Run, sample_times};
 pub use session::{Linear, Session};
 pub use variables::{Assembly, Settable, Target, Variables, valve_openings};
+pub use warnings::IMPACT_ENERGY_J_M2;

@@ -55,6 +55,7 @@ fn constants() -> BTreeMap<&'static str, f64> {
         ("AIR_HEAT_CAPACITY_RATIO", c::AIR_HEAT_CAPACITY_RATIO),
         ("AIR_GAS_CONSTANT_J_KG_K", c::AIR_GAS_CONSTANT),
         ("LEAK_CRITICAL_RATIO", physics::flow::LEAK_RATIO),
+        ("IMPACT_ENERGY_J_M2", circuit::IMPACT_ENERGY_J_M2),
     ])
 }
 

@@ -4,11 +4,12 @@ import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Editor } from "./editor";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
-import { count, digits, fitting } from "../plots/looks";
+import { count, digits, fitting, isSevere } from "../plots/looks";
 import { wasSaved } from "./opened";
 import { InFolder, NumberField, Problems, ReportOf, SaveButton, Table, Tiles, useCopied } from "../workspace/parts";
 import { isToml, link, route } from "../routes";
 import { ask, attempting, read, Refused, write, type Problem } from "../server/server";
+import type { MachineCheck } from "../server/types";
 import { list, studies } from "../workspace/studies";
 import { ticks } from "../plots/strip";
 
@@ -41,7 +42,8 @@ interface Candidate {
   margin: number | null;
   binding: string;
   limits: Limit[];
-  meets: boolean;
+  meets: boolean; // as the ranking says
+  misses: boolean;
   place: number | null;
   file: string;
   measure: string;
@@ -54,6 +56,8 @@ interface Sizing {
   draws: number;
   limits: { out: number; back: number };
   candidates: Candidate[];
+  meets: number; // of the ranking, the one count of this view
+  checks: MachineCheck[]; // of the best, open ones first
   short: number;
   done: boolean;
   searched: boolean; // by a process, of this server or not
@@ -267,15 +271,15 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
   const running = jobs.value.find((one) => one.out === folder && one.state === "running");
   const done = now.asked && now.task ? again(folder, now) : null;
   const [copy, copied] = useCopied(done, attempt);
-  const meets = now.candidates.filter((one) => one.meets).length;
   return (
     <>
-      {(now.said[0] || now.provisional) && <p class="answer" data-answer>{now.said[0] ?? now.provisional}</p>}
+      {(now.said[0] || now.provisional) && <p class={isSevere(now.said[0] ?? "") ? "answer severe" : "answer"} data-answer>{now.said[0] ?? now.provisional}</p>}
+      <OpenChecks of={now.checks.filter((one) => one.is_kept !== true)} />
       <Best now={now} />
       {now.candidates.some((one) => one.file) && <DataSheet folder={folder} />}
       <p class="banner">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
       <p data-state={running || now.searched ? "running" : now.done ? "done" : "stopped"} data-simulated={now.candidates.length}>
-        {count(now.candidates.length, "candidate")} simulated, {meets} meet the task; {count(now.short, "choice")} {now.short === 1 ? "is" : "are"} short of it even in the nominal case.{" "}
+        {count(now.candidates.length, "candidate")} simulated{now.said.length > 0 && `, ${now.meets} meet the task`}; {count(now.short, "choice")} {now.short === 1 ? "is" : "are"} short of it even in the nominal case.{" "}
         {now.task ? <a href={link("sizing", now.task)}>{now.task}</a> : "The folder does not contain this task any more."}
       </p>
       <ReportOf folder={folder} changed={now.done && !running} />
@@ -315,7 +319,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
             <Candidates now={now} way="out" />
             <Candidates now={now} way="back" />
           </div>
-          <p class="note">Times, speeds, energies and load ratios are those that 1 % of the samples exceed; below each, the range of 98 % of the samples. Air: the mean. Circle: meets the task. Cross: misses a limit. Ring: chosen or pinned.</p>
+          <p class="note">Times, speeds, energies and load ratios are those that 1 % of the samples exceed; below each, the range of 98 % of the samples. Air: the mean. Circle: meets the task. Cross: misses a limit. Small ring: the search ended before its last samples. Large ring: chosen or pinned.</p>
           <h2>Candidates</h2>
           <p class="row">
             <label>
@@ -328,10 +332,26 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       )}
       {now.said.length > 1 && (
         <details open>
-          <summary>Reasons, savings, checks, and the size of the search</summary>
-          <ul>{now.said.slice(1).map((one) => <li key={one}>{one}</li>)}</ul>
+          <summary>Reasons, savings, kept checks, and the size of the search</summary>
+          <ul>{now.said.slice(1).filter((one) => !isSevere(one)).map((one) => <li key={one}>{one}</li>)}</ul>
         </details>
       )}
+    </>
+  );
+}
+
+/** Checks of the best that are not kept or not decided, with their remedies: none is folded. */
+function OpenChecks({ of }: { of: MachineCheck[] }) {
+  const shown = (value: number | null, unit: string) => (value === null ? "not on the sheet" : `${digits(value)} ${unit}`);
+  return (
+    <>
+      {of.map((one) => (
+        <div class="problem" key={one.name} data-open-check={one.name}>
+          <p><b class="severe">{one.name}: {one.is_kept === null ? "not decided" : "NOT KEPT"}</b></p>
+          <p>{shown(one.value, one.unit)}, limit {shown(one.limit, one.unit)} ({one.rule}).</p>
+          {one.remedies.length > 0 && <ul>{one.remedies.map((remedy) => <li key={remedy}>{remedy}</li>)}</ul>}
+        </div>
+      ))}
     </>
   );
 }
@@ -402,9 +422,9 @@ function Candidates({ now, way }: { now: Sizing; way: "out" | "back" }) {
           const [cx, cy] = [x(one.air!), y(timed(one)!)];
           const isMarked = chosen.value === one.name || pinned.value.includes(one.name);
           return (
-            <g key={one.name} class={one.meets ? "meets" : "misses"} data-point={one.name} onClick={() => (chosen.value = one.name)}>
+            <g key={one.name} class={one.meets ? "meets" : one.misses ? "misses" : "unfinished"} data-point={one.name} onClick={() => (chosen.value = one.name)}>
               {isMarked && <circle class="ring" cx={cx} cy={cy} r={9} />}
-              {one.meets ? <circle cx={cx} cy={cy} r={5} /> : <path d={`M${cx - 5} ${cy - 5}l10 10m0 -10l-10 10`} />}
+              {!one.misses ? <circle cx={cx} cy={cy} r={one.meets ? 5 : 3} /> : <path d={`M${cx - 5} ${cy - 5}l10 10m0 -10l-10 10`} />}
               <title>{Object.values(one.parts).join(" + ")}</title>
             </g>
           );
@@ -492,7 +512,7 @@ function Ranking({ now }: { now: Sizing }) {
                   </td>
                 );
               })}
-              <td class={one.meets ? "" : "missed"}>{one.binding}</td>
+              <td class={one.misses ? "missed" : ""}>{one.binding}</td>
               <td>{one.file && <a href={link("drive", one.file)}>{one.file.slice(one.file.lastIndexOf("/") + 1)}</a>}</td>
             </tr>
           ))}

@@ -1,6 +1,7 @@
 /** Looks of curves: colour and line style differ, as in the figures of pneudrive's reports. */
 
 import { signal } from "@preact/signals";
+import { SEVERE } from "../server/types";
 
 export interface Look {
   light: string;
@@ -78,6 +79,9 @@ export function digits(value: number | null | undefined, count = 3): string {
 
 /** A number of things in words: `1 impact`, `3 impacts`. */
 export const count = (number: number, thing: string): string => `${number} ${thing}${number === 1 ? "" : "s"}`;
+
+/** Whether a finding endangers people, the machine or the order. */
+export const isSevere = (finding: string): boolean => SEVERE.some((word) => finding.startsWith(word));
 
 /** A message of the server as a sentence. A name at its beginning stays as it is. */
 export const sentence = (words: string): string => `${/^[a-z]+[ ,]/.test(words) ? words.charAt(0).toUpperCase() : words.charAt(0)}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;

@@ -1,5 +1,8 @@
 /** Types of the server's answers. Written by `python tools/page.py types`; do not edit. */
 
+/** First words of a severe finding: no view folds or limits it. */
+export const SEVERE = ["Hazard: ", "Open check: ", "Not ready to order: "];
+
 export interface Listed {
   path: string;
   kind: string;
@@ -37,6 +40,16 @@ export interface SentView {
   rows: (SentValue)[];
   curves: (SentCurve)[];
   notes: (string)[];
+}
+
+export interface MachineCheck {
+  name: string;
+  value: number | null;
+  limit: number | null;
+  unit: string;
+  is_kept: boolean | null;
+  rule: string;
+  remedies: string[];
 }
 
 export interface Shape {

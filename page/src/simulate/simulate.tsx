@@ -7,7 +7,7 @@ import type { Frame, Numbers } from "../server/frame";
 import { Circuit } from "../drive/circuit";
 import { MovingCircuit } from "../drive/moving";
 import { withFile } from "../workspace/command";
-import { count, digits, sentence } from "../plots/looks";
+import { count, digits, isSevere, sentence } from "../plots/looks";
 import { opened, problems as textProblems, said, set, useDrawing, valid, type Field } from "../drive/opened";
 import { Copied, KINDS, Problems, SliderRow } from "../workspace/parts";
 import { curveOf, Plot, zooming, type Curve } from "../plots/plot";
@@ -183,6 +183,7 @@ function Simulated() {
       </section>
       <div class="shown">
         <Refusal />
+        <Hazards />
         <Plots />
         <Below />
         <Beside />
@@ -215,14 +216,20 @@ function Refusal() {
   );
 }
 
+/** Findings of the run that endanger people or the machine, above the curves. */
+function Hazards() {
+  return <>{answer.value?.head?.warnings?.filter(isSevere).map((one) => <p class="problem severe" role="alert" key={one}>{sentence(one)}</p>)}</>;
+}
+
 function Notes() {
   const head = answer.value?.head;
+  const notes = head?.warnings?.filter((one) => !isSevere(one)) ?? [];
   return (
     <>
       {head?.assumed !== undefined && <p class="note">Simulated{head.assumed > 0 && `, with ${count(head.assumed, "assumed value")}: Drive lists them`}.</p>}
-      {head?.warnings && head.warnings.length > 0 && (
+      {notes.length > 0 && (
         <ul class="warnings">
-          {head.warnings.map((one) => <li key={one}>{sentence(one)}</li>)}
+          {notes.map((one) => <li key={one}>{sentence(one)}</li>)}
         </ul>
       )}
       {head?.impacts && head.impacts.length > 0 && (

@@ -18,7 +18,15 @@ import typer
 
 from pneudrive import __version__
 from pneudrive.cli.groups import group
-from pneudrive.errors import Cancelled, OwnLawError, PneudriveError, PneudriveWarning, SimulationError, nearest
+from pneudrive.errors import (
+    Cancelled,
+    OwnLawError,
+    PneudriveError,
+    PneudriveWarning,
+    SimulationError,
+    is_severe,
+    nearest,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -66,18 +74,22 @@ def fail(error: PneudriveError) -> int:
 
 @contextmanager
 def _plain_warnings() -> Iterator[None]:
-    """Print a warning once, as one line on stderr, without its location in the package; of many alike only some."""
+    """Print a warning once, as one line on stderr, without its location in the package.
+
+    Of many that differ only in numbers, some are printed; severe ones all.
+    """
     otherwise, kinds = warnings.showwarning, defaultdict[str, list[str]](list)
 
     def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ANN401 - signature of the standard library
         if not issubclass(category, PneudriveWarning):
             otherwise(message, category, *rest)
             return
-        alike = kinds[_NUMBER.sub("#", str(message))]
-        if str(message) not in alike:
-            alike.append(str(message))
+        text = str(message)
+        alike = kinds[text if is_severe(text) else _NUMBER.sub("#", text)]
+        if text not in alike:
+            alike.append(text)
             if len(alike) <= MOST_ALIKE:
-                sys.stderr.write(f"Note: {message}\n")
+                sys.stderr.write(f"{'' if is_severe(text) else 'Note: '}{text}\n")
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", PneudriveWarning)

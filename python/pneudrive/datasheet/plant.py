@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.datasheet.actuation import HELD, LOCK, Actuation, held_tables, positions_of
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
@@ -230,6 +231,17 @@ class HeldDrive:
     def stroke_m(self) -> float:
         """Stroke, m."""
         return float(self._cylinder("stroke"))
+
+    @property
+    def bore_m(self) -> float:
+        """Bore, m."""
+        return float(self._cylinder("bore"))
+
+    @property
+    def hanging_n(self) -> float:
+        """Weight of the moving mass along the axis, N, that no rod lock of the circuit holds."""
+        is_locked = any(component.kind == LOCK for component in self.circuit.components.values())
+        return 0.0 if is_locked else self.mass * STANDARD_GRAVITY_M_S2 * abs(math.sin(self._cylinder("incline")))
 
     @cached_property
     def supply(self) -> str:

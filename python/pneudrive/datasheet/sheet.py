@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.constants import IMPACT_ENERGY_J_M2
 from pneudrive.datasheet.measured import MeasuredBeside, beside
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.published import parts_of
@@ -15,13 +16,13 @@ from pneudrive.datasheet.registry import characteristics, found_under
 from pneudrive.datasheet.words import written_value
 from pneudrive.describe.all_values import DescribedValue, leaves, values_of
 from pneudrive.describe.drive import Drive
-from pneudrive.errors import Cancelled, CommandError, PneudriveError
+from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError
 from pneudrive.numbers import plain
 from pneudrive.progress import UNWATCHED
 from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     import xarray as xr
@@ -62,6 +63,8 @@ class Datasheet(Shown):
     values : tuple of DescribedValue
     assumed : tuple of str
     measured : MeasuredBeside or None
+    hazards : tuple of str
+        Findings that endanger people or the machine.
     """
 
     drive: Drive | Circuit
@@ -73,6 +76,7 @@ class Datasheet(Shown):
     values: tuple[DescribedValue, ...]
     assumed: tuple[str, ...]
     measured: MeasuredBeside | None
+    hazards: tuple[str, ...] = ()
 
     def _card(self) -> Card:
         return Card(
@@ -86,7 +90,7 @@ class Datasheet(Shown):
     def headlines(self) -> list[str]:
         """Sentences at the top."""
         at = {number.name: number for number in self.numbers}
-        lines = []
+        lines = list(self.hazards)
         if "stroke time" in at:
             time, where = at["stroke time"], f"{plain(1e-5 * self.supply_pa)} bar abs"
             stroke = f"Stroke of {1e3 * self.stroke_m:g} mm at {where} and full command"
@@ -135,6 +139,8 @@ _NUMBERS = (
     ("leakage, relative fall of pressure", "leakage", "decay_rate", "chamber"),
 )
 _PATHS = ("conductance", "critical_ratio")
+#: Speed at which the friction of a piston at rest is read, m/s: below every Stribeck velocity (assumed).
+AT_REST_M_S = 1e-5
 #: Label of a drive, and printed figure of a part: cycles that 90 % survive.
 LIFE = "b10_cycles"
 
@@ -177,7 +183,27 @@ def build(
             tuple(_defaults(drive)),
         ),
         measured,
+        tuple(_hazards(plant, results)),
     )
+
+
+def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[str]:
+    """Yield the findings on the load without pressure, and on the impacts."""
+    ambient = plant.ambient[0]
+    friction = abs(plant.sliding(AT_REST_M_S, (ambient, ambient), 0.5 * plant.stroke_m))
+    if plant.hanging_n > friction:
+        yield (
+            f"{HAZARD}without pressure, load and piston hang with {plain(plant.hanging_n)} N, and friction at rest "
+            f"holds {plain(friction)} N: a lock or a clamp must hold them (ISO 4414)."
+        )
+    limit = IMPACT_ENERGY_J_M2 * 0.25 * math.pi * plant.bore_m**2
+    energy = float(results["square-response"].end_energy.max()) if "square-response" in results else 0.0
+    if energy > limit:
+        yield (
+            f"{HAZARD}an impact of {plain(energy)} J is harder than a cylinder of this bore usually takes, "
+            f"{plain(limit)} J (assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston). "
+            "Brake before the end, or add a shock absorber."
+        )
 
 
 def _try(

@@ -8,7 +8,7 @@ from io import BytesIO, StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from pneudrive.errors import shown
+from pneudrive.errors import is_severe, shown
 from pneudrive.files.writing import make_subfolder
 from pneudrive.report import style
 from pneudrive.simulation.trajectory import whole
@@ -82,6 +82,15 @@ def section(key: str, title: str, *blocks: Block | None, synthetic: bool | None 
     return Section(key, title, tuple(block for block in blocks if block is not None), synthetic)
 
 
+def _has_severe(part: Section) -> bool:
+    """Return whether a section has a severe finding; such a section is not folded."""
+    texts: list[str] = []
+    for block in part.blocks:
+        texts += [block.text] if isinstance(block, Paragraph) else block.items if isinstance(block, Items) else ()
+        texts += [cell for row in block.rows for cell in row] if isinstance(block, PageTable) else ()
+    return any(map(is_severe, texts))
+
+
 def _marked(part: Section, synthetic: bool) -> Section:
     """Return a section with `synthetic` filled in, for its pictures too."""
     own = synthetic if part.synthetic is None else part.synthetic
@@ -103,7 +112,7 @@ class Report:
     pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG for the page
 
     def __post_init__(self) -> None:
-        self.verdict = list(self.verdict)
+        self.verdict = sorted(self.verdict, key=lambda line: not is_severe(line))
         self.sections = [_marked(part, self.synthetic) for part in self.sections if part is not None]
 
     def write(self, folder: str | Path) -> Path:
@@ -151,6 +160,8 @@ class Report:
 
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_plain)
         environment.filters["words"] = _words
+        environment.tests["severe"] = is_severe
+        details = [part.key for part in self.sections if part and part.key in DETAILS and not _has_severe(part)]
         template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
         drawn = {name: Markup(svg) for name, svg in self.pictures.items()}
         return template.render(
@@ -158,7 +169,7 @@ class Report:
             verdict=self.verdict,
             sections=self.sections,
             pictures=drawn,
-            folded=DETAILS if len(self.sections) > MOST_OPEN else (),
+            folded=details if len(self.sections) > MOST_OPEN else (),
             most_rows=MOST_ROWS,
             folder=FIGURES if linked else "",
             policy=POLICY,

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe.files.catalogue import entries
+from pneudrive.errors import NOT_READY
 from pneudrive.numbers import plain as three
 from pneudrive.sizing.choices import WITHOUT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pneudrive.sizing.checks import MachineCheck
     from pneudrive.sizing.sized_drive import Provisional, SizedDrive
     from pneudrive.sizing.task import SizingTask
 
@@ -42,15 +44,17 @@ def maker_type(name: str) -> str:
     return " ".join(words[: last + 1]).rstrip(",")
 
 
-def taken(parts: Mapping[str, str]) -> str:
-    """Return the recommended parts, in words."""
+def in_words(parts: Mapping[str, str]) -> str:
+    """Return the parts of a drive, in words."""
     words = {"valve": "valve", "tube": "tube", "flow_control": "flow control"}
     own = named(parts)
     rest = [f"{word} {own[slot]}" for slot, word in words.items() if slot in own]
-    return f"Take {own['cylinder']} with " + ", ".join(rest)
+    return f"{own['cylinder']} with " + ", ".join(rest)
 
 
-def sentence(task: SizingTask, best: SizedDrive | None, provisional: Sequence[Provisional], is_missed: bool) -> str:
+def sentence(
+    task: SizingTask, best: SizedDrive | None, checks: Sequence[MachineCheck], provisional: Sequence[Provisional]
+) -> str:
     """Return the answer in one sentence.
 
     Parameters
@@ -58,10 +62,10 @@ def sentence(task: SizingTask, best: SizedDrive | None, provisional: Sequence[Pr
     task : SizingTask
     best : SizedDrive or None
         The first of the ranking.
+    checks : sequence of MachineCheck
+        Its checks.
     provisional : sequence of Provisional
-        What nominal runs gave, as long as there is no ranking.
-    is_missed : bool
-        Whether nothing meets the task.
+        Results of nominal runs, while there is no ranking; empty if nothing meets the task.
     """
     if best is not None:
         figures = [f"{three(best.time_out)} s of {three(task.outward_s)} s out"]
@@ -69,18 +73,20 @@ def sentence(task: SizingTask, best: SizedDrive | None, provisional: Sequence[Pr
         figures.append(f"{three(best.air_litres_anr)} l ANR a cycle")
         if task.end_speed_m_s is not None:
             figures.append(f"end speed {three(best.end_speed)} of {three(task.end_speed_m_s)} m/s")
-        limit = "" if task.impact_energy_j is None else f" of {three(task.impact_energy_j)}"
-        figures.append(f"impact {three(best.energy)}{limit} J")
+        figures.append(f"impact {three(best.energy)} of {three(best.worst['energy out'][1])} J")
+        figures[-1] += " (assumed limit)" if any(check.rule.startswith("assumed") for check in checks) else ""
         figures.append(f"margin {three(100.0 * best.margin)} %")
         first = f"; measure the {best.measure} first" if best.measure else ""
-        return f"{taken(best.parts)}: {', '.join(figures)}; limited by {best.binding}{first}."
-    if not is_missed and provisional:
+        drive = f"{in_words(best.parts)}: {', '.join(figures)}; limited by {best.binding}{first}."
+        left = [check for check in checks if check.is_open]
+        number = "one check of the best choice is" if len(left) == 1 else f"{len(left)} checks of the best choice are"
+        return f"{NOT_READY}{number} open. {drive}" if left else f"Take {drive}"
+    if provisional:
         one = provisional[0]
         times = " s and ".join(map(three, one.times))
         air = three(one.air * ANR_LITRES_PER_KG)
-        said = taken(one.parts).replace("Take", "take", 1)
         return (
-            f"Provisional, by nominal runs: {said}: {times} s out and back, {air} l ANR a cycle, "
+            f"Provisional, by nominal runs: {in_words(one.parts)}: {times} s out and back, {air} l ANR a cycle, "
             f"margin {three(100.0 * one.margin)} %."
         )
     return "Nothing in the catalogue meets the task."
@@ -105,12 +111,11 @@ def yearly(drive: SizedDrive, task: SizingTask) -> list[str]:
     return [said]
 
 
-def notes(task: SizingTask, most: int | None, interrupted: bool) -> list[str]:
+def notes(most: int | None, interrupted: bool) -> list[str]:
     """Return remarks on a search.
 
     Parameters
     ----------
-    task : SizingTask
     most : int or None
         Tuned choices that ended it; None if it came to its end.
     interrupted : bool
@@ -119,9 +124,6 @@ def notes(task: SizingTask, most: int | None, interrupted: bool) -> list[str]:
     if interrupted:
         said.append("The search was interrupted: the ranking is that of the results so far.")
     elif most is not None:
-        said.append(f"The search ended after {most} tuned choices: raise `most` to include all choices that may rank.")
-    if task.end_speed_m_s is None and task.impact_energy_j is None:
-        said.append("The task limits neither speed nor energy at the ends: check both before ordering.")
-    if task.cycles is not None:
-        said.append("The life is compared with B10 if the sheet of a part states it; most sheets do not.")
+        more = f"--max-candidates {2 * most} (in Python: most={2 * most})"
+        said.append(f"The search ended after {most} tuned choices; other choices may rank before these: {more}.")
     return said

@@ -249,13 +249,11 @@ class SizingCandidate:
         found = self.tuned or self.rough
         return None if found is None else min(found.least, found.nominal)
 
-    def promise(self, is_soft: bool, of_cylinder: Mapping[str, float]) -> tuple[bool, Rank]:
+    def promise(self, of_cylinder: Mapping[str, float]) -> tuple[bool, Rank]:
         """Return the key that sorts the choices for simulation.
 
         Parameters
         ----------
-        is_soft : bool
-            Whether the task limits speed or energy at the ends.
         of_cylinder : dict
             Cylinder -> best margin of what was run with it.
         """
@@ -267,7 +265,7 @@ class SizingCandidate:
             margin = min(
                 self.guess, of_lead, of_cylinder.get(self.choice.cylinder.name, ENOUGH) + MARGIN_SLACK["tuned"]
             )
-            margin -= RESERVE + (is_soft and not self.choice.is_throttled)
+            margin -= RESERVE + (not self.choice.is_throttled)
         return margin < 0.0, rank_of(air, margin, self.choice.sizes, self.choice.name)
 
     def take_rough(self, found: Tuned) -> None:

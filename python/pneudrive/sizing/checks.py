@@ -10,11 +10,13 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
+from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
+from pneudrive.sizing.judge import energy_limit
 from pneudrive.sizing.shortage import Shortage
 
 if TYPE_CHECKING:
-    from pneudrive.sizing.choices import PartChoice
+    from pneudrive.sizing.choices import DriveChoice, PartChoice
     from pneudrive.sizing.sized_drive import SizedDrive
     from pneudrive.sizing.task import SizingTask
 
@@ -34,12 +36,14 @@ class MachineCheck(NamedTuple):
     ----------
     name : str
     value, limit : float or None
-        In the unit; None where no sheet gives it.
+        In the unit; None if no data sheet states it.
     unit : str
     is_kept : bool or None
-        None where it cannot be decided.
+        None if it cannot be decided.
     rule : str
         Standard or rule that it follows.
+    remedies : tuple of str
+        Changes of task or catalogue, each of which closes the check.
     """
 
     name: str
@@ -48,11 +52,19 @@ class MachineCheck(NamedTuple):
     unit: str
     is_kept: bool | None
     rule: str
+    remedies: tuple[str, ...] = ()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the drive must not be ordered yet: the check is not kept, or not decided."""
+        return self.is_kept is not True
 
     def __str__(self) -> str:
-        known = "not decided" if self.is_kept is None else "kept" if self.is_kept else "NOT KEPT"
-        value, limit = (f"{three(one)} {self.unit}" if one is not None else "not on the sheet" for one in self[1:3])
-        return f"{self.name}: {value}, limit {limit}: {known} ({self.rule})"
+        state = "not decided" if self.is_kept is None else "kept" if self.is_kept else "NOT KEPT"
+        value, limit = (f"{three(one)} {self.unit}" if one is not None else "" for one in self[1:3])
+        limit = limit or ("of the machine" if self.is_kept else "not on the sheet")
+        line = f"{self.name}: {value}, limit {limit}: {state} ({self.rule})"
+        return f"{OPEN_CHECK}{line}. Remedy: {'; or '.join(self.remedies)}" if self.is_open else line
 
 
 def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
@@ -92,29 +104,53 @@ def mechanical_shortage(cylinder: PartChoice, task: SizingTask) -> Shortage | No
     return None
 
 
-def machine_checks(drive: SizedDrive, cylinder: PartChoice, task: SizingTask) -> list[MachineCheck]:
-    """Return the checks of a sized drive."""
-    found = []
+def machine_checks(drive: SizedDrive, choice: DriveChoice, task: SizingTask) -> list[MachineCheck]:
+    """Return the checks of a sized drive: those that are not kept first, then those that are not decided."""
+    found, cylinder = [], choice.cylinder
 
-    def check(name: str, value: float | None, limit: float | None, unit: str, rule: str) -> None:
-        kept = None if value is None or limit is None else value <= limit
-        found.append(MachineCheck(name, value, limit, unit, kept, rule))
+    def check(name: str, value: float, limit: float | None, unit: str, rule: str, *remedies: str) -> None:
+        kept = None if limit is None else value <= limit
+        found.append(MachineCheck(name, value, limit, unit, kept, rule, remedies))
 
+    own = "of the maker's sheet in a catalogue of your own (--catalogue)"
     weight = side_load_n(task)
     if weight:
-        check("side load", weight, cylinder.printed_si("max_load", "N"), "N", "maker's sheet of the cylinder")
+        carried = 'guide = "ball" or "plain", if the machine carries the load'
+        limit = cylinder.printed_si("max_load", "N")
+        check("side load", weight, limit, "N", "maker's sheet of the cylinder", carried, f"printed.max_load {own}")
     if (buckles := buckling_n(cylinder, task)) is not None:
         rule = f"Euler with a safety of {BUCKLING_SAFETY:g}, steel, effective length {EFFECTIVE[task.guide]:g} strokes"
         check("buckling of the rod", push_n(cylinder, task), buckles, "N", rule)
-    energy = cylinder.printed_si("cushion_energy", "J")
-    check("energy at the end", drive.energy, energy or task.impact_energy_j, "J", "maker's data sheet, or the task")
+    limit, origin = energy_limit(task, choice)
+    absorber = "impact_energy, from the data sheet of cylinder or shock absorber"
+    check("energy at the end", drive.energy, limit, "J", origin, absorber)
     if task.cycles_per_hour and (hourly := cylinder.printed_si("absorber_energy_per_hour", "J")):
-        check(
-            "energy per hour", 2.0 * task.cycles_per_hour * drive.energy, hourly, "J", "maker's sheet of the absorber"
-        )
-    hangs = abs(task.mass_kg * STANDARD_GRAVITY_M_S2 * math.sin(task.incline_rad))
-    if hangs:
-        holds = cylinder.numbers["friction.parameters.coulomb"] * task.spread.friction[0]
-        rule = "after ISO 4414: a loss of supply must cause no hazard; without a clamp only friction holds the load"
-        check("load that hangs at pressure loss", hangs, holds, "N", rule)
-    return found
+        energy = 2.0 * task.cycles_per_hour * drive.energy
+        check("energy per hour", energy, hourly, "J", "maker's sheet of the absorber", "fewer cycles_per_hour")
+    if task.cycles is not None:
+        lives = [part.printed_si("b10_cycles", "") for part in (cylinder, choice.valve)]
+        life = min((one for one in lives if one is not None), default=None) if None not in lives else None
+        kept = None if life is None else task.cycles <= life
+        rule, remedy = "B10 of cylinder and valve, ISO 19973", f"printed.b10_cycles of both {own}"
+        found.append(MachineCheck("life", task.cycles, life, "cycles", kept, rule, (remedy,)))
+    if math.sin(task.incline_rad):
+        found.append(_hanging_load(choice, task))
+    return sorted(found, key=lambda one: (one.is_kept is not False, one.is_kept is not None))
+
+
+def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
+    """Return the check of the load and piston that hang when the pressure fails."""
+    numbers = choice.cylinder.numbers
+    mass = task.mass_kg * (1.0 + task.spread.mass) + numbers["moving_mass"]
+    hangs = mass * STANDARD_GRAVITY_M_S2 * abs(math.sin(task.incline_rad))
+    name, rule = "load that hangs at pressure loss", "after ISO 4414: a loss of supply must cause no hazard"
+    if task.held_by == "machine":
+        return MachineCheck(name, hangs, None, "N", True, f'{rule}; held_by = "machine"')
+    friction = numbers["friction.parameters.coulomb"] * task.spread.friction[0]
+    holds = max(friction, task.clamp_force_n or 0.0)
+    rule += "; a clamp holds it" if task.held_by else "; without a clamp only friction holds the load"
+    remedies = (
+        f'a clamp: held_by = "clamp", clamp_force = "{three(hangs)} N" or more',
+        'held_by = "machine", if a lock or brake of the machine holds the load',
+    )
+    return MachineCheck(name, hangs, holds, "N", hangs <= holds, rule, remedies)

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 ABOUT, LINES, LOCK, PROVISIONAL = "sizing.json", "choices.jsonl", "sizing.lock", "provisional.txt"
 
 
+#: Number of the rules that decide whether a choice meets a task. From 2 on, every choice has a limit of the energy.
+RULES = 2
+
+
 class SizingFolder:
     """Finished choices of one task, in a folder that is locked until the search ends: ``with SizingFolder(...)``.
 
@@ -48,7 +52,13 @@ class SizingFolder:
         self._of: dict[tuple[str, int], SizedDrive] = {}
         self._tuned: dict[str, Tuned] = {}
         self._file: int | None = None
-        said = {"version": __version__, "task": task.to_dict(), "draws": draws, "catalogue": _catalogue()}
+        said = {
+            "version": __version__,
+            "task": task.to_dict(),
+            "draws": draws,
+            "catalogue": _catalogue(),
+            "rules": RULES,
+        }
         about = json.loads(json.dumps(said))
         path = folder / ABOUT
         if path.exists():

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pneudrive.constants import IMPACT_ENERGY_J_M2
 from pneudrive.sizing.strokes import DRAWN
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def limits(task: SizingTask, choice: DriveChoice, out: StrokeResults, back: Stro
     most("time back", "s", task.back_s, back.time)
     for way, one in (("out", out), ("back", back)):
         most(f"end speed {way}", "m/s", task.end_speed_m_s, one.end_speed)
-        most(f"energy {way}", "J", task.impact_energy_j, one.energy)
+        most(f"energy {way}", "J", energy_limit(task, choice)[0], one.energy)
     peak = np.maximum(out.peak_pressure, back.peak_pressure)
     most("peak pressure", "Pa", peak_limit(task, choice), peak)
     if task.holding_force_n:
@@ -96,6 +97,17 @@ def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
         return task.peak_pressure.absolute_pa(ambient)
     printed = choice.cylinder.printed_si("maximum_pressure", "Pa")
     return None if printed is None else printed + ambient
+
+
+def energy_limit(task: SizingTask, choice: DriveChoice) -> tuple[float, str]:
+    """Return the largest allowed energy at an end, J, and its origin: task and data sheet, or else an assumed rule."""
+    stated = {"task": task.impact_energy_j, "data sheet": choice.cylinder.printed_si("cushion_energy", "J")}
+    known = {origin: limit for origin, limit in stated.items() if limit is not None}
+    if known:
+        origin = min(known, key=lambda name: known[name])
+        return known[origin], origin
+    rule = f"assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston; neither task nor data sheet has a limit"
+    return IMPACT_ENERGY_J_M2 * max(choice.areas_m2), rule
 
 
 def worst(values: Array) -> float:

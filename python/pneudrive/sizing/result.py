@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.errors import NOT_READY
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import whole
-from pneudrive.sizing.answer import sentence, taken, yearly
+from pneudrive.sizing.answer import in_words, sentence, yearly
 from pneudrive.sizing.choices import SLOTS
 from pneudrive.sizing.sized_drive import Provisional, SizedDrive
 from pneudrive.sizing.strokes import Setting, circuit_of
@@ -86,7 +87,7 @@ class SizingResult(Shown):
     savings : tuple of Saving
         Changes that were tried on the best to save air.
     checks : tuple of MachineCheck
-        Of the best: side load, buckling, energy, load that hangs.
+        Of the best, open ones first: side load, buckling, energy, life, load that hangs.
     interrupted : bool
         Whether the search was cancelled before its end.
     notes : tuple of str
@@ -113,8 +114,25 @@ class SizingResult(Shown):
 
     @property
     def feasible(self) -> bool:
-        """Whether any choice meets the task."""
+        """Whether any choice meets the limits of the task; see `ready`."""
         return bool(self.ranked)
+
+    @property
+    def open_checks(self) -> list[MachineCheck]:
+        """Checks of the best drive that are not kept or not decided."""
+        return [check for check in self.checks if check.is_open]
+
+    @property
+    def ready(self) -> bool:
+        """Whether the best drive can be ordered: it meets the task, and each of its checks is kept."""
+        return self.feasible and not self.open_checks
+
+    @property
+    def state(self) -> str:
+        """Feasible and ready, in words."""
+        if not self.feasible or self.ready:
+            return f"feasible = {str(self.feasible).lower()}, ready = {str(self.ready).lower()}"
+        return f"feasible = true, but ready = false (open checks: {len(self.open_checks)})"
 
     @property
     def best(self) -> SizedDrive | None:
@@ -147,7 +165,7 @@ class SizingResult(Shown):
         return upper("write_sizing_report")(self, folder)
 
     def _card(self) -> Card:
-        title = f"sizing of {self.task.name}: feasible = {str(self.feasible).lower()}"
+        title = f"sizing of {self.task.name}: {self.state}"
         return Card(title, HEAD, [row_of(one) for one in self.ranked[:WRITTEN]], sentences(self))
 
 
@@ -180,15 +198,16 @@ def row_of(one: SizedDrive) -> tuple[str, ...]:
 
 
 def sentences(result: SizingResult) -> list[str]:
-    """Return the answer, its reasons, the second-best cylinder, and the size of the search."""
+    """Return the answer, open checks, its reasons, the second-best cylinder, and the size of the search."""
     cut = ", ".join(f"{name} {count}" for name, count in sorted(result.pruned.items(), key=lambda one: -one[1]))
-    said = [sentence(result.task, result.best, result.provisional, result.miss is not None)]
+    said = [sentence(result.task, result.best, result.checks, () if result.miss else result.provisional)]
     best = result.best
     if best is not None:
+        said += [f"{one}." for one in result.open_checks]
         said += yearly(best, result.task)
-        said += [f"{one}." for one in (*result.savings, *result.checks)]
+        said += [f"{one}." for one in (*result.savings, *(check for check in result.checks if not check.is_open))]
         said += [
-            f"Next best cylinder: {taken(one.parts).removeprefix('Take ')}, {three(one.air_litres_anr)} l ANR a cycle, "
+            f"Next best cylinder: {in_words(one.parts)}, {three(one.air_litres_anr)} l ANR a cycle, "
             f"margin {three(100.0 * one.margin)} %."
             for one in result.by_cylinder[1:2]
         ]
@@ -201,6 +220,13 @@ def sentences(result: SizingResult) -> list[str]:
         f"{result.tuned} tuned, {len(result.simulated)} simulated over the spreads, {len(result.ranked)} meet the task."
     )
     return said + list(result.notes)
+
+
+def answer_of(stored: Mapping[str, Any]) -> str:
+    """Return the answer of a stored result. Earlier versions wrote "Take" although a check was open."""
+    answer, checks = stored["said"][0], stored.get("checks", ())
+    is_open = any(check["is_kept"] is not True for check in checks)
+    return NOT_READY + answer.removeprefix("Take ") if is_open and answer.startswith("Take ") else answer
 
 
 def nearest_miss(
@@ -274,6 +300,7 @@ def summary(result: SizingResult) -> dict[str, Any]:
     return {
         "task": result.task.to_dict(),
         "feasible": result.feasible,
+        "ready": result.ready,
         "complete": result.complete,
         "enumerated": result.enumerated,
         "left": result.left,

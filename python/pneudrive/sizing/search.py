@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.progress import Flag
-    from pneudrive.sizing.choices import PartChoice
     from pneudrive.sizing.savings import Saving
     from pneudrive.sizing.sized_drive import Provisional, SizedDrive
 
@@ -68,9 +67,9 @@ LISTED, TRIED = 4, 2
 def is_of_command(asked: Mapping[str, int]) -> bool:
     """Whether the command line can set these parameters.
 
-    The command has no options for `most` and for the samples of the best choice.
+    The command has no option for the samples of the best choice.
     """
-    return asked["draws_best"] == DRAWS_BEST_OF * asked["draws"] and asked["most"] == MOST
+    return asked["draws_best"] == DRAWS_BEST_OF * asked["draws"]
 
 
 def size(
@@ -191,7 +190,6 @@ class Search:
         first = draws[0] // FIRST_OF
         self.draws = [one for one in (first, *draws) if one >= FIRST_LEAST or one != first]
         self.final = draws[1]
-        self.is_soft = task.end_speed_m_s is not None or task.impact_energy_j is not None
         self.pruning = Pruning(task)
         self.unseen = list(self.pruning.pairs)
         self.candidates: list[SizingCandidate] = []
@@ -263,14 +261,14 @@ class Search:
             provisional=self.provisional,
             dropped=(*self.dropped, *lost),
             savings=tuple(self.savings),
-            checks=tuple(machine_checks(ranked[0], self._cylinder(ranked[0]), self.task)) if ranked else (),
+            checks=tuple(machine_checks(ranked[0], self._candidate(ranked[0]).choice, self.task)) if ranked else (),
             interrupted=interrupted,
-            notes=tuple(notes(self.task, None if complete else self.most, interrupted)),
+            notes=tuple(notes(None if complete else self.most, interrupted)),
             asked={"least": self.least, "most": self.most, "draws": self.draws[-2], "draws_best": self.final},
         )
 
-    def _cylinder(self, drive: SizedDrive) -> PartChoice:
-        return next(one for one in self.pruning.found["cylinder"] if one.name == drive.parts["cylinder"])
+    def _candidate(self, drive: SizedDrive) -> SizingCandidate:
+        return next(one for one in self.candidates if one.choice.name == drive.name)
 
     def _probe(self, pairs: Sequence[TubedCylinder]) -> None:
         """Probe pairs, and add the choices of pairs that can do the task."""
@@ -316,7 +314,7 @@ class Search:
         return sorted((one for one in left if one.choice.tube.name == tube), key=self._promise)[:CHOICES]
 
     def _promise(self, one: SizingCandidate) -> tuple[Any, ...]:
-        return one.promise(self.is_soft, self.of_cylinder)
+        return one.promise(self.of_cylinder)
 
     def _learn(self, every: Iterable[SizingCandidate]) -> None:
         """Store the best margin of each cylinder."""
@@ -366,8 +364,7 @@ class Search:
     def _save_air(self) -> None:
         """Try a lower return pressure and shorter tubes on the best drive."""
         if (best := self._best()) is not None:
-            one = next(one for one in self.candidates if one.choice.name == best.name)
-            for saving in savings(one.strokes, best, self.points[: self.draws[-2]]):
+            for saving in savings(self._candidate(best).strokes, best, self.points[: self.draws[-2]]):
                 self.savings.append(saving)
                 self.watch.look()
 

@@ -105,9 +105,17 @@ class SizingTask(Described):
     holding_force_n: Annotated[float, Quantity("N", "N", _NOT_NEGATIVE)] = Field(
         default=0.0, description="force of the piston at the end of the outward stroke"
     )
+    held_by: Literal["machine", "clamp"] | None = Field(
+        default=None, description="what holds the load when the pressure fails; absent: only friction"
+    )
+    clamp_force_n: Annotated[float | None, Quantity("N", "N", _POSITIVE)] = Field(
+        default=None, description="holding force of the clamp, from its data sheet"
+    )
     end_speed_m_s: Speed = Field(default=None, description="largest speed at the contact with an end")
     impact_energy_j: Annotated[float | None, Quantity("J", "J", _POSITIVE)] = Field(
-        default=None, alias="impact_energy", description="largest kinetic energy at the contact with an end"
+        default=None,
+        alias="impact_energy",
+        description="largest energy at the contact with an end; absent: that of the sheet, or 4 mJ/mm2 of piston",
     )
     peak_pressure: Annotated[units.Pressure | None, Stated()] = Field(
         default=None, description="largest pressure in a chamber; absent: that of the cylinder in the catalogue"
@@ -139,6 +147,14 @@ class SizingTask(Described):
         if (self.time_s is None) == (self.speed_m_s is None):
             what = "time is missing" if self.time_s is None else "time and speed are both given"
             raise wrong("time", what, rule="give either time or speed", remedy='Write time = "0.6 s".')
+        return self
+
+    @model_validator(mode="after")
+    def _clamp_with_its_force(self) -> SizingTask:
+        if (self.held_by == "clamp") != (self.clamp_force_n is not None):
+            what = "clamp_force is missing" if self.held_by else "clamp_force is given without a clamp"
+            remedy = 'Write held_by = "clamp" and clamp_force = "300 N", from the data sheet of the clamp.'
+            raise wrong("held_by", what, rule="a clamp and its holding force go together", remedy=remedy)
         return self
 
     @model_validator(mode="after")
@@ -214,6 +230,13 @@ class SizingTask(Described):
         """Friction of the guide under the weight of the load, N."""
         across = 0.0 if abs(self.incline_rad) == 0.5 * math.pi else math.cos(self.incline_rad)  # else 6e-17
         return GUIDES[self.guide] * self.mass_kg * STANDARD_GRAVITY_M_S2 * across
+
+
+def task_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a task."""
+    schema = SizingTask.model_json_schema(by_alias=True)
+    timed = [{"required": ["time"]}, {"required": ["speed"]}]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "oneOf": timed}
 
 
 class TaskValue(NamedTuple):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.sizing.judge import peak_limit
+from pneudrive.sizing.judge import energy_limit, peak_limit
 from pneudrive.sizing.strokes import DRAWN, Setting, StrokeRuns, points, run_all
 
 if TYPE_CHECKING:
@@ -46,9 +46,6 @@ SMALL = -0.05
 FAR = -0.15
 #: Shares of each range in the slow and in the fast case (assumed: several numbers at once there are as rare as 1 %).
 SLOW, FAST = 0.15, 0.85
-#: Speed at the end, over the mean speed, that counts as all of the limit where a task sets none.
-SOFT = 3.0
-SOFT_NAME = "end speed without a limit"
 #: What is drawn, where a low value makes a stroke slow; the others the other way round.
 _HELPS = ("supply pressure", "valve conductance", "tube conductance", "needle", "cushion")
 #: Margin of a case that does not arrive.
@@ -194,10 +191,9 @@ def _joined(every: Sequence[Tuned]) -> Tuned:
 
 def _grid(strokes: DriveStrokes, outward: bool) -> tuple[Sequence[float], Sequence[float]]:
     """Return the first openings of needle and cushion."""
-    task, choice = strokes.task, strokes.choice
-    is_limited = task.end_speed_m_s is not None or task.impact_energy_j is not None
+    choice = strokes.choice
     needles = _needles(strokes, outward) if choice.is_throttled else [1.0]
-    return needles, CUSHIONS if choice.is_cushioned and is_limited else (1.0,)
+    return needles, CUSHIONS if choice.is_cushioned else (1.0,)
 
 
 def _near(
@@ -234,11 +230,10 @@ def _best(
     found = yield StrokeRuns(strokes, outward, draws, shares)
     named = _margins(strokes.task, strokes.choice, outward, found)
     table = np.array([margins for _, _, _, margins in named]).reshape(len(named), len(settings), len(rows))
-    hard = table[: len(named) - (named[-1][0] == SOFT_NAME)]
-    best = max(range(len(settings)), key=lambda one: (table[:, one].min(), hard[:, one, 0].min()))
-    at, worst = best * len(rows), int(hard[:, best, 0].argmin())
+    best = max(range(len(settings)), key=lambda one: (table[:, one].min(), table[:, one, 0].min()))
+    at, worst = best * len(rows), int(table[:, best, 0].argmin())
     name, limit, values, _ = named[worst]
-    margins = float(hard[worst, best, 0]), float(hard[:, best].min())
+    margins = float(table[worst, best, 0]), float(table[:, best].min())
     short = (name, limit, float(values[at]))
     return Tuned(settings[best], margins[0], short, margins[1], float(found.air[at]), (float(found.time[at]),))
 
@@ -251,10 +246,7 @@ def _margins(
     named = [(f"time {way}", limit, found.time)]
     if task.end_speed_m_s is not None:
         named.append((f"end speed {way}", task.end_speed_m_s, found.end_speed))
-    if task.impact_energy_j is not None:
-        named.append((f"energy {way}", task.impact_energy_j, found.energy))
-    if task.end_speed_m_s is None and task.impact_energy_j is None:
-        named.append((SOFT_NAME, SOFT * task.stroke_m / limit, found.end_speed))
+    named.append((f"energy {way}", energy_limit(task, choice)[0], found.energy))
     peak = peak_limit(task, choice)
     if peak is not None:
         named.insert(1, ("peak pressure", peak, found.peak_pressure))

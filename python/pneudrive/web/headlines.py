@@ -11,7 +11,7 @@ from pneudrive.describe.drive import Drive
 from pneudrive.errors import PneudriveError
 from pneudrive.files.content import read_json
 from pneudrive.fmu.reading import read_fmu
-from pneudrive.sizing.result import SUMMARY
+from pneudrive.sizing.result import SUMMARY, answer_of
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.results import SHOWN, view_at
@@ -52,8 +52,7 @@ def _of_view(workspace: Workspace, path: str, kind: str) -> str:
 
 def _of_sizing(workspace: Workspace, path: str) -> str:
     summary = workspace.folder(path) / SUMMARY
-    said = read_json(summary, PneudriveError).get("said") if summary.is_file() else None
-    return str(said[0]).partition(":")[0] if said else "not finished"
+    return answer_of(read_json(summary, PneudriveError)).partition(":")[0] if summary.is_file() else "not finished"
 
 
 def _of_task(workspace: Workspace, path: str) -> str:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     Values = dict[str, Any]
 
 MAPS = (".parquet", ".csv")
-MOST_NEXT, MOST_LEAST, MOST_DRAWS = 200, 100, 4096
+MOST_NEXT, MOST_LEAST, MOST_TUNED, MOST_DRAWS = 200, 100, 10_000, 4096
 MOST_RECORDINGS = 500
 
 
@@ -287,7 +287,8 @@ def _datasheet_python(values: Values, _out: str, _: Workspace) -> str:
 
 
 def _size_python(values: Values, _out: str, _: Workspace) -> str:
-    counts = f"least={values['least']}, draws={values['draws']}, draws_best={DRAWS_BEST_OF * values['draws']}"
+    counts = f"least={values['least']}, most={values['most']}, draws={values['draws']}"
+    counts += f", draws_best={DRAWS_BEST_OF * values['draws']}"
     return f"\nfound = pn.size({values['task']!r}, {counts})\n"
 
 
@@ -344,6 +345,7 @@ SIGNATURES = {
         (
             CommandInput("task", "Task", "task"),
             CommandInput("least", "Least number of choices", "number", "--min-candidates", 10, most=MOST_LEAST),
+            CommandInput("most", "Largest number of tuned choices", "number", "--max-candidates", 160, most=MOST_TUNED),
             CommandInput("draws", "Samples of each", "number", "--samples", 256, most=MOST_DRAWS),
             NAME,
         ),

@@ -10,7 +10,7 @@ use super::session::Session;
 use super::variables::Assembly;
 use super::wiring::wire;
 use crate::assembly::recorder::{Recorder, Run, sample_times};
-use crate::assembly::warnings::{impact_warning, stop_warning, through_warning};
+use crate::assembly::warnings::{HAZARD, impact_warning, stop_warning, through_warning};
 use crate::circuit::{Impact, Look};
 use crate::component::mechanics::end_stop::Taken;
 use crate::component::{Instance, Piston, PortId, PortKind};
@@ -274,7 +274,7 @@ impl Network {
             let key = self.names.key(name, "end_stop_stiffness");
             let through = through_warning(ends.enough, &key, &own);
             let all = through.into_iter().chain(impact_warning(areas[0].max(areas[1]), &own));
-            all.map(|text| self.names.said(name, &text)).collect::<Vec<_>>()
+            all.map(|text| format!("{HAZARD}{}", self.names.said(name, &text))).collect::<Vec<_>>()
         });
         each.collect()
     }

@@ -3,8 +3,11 @@
 use crate::circuit::Impact;
 
 /// Kinetic energy that a cylinder with cushions absorbs at its end, J for each m2 of piston (assumed): 2 J at a bore of
-/// 25 mm.
-const TAKEN_J_M2: f64 = 4000.0;
+/// 25 mm. Sizing uses it where neither task nor data sheet states a limit.
+pub const IMPACT_ENERGY_J_M2: f64 = 4000.0;
+
+/// Marks a finding that endangers people or the machine. Python shows such findings first and never folds them.
+pub(super) const HAZARD: &str = "Hazard: ";
 
 /// Warns about a stop so soft that supply pressure pushes the piston through the dead volume in front of it. `named`
 /// are the names of the stiffness and of the dead volumes, without the chamber.
@@ -51,7 +54,7 @@ pub(super) fn through_warning(enough: f64, named: &str, impacts: &[Impact]) -> O
 
 /// Warns about the hardest of these impacts if it exceeds the limit of a cylinder with this piston area.
 pub(super) fn impact_warning(area: f64, impacts: &[Impact]) -> Option<String> {
-    let taken = TAKEN_J_M2 * area;
+    let taken = IMPACT_ENERGY_J_M2 * area;
     let beyond = impacts.iter().filter(|impact| impact.energy > taken).count();
     let hardest = impacts.iter().max_by(|a, b| a.energy.total_cmp(&b.energy)).filter(|_| beyond > 0)?;
     Some(format!(

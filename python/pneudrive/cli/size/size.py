@@ -14,6 +14,7 @@ def size(
     task: Path,
     out: Path | None = None,
     min_candidates: int = 10,
+    max_candidates: int = 160,
     samples: int = 256,
     catalogue: CatalogueFolders = None,
 ) -> None:
@@ -32,6 +33,8 @@ def size(
         Folder for report, ranking and circuit files of the ten best; it is resumed.
     min_candidates : N
         Least number of simulated choices of parts.
+    max_candidates : N
+        Largest number of choices of parts whose needles are set.
     samples
         Samples of each choice; the ten best have four times as many.
     """
@@ -44,19 +47,21 @@ def size(
         task,
         on_terminal(),
         least=min_candidates,
+        most=max_candidates,
         draws=samples,
         draws_best=DRAWS_BEST_OF * samples,
         out=out,
         provisional=lambda made: show_lines(sentences(made)[:1]),
     )
     said = sentences(found)
-    show_lines(said[:1])
+    first = 1 + len(found.open_checks)
+    show_lines(said[:first])
     best = found.by_cylinder[:WRITTEN]
     if best:
         show_table(("", *HEAD[PARTS:]), [(str(place), *row_of(one)[PARTS:]) for place, one in enumerate(best, start=1)])
         show_lines(f"{place:2d}  {' + '.join(one.parts.values())}; {set_to(one)}" for place, one in enumerate(best, 1))
         show_lines([f"The best of each cylinder; {len(found.ranked)} choices meet the task."])
-    show_lines([f"{found.task.name}: feasible = {str(found.feasible).lower()}", *said[1:]])
+    show_lines([f"{found.task.name}: {found.state}", *said[first:]])
     if out is not None:
         from pneudrive.report.sizing.page import write_sizing_report
 

@@ -66,7 +66,8 @@ def _points(axis: Axes, result: SizingResult, way: str) -> None:
     names = {one.name for one in result.ranked}
     rest = [one for one in result.simulated if one.name not in names]
     for chosen, marker, color, label in (
-        (rest, "x", style.GREY, "misses a limit"),
+        ([one for one in rest if not one.is_feasible], "x", style.GREY, "misses a limit"),
+        ([one for one in rest if one.is_feasible], ".", style.GREY, "not simulated to the end"),
         (result.ranked, "o", style.BLUE, "meets the task"),
     ):
         shown = [one for one in chosen if _time(one, way) < float("inf")]

@@ -19,7 +19,7 @@ from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural
 from pneudrive.sizing.choices import WITHOUT
 from pneudrive.sizing.result import HEAD, PARTS, READ, WRITTEN, row_of, sentences, set_to
-from pneudrive.sizing.search import is_of_command
+from pneudrive.sizing.search import MOST, is_of_command
 from pneudrive.sizing.task import GUIDES, follows_from
 from pneudrive.sizing.task import values_of as task_values
 
@@ -131,20 +131,21 @@ def _limits(found: SizingResult) -> Section | None:
     if not shown:
         return None
     topic, names = Topic("sizing", "limits"), list(dict.fromkeys(name for one in shown for name in one.worst))
-    rows = tuple((_called(one), *(_against(one, name) for name in names), one.binding) for one in shown)
-    said = []
-    for name in names:
-        _, limit, unit = next(one.worst[name] for one in shown if name in one.worst)
-        said.append(f"{name}, limit {_read(limit, unit)}")
-    return topic.section(topic.text(), PageTable(("parts", *said, "binds"), rows, topic.say("table")))
+    limits = {name: {_read(*one.worst[name][1:]) for one in shown if name in one.worst} for name in names}
+    common = {name: one.pop() for name, one in limits.items() if len(one) == 1}  # others stand in the cells
+    rows = tuple((_called(one), *(_against(one, name, name in common) for name in names), one.binding) for one in shown)
+    heads = [f"{name}, limit {common[name]}" if name in common else name for name in names]
+    return topic.section(topic.text(), PageTable(("parts", *heads, "binds"), rows, topic.say("table")))
 
 
-def _against(one: SizedDrive, name: str) -> str:
+def _against(one: SizedDrive, name: str, is_common: bool) -> str:
+    """Return the range of a value, its limit unless it is common to all rows, and its margin."""
     if name not in one.worst:
         return "–"
-    value, _, unit = one.worst[name]
+    value, limit, unit = one.worst[name]
     factor, _ = READ.get(unit, (1.0, unit))
-    return f"{_ends(one, name, factor) or _read(value, unit)} ({100.0 * one.margins[name]:.0f}\u00a0%)"
+    of = "" if is_common else f" of {_read(limit, unit)}"
+    return f"{_ends(one, name, factor) or _read(value, unit)}{of} ({100.0 * one.margins[name]:.0f}\u00a0%)"
 
 
 def _best(found: SizingResult) -> list[Section]:
@@ -193,6 +194,7 @@ def _method(found: SizingResult) -> Section:
     lines = [f'import pneudrive as pn\n\nfound = pn.size("task.toml", {options})\nfound.report("out")']
     if is_of_command(asked):
         options = f"--min-candidates {asked['least']} --samples {asked['draws']}"
+        options += f" --max-candidates {asked['most']}" if asked["most"] != MOST else ""
         lines.insert(0, f"pneudrive size task.toml {options} --out out")
     return topic.section(
         Items((sentences(found)[-1 - len(found.notes)], topic.say("moments"), topic.say("stroke"))),

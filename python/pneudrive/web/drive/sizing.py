@@ -10,8 +10,9 @@ from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.lock import is_held
+from pneudrive.sizing.checks import MachineCheck
 from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choice
-from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, set_to
+from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, answer_of, set_to
 from pneudrive.sizing.search import is_of_command
 from pneudrive.sizing.sized_drive import SizedDrive
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
@@ -67,6 +68,7 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
     provisional = read_text(early, CommandError).strip() if early.is_file() and not summary else ""
     ranked = ["+".join(one["parts"].values()) for one in summary.get("ranked", [])]
     places = {one: place for place, one in enumerate(ranked)}
+    checks = [MachineCheck(**one) for one in summary.get("checks", [])]
     task = SizingTask.model_validate(about["task"])
     shares = 1.0 - task.margin
     return plain(
@@ -76,12 +78,14 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
             "draws": about["draws"][0],
             "limits": {"out": task.outward_s * shares, "back": task.back_s * shares},
             "candidates": [_candidate(one, places.get(one.name), name) for one in simulated],
+            "meets": len(ranked),
             "short": short,
             "done": bool(summary) and not summary.get("interrupted", False),
             "searched": is_held(folder / LOCK),
             "feasible": summary.get("feasible"),
+            "checks": [check._asdict() for check in checks],
             "miss": summary.get("miss"),
-            "said": summary.get("said", []),
+            "said": [answer_of(summary), *summary["said"][1:]] if summary else [],
             "provisional": provisional,
             "asked": asked if asked and is_of_command(asked) else None,
         }
@@ -133,7 +137,8 @@ def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any
             "load_ratio": _scaled(_wider(one), 100.0),
         },
         "limits": [_limit(name, *found, one) for name, found in one.worst.items()],
-        "meets": one.is_feasible,
+        "meets": place is not None,
+        "misses": not one.is_feasible,
         "place": place,
         "file": f"{folder}/{place + 1:02d}.toml" if place is not None and place < WRITTEN else "",
         "measure": one.measure,
