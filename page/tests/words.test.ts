@@ -1,5 +1,5 @@
 import { expect, test, vi } from "vitest";
-import { count, pretty, sentence } from "../src/plots/looks";
+import { count, isSevere, pretty, sentence } from "../src/plots/looks";
 import { reached } from "../src/workspace/jobs";
 import { pads } from "../src/workspace/tables";
 
@@ -16,6 +16,11 @@ test("messages and units as people write them", () => {
   expect(sentence("leg_1: this set is not passive")).toBe("leg_1: this set is not passive.");
   expect([count(1, "impact"), count(3, "impact")]).toEqual(["1 impact", "3 impacts"]);
   expect(["19.7 um", "3 us", "dm3/(s bar)", "m^3/(s Pa)", "number", "drum3"].map(pretty)).toEqual(["19.7 µm", "3 µs", "dm³/(s bar)", "m³/(s Pa)", "number", "drum3"]);
+});
+
+test("findings that endanger people, machine or order are told from notes", () => {
+  expect(["Hazard: cylinder: 3 of 3 impacts", "Open check: side load", "Not ready to order: one check"].every(isSevere)).toBe(true);
+  expect(["the gas cools", "no Hazard: here"].some(isSevere)).toBe(false);
 });
 
 test("the time left of a job follows from the part that is done", () => {

@@ -1,7 +1,7 @@
 """Display of results and descriptions at the prompt: a short table, as plain text and in a notebook.
 
 A class derives from `Shown` and provides the content of its `Card`. In a notebook, a picture is shown above the card,
-if the class has one. Long content is cut, and the card shows how much is left out. Texts are escaped in one place.
+if the class has one. Long content is cut, and the card shows how much is left out; severe findings are whole. Texts are escaped in one place.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from importlib import import_module
 from itertools import islice, zip_longest
 from typing import ClassVar, NamedTuple
 
-from pneudrive.errors import DescriptionError
+from pneudrive.errors import DescriptionError, is_severe
 
 #: Largest sizes of a card.
 MOST_ROWS, MOST_NOTES, MOST_LETTERS, MOST_ENTRIES = 30, 8, 200, 6
@@ -161,9 +161,10 @@ def _short(card: Card) -> Card:
     rows = [[_cut(text) for text in row] for row in card.rows[:MOST_ROWS]]
     if len(card.rows) > MOST_ROWS:
         rows.append([f"... {len(card.rows) - MOST_ROWS} more"])
-    notes = [_cut(note) for note in card.notes[:MOST_NOTES]]
-    if len(card.notes) > MOST_NOTES:
-        notes.append(f"... {len(card.notes) - MOST_NOTES} more lines")
+    severe, others = ([note for note in card.notes if is_severe(note) == kind] for kind in (True, False))
+    notes = [*severe, *map(_cut, others[:MOST_NOTES])]
+    if len(others) > MOST_NOTES:
+        notes.append(f"... {len(others) - MOST_NOTES} more lines")
     return Card(_cut(card.title), [_cut(text) for text in card.head], rows, notes)
 
 

@@ -26,6 +26,7 @@ stroke = "400 mm"
 time = "0.64 s"
 incline = "30 deg"
 guide = "ball"
+held_by = "machine"
 impact_energy = "0.8 J"
 exclude = [
   "ckd*", "smc-c[my]*", "smc-sy[357]*", "smc-tu0*", "smc-tu10*", "pneumax*", "festo-[dm]*",
@@ -242,6 +243,9 @@ def test_from_a_task_to_its_data_sheet_in_four_clicks(server: Server, open_tab: 
     page.click("a[title='push.toml']")
     page.click("button:text-is('Size'):enabled")
     page.wait_for_selector("[data-state=done][data-simulated]", timeout=LONG)
+    assert page.inner_text("[data-answer]").startswith("Not ready to order: one check of the best choice is open.")
+    assert "not decided" in page.inner_text("[data-open-check='side load']")
+    assert 'guide = "ball"' in page.inner_text("[data-open-check='side load'] li >> nth=0")
     page.click("button:text-is('Data sheet of the best')")
     page.wait_for_selector("[data-sheet=done]", timeout=3 * LONG)
     with page.context.expect_page() as opened:

@@ -56,6 +56,9 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
     shown = get(served, "/api/sizing", path="results/push")
     assert shown["task"] == "push.toml"
     assert shown["feasible"] is True
+    assert [one["name"] for one in shown["checks"] if one["is_kept"] is not True] == ["side load"]
+    assert shown["said"][0].startswith("Not ready to order: ")
+    assert shown["meets"] == len(found.ranked) == sum(one["meets"] for one in shown["candidates"])
     candidates = {one["name"]: one for one in shown["candidates"]}
     assert candidates.keys() == {one.name for one in found.simulated}
     for place, one in enumerate(found.ranked):
@@ -67,7 +70,7 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
         assert mine["intervals"]["air"][0] < mine["air"] < mine["intervals"]["air"][1]
         assert 0.0 < mine["intervals"]["load_ratio"][0] < 1e2 * mine["load_ratio"] < 1e2
         assert pn.Circuit.load(mine["file"]).to_toml() == found.circuit(place).to_toml()
-    missed = next(one for one in shown["candidates"] if not one["meets"])
+    missed = next(one for one in shown["candidates"] if one["misses"])
     energy = {one["name"]: one for one in missed["limits"]}["energy out"]
     assert energy["value"] > energy["limit"] == 0.26
     assert energy["margin"] == pytest.approx(1.0 - energy["value"] / 0.26, abs=1e-9)
