@@ -1,7 +1,8 @@
 """Display of results and descriptions at the prompt: a short table, as plain text and in a notebook.
 
 A class derives from `Shown` and provides the content of its `Card`. In a notebook, a picture is shown above the card,
-if the class has one. Long content is cut, and the card shows how much is left out; severe findings are whole. Texts are escaped in one place.
+if the class has one. Long content is cut, and the card shows how much is left out. Severe findings are never cut.
+Texts are escaped in one place.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from pneudrive.sizing.result import SizingResult, answer_of, sentences
 from pneudrive.sizing.search import size
 from pneudrive.sizing.task import SizingTask
 
-DRAWS = {"draws": 16, "draws_best": 32}
+DRAWS: dict[str, Any] = {"draws": 16, "draws_best": 32}
 #: Of the catalogue no more than a test has time for: two rodless cylinders, two valves, a tube.
 EXCLUDE = ["parker-osp-p[1238]*", "pneumax*", "ckd*", "smc-c*", "smc-mg*", "festo-[dgm]*", "smc-tu0*", "smc-tu12*"]
 SLOPE: dict[str, Any] = {

@@ -76,7 +76,7 @@ def fail(error: PneudriveError) -> int:
 def _plain_warnings() -> Iterator[None]:
     """Print a warning once, as one line on stderr, without its location in the package.
 
-    Of many that differ only in numbers, some are printed; severe ones all.
+    Only some of the warnings that differ in numbers alone are printed. Severe findings are all printed.
     """
     otherwise, kinds = warnings.showwarning, defaultdict[str, list[str]](list)
 
