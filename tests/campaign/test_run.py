@@ -17,6 +17,7 @@ import pytest
 from event_model import DocumentNames, schema_validators
 
 from campaign.fake_rig import QUICK, FakeRig, at_rest, contents, on_part, press, protocol
+from oracle.rig_faults import Fault, FaultyRig
 from pneudrive.campaign.run import DONE, ENDED, resume_campaign, run_campaign
 from pneudrive.campaign.running import campaign_run
 from pneudrive.campaign.running.live import Display
@@ -26,7 +27,6 @@ from pneudrive.campaign.storage.control import ABORT, PAUSE, RESUME, STOP, ask, 
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.campaign.storage.lock import FolderLock, holder
 from pneudrive.errors import CampaignError, ConnectionLostError, ProtocolError, RigError
-from pneudrive.rig.faults import Fault, FaultyRig
 
 HERE = Path(__file__).parent
 

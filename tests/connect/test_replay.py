@@ -1,8 +1,10 @@
-"""A folder of recordings plays back as a rig: the same campaign to the bit, real recordings, and nothing made up."""
+"""A campaign folder plays back as a rig: the same campaign to the bit, and nothing made up."""
 
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +12,9 @@ import pytest
 
 from pneudrive.campaign.run import run_campaign
 from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.characterise import load_recordings
 from pneudrive.characteristics import characterise
 from pneudrive.errors import RigError
 from pneudrive.rig import Changeable, Hold, Move, Reproducible, Rig, Samples, Sampling, load_rig
-
-MEASURED = Path(__file__).parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 
 
 @pytest.fixture(scope="module")
@@ -106,44 +105,11 @@ def test_a_campaign_that_somebody_else_wrote(recorded, tmp_path):
             assert np.array_equal(played.force_n, file.samples().force_n)
 
 
-RIG = """
-kind = "replay"
-folder = "{folder}"
-layout = "{layout}"
-pattern = "PK_*.csv.xz"
-speed_tolerance = "40 %"
-pressure_tolerance = "50 mbar"
-"""
-
-
-def test_real_recordings(tmp_path):
-    text = RIG.format(folder=MEASURED / "friction", layout=MEASURED / "layout.toml")
-    (tmp_path / "bench.toml").write_text(text)
-    rig = load_rig(tmp_path / "bench.toml")
-    assert (rig.identity().synthetic, rig.identity().labels) == (False, {"seal": "PK"})
-    low, high = rig.limits().position_m
-    steps = [Move(high, 0.010), Hold(0.2), Move(low, 0.010), Move(high, 0.010)]
-    (recording,) = load_recordings([MEASURED / "friction" / "PK_3bar.csv.xz"], MEASURED / "layout.toml")
-    rig.set_pressure(101325.0, 101325.0 + 3e5)
-    played = Samples.join(list(rig.acquire(steps, Sampling())))
-    first = int(np.flatnonzero(recording.force_n == played.force_n[0])[0])
-    assert np.array_equal(recording.force_n[first : first + len(played)], played.force_n)
-    assert np.array_equal(recording.pressure_b_pa[first : first + len(played)], played.pressure_b_pa)
-    assert played.time_s[0] == 0.0
-    assert list(dict.fromkeys(played.step.tolist())) == [0, 1, 2, 3]
-    for step, direction in ((0, 1), (2, -1), (3, 1)):
-        assert np.sign(np.diff(played.position_m[played.step == step][[10, -10]])) == direction
-    with pytest.raises(RigError, match="no recording matches"):  # a stop in the middle of a stroke was never made
-        rig.acquire([Move((low + high) / 2, 0.010), Hold(15.0), Move(high, 0.010)], Sampling())
-    rig.set_pressure(101325.0, 101325.0 + 9e5)
-    with pytest.raises(RigError, match=r"(?s)no recording matches.*PK_7bar"):
-        rig.acquire(steps, Sampling())
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('folder = "nowhere"', "there is no recording"),
+        ('folder = "nowhere"', "nowhere is not a campaign folder"),
+        ('folder = "x"\nlayout = "layout.toml"', "layout is not a known key"),
         ("", "folder is missing"),
         ('folder = "x"\nspeed_tolerance = "5"', r"speed_tolerance: '5' is not a share"),
         ('folder = "x"\ntolerance = "5 %"', "tolerance is not a known key"),
@@ -155,12 +121,19 @@ def test_rig_files_that_are_wrong(tmp_path, text, words):
         load_rig(tmp_path / "bench.toml")
 
 
-def test_folders_that_hold_nothing_to_play(tmp_path):
-    with pytest.raises(RigError, match="neither a campaign nor recordings with a layout"):
+def test_a_folder_that_is_not_a_campaign(tmp_path):
+    with pytest.raises(RigError, match=r"(?s)is not a campaign folder.*characterised without a campaign"):
         load_rig(tmp_path)
-    layout = (MEASURED / "layout.toml").read_text() + '[[for]]\nmatch = "NAPN*"\ngeometry.bore = "32 mm"\n'
-    (tmp_path / "layout.toml").write_text(layout)
-    text = RIG.format(folder=MEASURED / "friction", layout="layout.toml").replace("PK_*", "*_7bar")
-    (tmp_path / "bench.toml").write_text(text)
-    with pytest.raises(RigError, match="are from drives of different size"):
-        load_rig(tmp_path / "bench.toml")
+
+
+def test_a_rig_file_allows_other_speeds(recorded, tmp_path):
+    cycle = next(file.head.cycle for file in Campaign.open(recorded).cycles() if file.head.cycle.kind == "sweep")
+    steps = [replace(step, speed_m_s=1.2 * step.speed_m_s) for step in cycle.steps if isinstance(step, Move)]
+    for tolerance, fits in (("5 %", False), ("40 %", True)):
+        (tmp_path / "bench.toml").write_text(
+            f'kind = "replay"\nfolder = "{recorded}"\nspeed_tolerance = "{tolerance}"\n'
+        )
+        rig = load_rig(tmp_path / "bench.toml")
+        rig.set_pressure(cycle.pressure_a_pa, cycle.pressure_b_pa)
+        with nullcontext() if fits else pytest.raises(RigError, match="no recording matches"):
+            assert list(rig.acquire(steps, Sampling()))

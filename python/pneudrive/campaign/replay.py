@@ -1,23 +1,40 @@
-"""A replayed rig: it plays the recording that matches a cycle."""
+"""A campaign folder as a rig: it plays the recording that matches a cycle.
+
+This module is in a layer above `pneudrive.rig` because it reads campaign folders. The registry of rigs has its name.
+"""
 
 from __future__ import annotations
 
 import threading
 import time
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from pneudrive.campaign.storage.folder import ABOUT, CYCLES, TRUTH, Campaign
+from pneudrive.describe.marks import Percent
+from pneudrive.describe.quantities import Bounds, Quantity
 from pneudrive.errors import RigError
+from pneudrive.files.content import read_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
+from pneudrive.rig.plain_data import envelope_of
+from pneudrive.rig.rig_file import RigFile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.storage.folder import CycleFile
+
 PART_S = 0.1  # samples come in parts of this duration, wall-clock time
 SHOWN = 6
+# Axis limits of a rig known only from recordings (assumed). A plan computes the ends of its ramps from them.
+ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
+ANY_TEMPERATURE_K = (0.0, 1000.0)
+NO_LIMIT_N = 1e9
+SAME_POSITION_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -29,56 +46,57 @@ class Tolerance:
 
 
 @dataclass(frozen=True)
-class ReplaySource(ABC):
-    """A recording that can be played.
+class RecordedCycle:
+    """Cycle of a campaign folder; ``true`` is the file of its ground truth."""
 
-    Attributes
-    ----------
-    name, key : str
-        File; its key in the campaign, "" for a foreign recording.
-    steps : tuple of Move and Hold
-        Steps of the axis. Empty if the file does not contain them.
-    pressure_a_pa, pressure_b_pa : float
-    began_s : float
-        Time of the rig's clock at its start.
-    levels : dict
-        Mounted parts.
-    """
+    file: CycleFile
+    true: Path
 
-    name: str
-    key: str
-    steps: tuple[Step, ...]
-    pressure_a_pa: float
-    pressure_b_pa: float
-    began_s: float
-    levels: dict[str, str]
+    @property
+    def cycle(self) -> Cycle:
+        """The cycle of the header. Its steps are empty if the file does not contain them."""
+        return self.file.head.cycle
 
-    @abstractmethod
-    def first_step(self, steps: Sequence[Step], tolerance: Tolerance) -> int | None:
-        """Return the step of this recording at which the requested steps begin, or None."""
+    def matches(self, steps: Sequence[Step], tolerance: Tolerance) -> bool:
+        """Return whether the steps are those of the cycle."""
+        own = self.cycle.steps
+        if not own:
+            return self._was_for(steps, tolerance)
+        return len(steps) == len(own) and all(map(_like, steps, own, [tolerance] * len(steps)))
 
-    @abstractmethod
-    def samples(self, first: int, steps: Sequence[Step]) -> Samples:
-        """Read the samples of these steps, starting with step `first` of the recording."""
+    def _was_for(self, steps: Sequence[Step], tolerance: Tolerance) -> bool:
+        """Return whether a cycle without steps matches by its purpose: longest stop, and speed after it."""
+        cycle = self.cycle
+        holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
+        stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
+        moves = [step.speed_m_s for step in steps[at:] if isinstance(step, Move)]
+        if not moves or cycle.speed_m_s is None or not _as_fast(moves[0], cycle.speed_m_s, tolerance):
+            return False
+        return bool(cycle.stop_s) == bool(holds) and abs(stop - (cycle.stop_s or 0.0)) <= tolerance.speed * stop
 
-    @abstractmethod
     def range_m(self) -> tuple[float, float] | None:
-        """Return the range of positions, m, if the recording shows it."""
+        """Return the range of the moves, m; without moves in the header, the range of the samples."""
+        if self.cycle.steps:
+            ends = [step.to_m for step in self.cycle.steps if isinstance(step, Move)]
+            return (min(ends), max(ends)) if len(ends) > 1 else None
+        position = self.file.samples().position_m
+        return float(np.nanmin(position)), float(np.nanmax(position))
 
     @property
     def speeds_m_s(self) -> list[float]:
-        """Speeds of the moves."""
-        return [step.speed_m_s for step in self.steps if isinstance(step, Move)]
+        """Speeds of the moves; without moves in the header, the speed of the cycle."""
+        speed = self.cycle.speed_m_s
+        return [step.speed_m_s for step in self.cycle.steps if isinstance(step, Move)] or ([speed] if speed else [])
 
     def truth(self) -> dict[str, Any]:
-        """Return the ground truth of the recording, if it was kept."""
-        return {}
+        """Read the ground truth of the cycle, if it was stored."""
+        return read_json(self.true, RigError) if self.true.is_file() else {}
 
     def __str__(self) -> str:
         """Return a description in words."""
         speed = f"{1e3 * np.median(self.speeds_m_s):.4g} mm/s" if self.speeds_m_s else "no move"
-        pressures = f"{self.pressure_a_pa / 1e5:.4g} and {self.pressure_b_pa / 1e5:.4g} bar abs"
-        return f"{self.name} ({speed}, {pressures})"
+        pressures = f"{self.cycle.pressure_a_pa / 1e5:.4g} and {self.cycle.pressure_b_pa / 1e5:.4g} bar abs"
+        return f"{self.file.name} ({speed}, {pressures})"
 
 
 class ReplayRig:
@@ -86,7 +104,7 @@ class ReplayRig:
 
     Parameters
     ----------
-    sources : sequence of ReplaySource
+    sources : sequence of RecordedCycle
     identity : Identity
     limits : Envelope
     pace : float, optional
@@ -101,7 +119,7 @@ class ReplayRig:
 
     def __init__(
         self,
-        sources: Sequence[ReplaySource],
+        sources: Sequence[RecordedCycle],
         identity: Identity,
         limits: Envelope,
         pace: float | None = None,
@@ -111,10 +129,10 @@ class ReplayRig:
             raise RigError("there is no recording to play")
         self.sources, self.pace, self.tolerance = tuple(sources), pace, tolerance or Tolerance()
         self._identity, self._limits = identity, limits
-        self._played = dict.fromkeys((source.name for source in sources), 0)
+        self._played = dict.fromkeys((source.file.name for source in sources), 0)
         self._key = ""
         self._levels: dict[str, str] = {}
-        self._last: ReplaySource | None = None
+        self._last: RecordedCycle | None = None
         self._halted = threading.Event()
         ambient = identity.ambient_pressure_pa
         supply = max(limits.supply_pressure_pa, ambient)
@@ -153,11 +171,11 @@ class ReplayRig:
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Play the recording that matches these steps, with its recorded sample times."""
-        source, first = self._find(steps)
-        self._played[source.name] += 1
+        source = self._find(steps)
+        self._played[source.file.name] += 1
         self._last = source
         self._halted.clear()
-        return self._play(source, source.samples(first, steps))
+        return self._play(source, source.file.samples())
 
     def stop(self) -> None:
         """Stop the playback; the next request is for ambient pressure."""
@@ -169,8 +187,8 @@ class ReplayRig:
         """Prefer the recording with this key; the key has priority over the time."""
         self._key = key
         for source in self.sources:
-            if source.key == key:
-                self._state = replace(self._state, time_s=source.began_s)
+            if source.cycle.key == key:
+                self._state = replace(self._state, time_s=source.file.head.began_s)
 
     def memory(self) -> dict[str, Any]:
         """Return how often each recording was played."""
@@ -186,27 +204,29 @@ class ReplayRig:
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the mountings of the recordings."""
-        factors = dict.fromkeys(factor for source in self.sources for factor in source.levels)
-        return {f: tuple(dict.fromkeys(t.levels[f] for t in self.sources if f in t.levels)) for f in factors}
+        factors = dict.fromkeys(factor for source in self.sources for factor in source.cycle.levels)
+        return {
+            f: tuple(dict.fromkeys(t.cycle.levels[f] for t in self.sources if f in t.cycle.levels)) for f in factors
+        }
 
     def change(self, levels: dict[str, str]) -> None:
         """Select recordings with this mounting."""
         self._levels.update(levels)
 
-    def _find(self, steps: Sequence[Step]) -> tuple[ReplaySource, int]:
+    def _find(self, steps: Sequence[Step]) -> RecordedCycle:
         state, found = self._state, []
         for source in self.sources:
-            asked = ((state.pressure_a_pa, source.pressure_a_pa), (state.pressure_b_pa, source.pressure_b_pa))
+            own = source.cycle
+            asked = ((state.pressure_a_pa, own.pressure_a_pa), (state.pressure_b_pa, own.pressure_b_pa))
             if any(abs(want - have) > self.tolerance.pressure_pa for want, have in asked):
                 continue
-            if any(source.levels.get(factor, level) != level for factor, level in self._levels.items()):
+            if any(source.cycle.levels.get(factor, level) != level for factor, level in self._levels.items()):
                 continue
-            first = source.first_step(steps, self.tolerance)
-            if first is not None:
-                found.append((source, first))
+            if source.matches(steps, self.tolerance):
+                found.append(source)
         if not found:
             raise self._none_like(steps)
-        return min(found, key=lambda pair: (pair[0].key != self._key, self._played[pair[0].name]))
+        return min(found, key=lambda source: (source.cycle.key != self._key, self._played[source.file.name]))
 
     def _none_like(self, steps: Sequence[Step]) -> RigError:
         pressures = f"{self._state.pressure_a_pa / 1e5:.4g} and {self._state.pressure_b_pa / 1e5:.4g} bar abs"
@@ -214,8 +234,9 @@ class ReplayRig:
         stop = max((step.duration_s for step in steps if isinstance(step, Hold)), default=0.0)
         wanted = moves[-1].speed_m_s if moves else 0.0
 
-        def distance(source: ReplaySource) -> float:
-            a, b = source.pressure_a_pa - self._state.pressure_a_pa, source.pressure_b_pa - self._state.pressure_b_pa
+        def distance(source: RecordedCycle) -> float:
+            own, state = source.cycle, self._state
+            a, b = own.pressure_a_pa - state.pressure_a_pa, own.pressure_b_pa - state.pressure_b_pa
             apart = (abs(np.log(speed / wanted)) for speed in source.speeds_m_s if wanted)
             return (abs(a) + abs(b)) / self.tolerance.pressure_pa + min(apart, default=9)
 
@@ -230,13 +251,13 @@ class ReplayRig:
             remedy="Ask for a recorded cycle, or allow more in the rig file (speed_tolerance, pressure_tolerance)",
         )
 
-    def _play(self, source: ReplaySource, samples: Samples) -> Iterator[Samples]:
+    def _play(self, source: RecordedCycle, samples: Samples) -> Iterator[Samples]:
         if not len(samples):
             return
         began, start = time.monotonic(), samples.time_s[0]
         duration = float(np.nanmax(samples.time_s) - start)
         count = max(1, round(duration / PART_S / self.pace)) if self.pace else max(1, len(samples) // 1000)
-        self._state = replace(self._state, moving=True, time_s=source.began_s)
+        self._state = replace(self._state, moving=True, time_s=source.file.head.began_s)
         try:
             for rows in np.array_split(np.arange(len(samples)), count):
                 if not rows.size:
@@ -244,22 +265,96 @@ class ReplayRig:
                 part = samples.rows(rows)
                 self._wait(began, float(part.time_s[-1] - start))
                 if self._halted.is_set():
-                    raise RigError("the playback was stopped", where=source.name)
+                    raise RigError("the playback was stopped", where=source.file.name)
                 self._show(source, part)
                 yield part
         finally:
             self._state = replace(self._state, moving=False)
 
-    def _show(self, source: ReplaySource, part: Samples) -> None:
+    def _show(self, source: RecordedCycle, part: Samples) -> None:
         temperature = float(part.temperature_k[-1])
         self._state = replace(
             self._state,
             position_m=float(part.position_m[-1]),
             force_n=float(part.force_n[-1]),
             temperature_k=temperature if np.isfinite(temperature) else self._state.temperature_k,
-            time_s=source.began_s + float(part.time_s[-1]),
+            time_s=source.file.head.began_s + float(part.time_s[-1]),
         )
 
     def _wait(self, began: float, until_s: float) -> None:
         if self.pace is not None:
             self._halted.wait(max(0.0, began + until_s / self.pace - time.monotonic()))
+
+
+class ReplayFile(RigFile):
+    """Rig file of a replay: a campaign folder, and how near a cycle must be to its recording."""
+
+    folder: str
+    speed_tolerance: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = Tolerance.speed
+    pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=Bounds(at_least=0.0))] = Tolerance.pressure_pa
+
+
+def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) -> ReplayRig:
+    """Make a rig from a campaign folder, or from a rig file that names one.
+
+    The limits are those of the rig file, otherwise those of the original rig, otherwise the range of the recordings.
+
+    Raises
+    ------
+    RigError, CampaignError
+        With file, value, rule and remedy.
+    """
+    folder, tolerance, identity, limits = Path(source), Tolerance(), None, None
+    if not folder.is_dir():
+        file = ReplayFile.load(folder)
+        folder = file.beside(file.folder) or Path()
+        tolerance = Tolerance(speed=file.speed_tolerance, pressure_pa=file.pressure_tolerance_pa)
+        identity, limits = file.described()
+    if not (folder / ABOUT).is_file():
+        remedy = "Run a campaign on a rig. Recordings of another program are characterised without a campaign."
+        raise RigError(f"{folder} is not a campaign folder", rule=f"it has {ABOUT} and {CYCLES}/", remedy=remedy)
+    campaign = Campaign.open(folder)
+    cycles = (file for file in campaign.cycles() if file.head.cycle.kind != "operator")
+    sources = [RecordedCycle(file, campaign.path / TRUTH / f"{file.name}.json") for file in cycles]
+    if not sources:
+        raise RigError("the campaign has no finished cycle to play", where=str(folder))
+    identity, envelope = identity or campaign.identity, campaign.about.get("envelope")
+    limits = limits or (envelope_of(envelope, str(folder / ABOUT)) if envelope else _envelope(sources, identity))
+    return ReplayRig(sources, identity, limits, pace, tolerance)
+
+
+def _envelope(sources: Sequence[RecordedCycle], identity: Identity) -> Envelope:
+    """Return the limits of a rig that is known only from recordings: the range that all recordings cover."""
+    spans = [span for source in sources if (span := source.range_m()) is not None]
+    speeds = [speed for source in sources for speed in source.speeds_m_s]
+    if not spans:
+        raise RigError("no recording moves in both directions", rule="the range of the axis is unknown then")
+    low, high = min(span[0] for span in spans), max(span[1] for span in spans)
+    pressures = [pressure for one in sources for pressure in (one.cycle.pressure_a_pa, one.cycle.pressure_b_pa)]
+    force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))
+    return Envelope(
+        position_m=(low, high),
+        speed_m_s=max(speeds, default=0.0) * (1.0 + Tolerance.speed),
+        acceleration_m_s2=ASSUMED_ACCELERATION_M_S2,
+        jerk_m_s3=ASSUMED_JERK_M_S3,
+        force_n=min(map(abs, force)),
+        pressure_pa=(min(*pressures, identity.ambient_pressure_pa), max(pressures) + Tolerance.pressure_pa),
+        separate_pressures=True,
+        temperature_k=ANY_TEMPERATURE_K,
+        home_m=low,
+    )
+
+
+def _like(asked: Step, recorded: Step, tolerance: Tolerance) -> bool:
+    """Return whether a recorded step matches the requested step."""
+    if isinstance(asked, Move) and isinstance(recorded, Move):
+        near = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
+        return near and _as_fast(asked.speed_m_s, recorded.speed_m_s, tolerance)
+    if isinstance(asked, Hold) and isinstance(recorded, Hold):
+        same = (asked.released, asked.shut) == (recorded.released, recorded.shut)
+        return same and abs(asked.duration_s - recorded.duration_s) <= tolerance.speed * asked.duration_s
+    return False
+
+
+def _as_fast(asked_m_s: float, recorded_m_s: float, tolerance: Tolerance) -> bool:
+    return abs(asked_m_s - recorded_m_s) <= tolerance.speed * asked_m_s

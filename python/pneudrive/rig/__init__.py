@@ -12,7 +12,7 @@ Times of samples are those of `pneudrive.rig.sampling.schedule`::
         ...
 
 Simulated rigs are TOML files, each value with its source (`shipped_rigs` lists those of the package; one can extend
-another). `pneudrive.rig.faults.FaultyRig` adds faults to any rig.
+another).
 
 A new kind of rig needs a function (source, seed, pace) -> Rig and one line in `pneudrive.rig.loading.LOADERS`. The kind
 is the scheme of an address, ``kind = "..."`` in a TOML file, or ``folder``.

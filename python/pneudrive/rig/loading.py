@@ -22,8 +22,8 @@ LOADERS: dict[str, str] = {
     "simulated": "pneudrive.rig.simulated:load_session",
     "opc-ua": "pneudrive.rig.opcua.client:load_opcua",
     "opc.tcp": "pneudrive.rig.opcua.client:load_opcua",
-    "replay": "pneudrive.campaign.replay_sources:load_replay",
-    "folder": "pneudrive.campaign.replay_sources:load_replay",
+    "replay": "pneudrive.campaign.replay:load_replay",
+    "folder": "pneudrive.campaign.replay:load_replay",
 }
 CODE = "code"
 #: Kinds that a file may name, as they only read data. Others run code, or move an axis and log in.

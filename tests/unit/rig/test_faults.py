@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from oracle.rig_faults import KINDS, Fault, FaultyRig
 from pneudrive.errors import RigError
 from pneudrive.rig import Move, Reproducible, Rig, Samples, Sampling, load_rig
-from pneudrive.rig.faults import KINDS, Fault, FaultyRig
 
 STEPS = [Move(0.2, 0.1)]
 SAMPLING = Sampling(samples_per_stroke=400, burst_rate_hz=0.0)

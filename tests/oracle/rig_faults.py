@@ -95,7 +95,7 @@ class FaultyRig:
     cycle: int = field(default=0, init=False)
     looks: int = field(default=0, init=False)
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any attribute of the rig
+    def __getattr__(self, name: str) -> Any:
         """Pass on all other attributes of the rig."""
         if name.startswith("__") or name == "rig":
             raise AttributeError(name)
