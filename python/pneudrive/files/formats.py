@@ -21,6 +21,7 @@ from pneudrive.files.packed import check_unpacked
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    import polars as pl
     from numpy.typing import NDArray
 
 resource: Any = None
@@ -28,6 +29,7 @@ with contextlib.suppress(ImportError):  # not on Windows
     import resource
 
 MEMORY_OF_SMALL = 500_000_000  # bytes that a small MAT file may take: some copies of `packed.SMALL`
+MOST_PLACES = 100  # of a column of lists that become columns
 UNIT_OF = "unit of "  # prefix of a column's name: key of its unit in the file's metadata
 OF_FILE = "the file of this row"  # name of an added column
 CLASSIC_NETCDF = b"CDF"  # first bytes of netCDF 3
@@ -73,7 +75,7 @@ def open_parquet(path: Path) -> Opened:
 
     @cache
     def scan() -> pl.LazyFrame:
-        return pl.scan_parquet(path)
+        return _without_lists(pl.scan_parquet(path))
 
     def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> dict[str, NDArray[Any]]:
         check_parquet(path, wanted)
@@ -91,6 +93,23 @@ def open_parquet(path: Path) -> Opened:
     return Opened(lambda: scan().collect_schema().names(), get, count, parquet_metadata(path), lambda: None)
 
 
+def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
+    """Return a table with a column ``name[0]``, ``name[1]``, ... for each place of a column of short lists."""
+    import polars as pl
+
+    schema = table.collect_schema()
+    lists = [name for name, kind in schema.items() if isinstance(kind, pl.List | pl.Array) and kind.inner.is_numeric()]
+    if not lists:
+        return table
+    short = table.with_columns(pl.col(name).cast(pl.List(schema[name].inner)) for name in lists)
+    widths = short.head(1).select(pl.col(lists).list.len().max()).collect().row(0, named=True)
+    return short.with_columns(
+        pl.col(name).list.get(at, null_on_oob=True).alias(f"{name}[{at}]")
+        for name in lists
+        for at in range(min(widths[name] or 0, MOST_PLACES))
+    ).drop(lists)
+
+
 def check_parquet(path: Path, wanted: Sequence[str]) -> None:
     """Check the size of columns by the header of a Parquet file, where a constant column of any length is short.
 
@@ -101,7 +120,7 @@ def check_parquet(path: Path, wanted: Sequence[str]) -> None:
     """
     import polars as pl
 
-    table = pl.scan_parquet(path).select(wanted)
+    table = _without_lists(pl.scan_parquet(path)).select(wanted)
     numbers = [8 if kind.is_numeric() or kind.is_temporal() else 16 for kind in table.collect_schema().dtypes()]
     rows = int(table.select(pl.len()).collect().item())
     check_unpacked(rows * sum(numbers), path.stat().st_size, RecordingError)
@@ -238,14 +257,26 @@ def open_mf4(path: Path) -> Opened:
 
 
 def open_mat(path: Path) -> Opened:
-    """Open a MAT file (v5 to v7.3); fields of structures have dotted names."""
+    """Open a MAT file (v5 to v7.3); fields of structures have dotted names.
+
+    An array of structures, such as the signals of a Simulink scope, has columns with the texts of ``label``, or names
+    with the number of the structure: ``signals[1].values``.
+    """
     pymatreader = _optional("pymatreader", "mat")
     flat: dict[str, NDArray[Any]] = {}
 
     def collect(prefix: str, value: Any) -> None:  # noqa: ANN401 - any content
         if isinstance(value, dict):
+            labels = value.get("label")
+            labels = [one for one in labels if isinstance(one, str) and one] if isinstance(labels, list) else []
+            labels = labels if len({*labels, *flat}) == len(labels) + len(flat) else []
             for key, inner in value.items():
-                collect(f"{prefix}.{key}" if prefix else str(key), inner)
+                if isinstance(inner, list) and any(np.ndim(one) for one in inner):
+                    numbered = [f"{prefix}[{at}].{key}" for at in range(len(inner))]
+                    names = labels if len(labels) == len(inner) else numbered
+                    flat.update(zip(names, map(np.squeeze, inner), strict=True))
+                else:
+                    collect(f"{prefix}.{key}" if prefix else str(key), inner)
         elif np.ndim(value) >= 1:
             flat[prefix] = np.squeeze(np.asarray(value))
 

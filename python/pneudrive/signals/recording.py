@@ -134,7 +134,8 @@ class Recording(Shown):
                 where=f"{self.name}, sample {at}",
                 value=f"{self.time_s[at]:.6g} s after {self.time_s[at - 1]:.6g} s",
                 rule="time must not decrease",
-                remedy="check the time column and its unit, or split the file at the reset of the clock",
+                remedy="check the time column and its unit, or split the file at the reset of the clock; several runs "
+                'in one Parquet file need the column of their number, cycle = { column = "..." }',
             )
         for area in ("area_a_m2", "area_b_m2"):
             if not (np.isfinite(getattr(self, area)) and getattr(self, area) >= 0):

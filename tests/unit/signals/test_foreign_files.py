@@ -329,3 +329,89 @@ def test_files_of_random_kinds_together(tmp_path):
         assert verdict in ("right", "refused", "flagged"), (seed, how, truth)
         verdicts[verdict] += 1
     assert verdicts["refused"] < 0.2 * sum(verdicts.values()), verdicts
+
+
+def test_a_plain_header_below_remarks_is_the_header(table, tmp_path):
+    """Oscilloscopes write remarks behind a comment sign and the names without it; other programs only the names."""
+    rows = fields(table)
+    remarks = "#Oscilloscope\n#Sample rate: 50Hz, Samples: 850\n\n"
+    (tmp_path / "a.csv").write_text(remarks + text_of([BRACKETS], rows))
+    text = proposed(tmp_path / "a.csv").text
+    check(tmp_path / "a.csv", text.replace("skip_lines = 3\n", ""))
+    (tmp_path / "b.csv").write_text("# " + text_of([BRACKETS, NAMES], rows))
+    check(tmp_path / "b.csv", text.replace("skip_lines = 3\n", ""))
+    volts = [BRACKETS[0], *(f"Channel {at} (V)" for at in (1, 2, 3, 4))]
+    (tmp_path / "c.csv").write_text(remarks + text_of([volts], rows))
+    with pytest.raises(RecordingError, match=r"Channel 1 \(V\), .*Channel 4 \(V\) need a role, a unit and a scale"):
+        propose_layout(tmp_path / "c.csv")
+
+
+def test_minutes_and_seconds_go_on_after_an_hour(table, tmp_path):
+    stamps = [f"{int((3590 + t) % 3600 // 60):02d}:{(3590 + t) % 60:05.2f}" for t in table[:, 0]]
+    assert stamps[0] > stamps[-1]
+    rows = [[stamp, *row[1:]] for stamp, row in zip(stamps, fields(table), strict=True)]
+    (tmp_path / "a.csv").write_text(text_of([["Time", *BRACKETS[1:]]], rows))
+    assert 'format = "%M:%S.%f"' in proposed(tmp_path / "a.csv").text
+
+
+@pytest.mark.parametrize("labelled", [True, False])
+def test_signals_of_a_simulink_scope(table, tmp_path, labelled):
+    from scipy.io import savemat
+
+    names = ["Position [mm]", "Force [N]", "Pressure A [barg]", "Pressure B [barg]"]
+    kinds = [("values", object), ("label", object)]
+    signals = np.empty(4, dtype=kinds)
+    for at, name in enumerate(names):
+        signals[at] = (table[:, at + 1], name if labelled else "")
+    savemat(tmp_path / "a.mat", {"ScopeData": {"time": table[:, 0], "signals": signals, "blockName": "rig/Scope"}})
+    if labelled:
+        proposed(tmp_path / "a.mat")
+        return
+    channels = zip(
+        ("position", "force", "pressure_a", "pressure_b"), ("mm", "N", "bar gauge", "bar gauge"), strict=True
+    )
+    lines = [f'{c} = {{ column = "ScopeData.signals[{i}].values", unit = "{u}" }}' for i, (c, u) in enumerate(channels)]
+    head = 'format = "mat"\n[columns]\ntime = { column = "ScopeData.time", unit = "s" }\n'
+    text = "\n".join([head, *lines, '[geometry]\nbore = "25 mm"'])
+    check(tmp_path / "a.mat", text)
+    with pytest.raises(RecordingError, match=r"there is no column 'ScopeData.signals\(2\)") as refused:
+        check(tmp_path / "a.mat", text.replace("signals[1]", "signals(2)"))
+    assert "ScopeData.signals[1].values" in str(refused.value)
+    assert "delimiter" not in str(refused.value)
+
+
+def test_lists_of_episodes_in_parquet(table, tmp_path):
+    import polars as pl
+
+    half = table[: len(table) // 2]
+    twice = {"timestamp": np.tile(half[:, 0], 2), "episode_index": np.repeat([0, 1], len(half))}
+    frame = pl.DataFrame({"observation.state": np.tile(half[:, 1:], (2, 1)).tolist(), **twice})
+    frame.write_parquet(tmp_path / "a.parquet")
+    proposal = propose_layout(tmp_path / "a.parquet")
+    assert "observation.state[2]" in proposal.text
+    assert 'cycle = { column = "episode_index" }' in proposal.text
+    units = {"position": "mm", "force": "N", "pressure_a": "bar gauge", "pressure_b": "bar gauge"}
+    lines = [f'{c} = {{ column = "observation.state[{at}]", unit = "{u}" }}' for at, (c, u) in enumerate(units.items())]
+    head = ['format = "parquet"', "[columns]", 'time = { column = "timestamp", unit = "s" }']
+    text = "\n".join([*head, *lines, "CYCLE", '[geometry]\nbore = "25 mm"'])
+    check(tmp_path / "a.parquet", text.replace("CYCLE", 'cycle = { column = "episode_index" }'))
+    with pytest.raises(RecordingError, match=r"time runs backwards(?s:.*)cycle = "):
+        check(tmp_path / "a.parquet", text.replace("CYCLE", ""))
+
+
+def test_one_row_for_each_value_and_units_inside_the_cells_are_named(table, tmp_path):
+    rows = [
+        [f"AX1.{name}", row[0], text, "Good"]
+        for row in fields(table)
+        for name, text in zip("xfab", row[1:], strict=True)
+    ]
+    (tmp_path / "a.csv").write_text(text_of([["Tag", "Timestamp", "Value", "Quality"]], rows))
+    with pytest.raises(
+        RecordingError, match=r"one row for each value(?s:.*)pivot\(index=\"Timestamp\", columns=\"Tag\""
+    ):
+        propose_layout(tmp_path / "a.csv")
+    units = ("s", "mm", "N", "bar(g)", "bar(g)")
+    rows = [[f"{text} {unit}" for text, unit in zip(row, units, strict=True)] for row in fields(table)]
+    (tmp_path / "b.csv").write_text(text_of([NAMES], rows))
+    with pytest.raises(RecordingError, match=r"units inside the cells(?s:.*)into the header"):
+        propose_layout(tmp_path / "b.csv")

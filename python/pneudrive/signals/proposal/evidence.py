@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.signals.motion import local_slope, noise_level, turning_points
 from pneudrive.signals.tables.column_units import HeaderUnit, header_unit, split_name
-from pneudrive.signals.tables.names import SECONDARY, role_of, words_of
+from pneudrive.signals.tables.names import NUMBERING, SECONDARY, role_of, words_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -111,7 +111,8 @@ class TableSignals:
         """Return whether neither name nor unit of a column exclude a pressure, and its numbers change."""
         header, values = self.headers[at], self.columns[at]
         fits = header.unit is None or header.unit.si == "Pa" or header.is_raw
-        return fits and header.role in (None, "pressure") and bool(np.nanmax(values) > np.nanmin(values))
+        is_signal = np.nanmax(values) > np.nanmin(values) and not NUMBERING.search(words_of(header.name))
+        return fits and header.role in (None, "pressure") and bool(is_signal)
 
     def without_role(self) -> list[int]:
         """Return the columns whose headers state no role and no quantity."""
@@ -132,7 +133,12 @@ def _header(reading: FileForm, at: int) -> Header:
     if unit is None and reading.format in GROUPED and own == "time":
         unit = HeaderUnit("s", "s")
     opened = own.rpartition("[")[2].partition("]")
-    return Header(name, bare, unit, opened[0] if unit is None and opened[1] and not opened[2].strip() else "")
+    return Header(
+        name,
+        bare,
+        unit,
+        opened[0] if unit is None and opened[1] and not (opened[2].strip() or opened[0].isdigit()) else "",
+    )
 
 
 def is_held(values: Array) -> bool:

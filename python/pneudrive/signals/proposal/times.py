@@ -10,10 +10,12 @@ import numpy as np
 from pneudrive.signals.proposal.evidence import FEWEST, NAME, PHYSICS, UNIT, Candidate
 from pneudrive.signals.tables.date_times import UNIT as DATE
 from pneudrive.signals.tables.names import INDEX, words_of
-from pneudrive.signals.tables.timing import CLOCKS_S, COUNTERS, rate_of_stamps, samples_of_a_stamp, unwrapped
+from pneudrive.signals.tables.timing import COUNTERS, clocks_of, rate_of_stamps, samples_of_a_stamp, unwrapped
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from pneudrive.signals.proposal.evidence import TableSignals
@@ -83,7 +85,7 @@ def _candidates(signals: TableSignals) -> tuple[list[Candidate], list[int], list
         is_named = header.role == "time"
         score = NAME * is_named + UNIT * (is_date or header.unit is not None)
         evidence = ["name"] * is_named + ["unit"] * (is_date or header.unit is not None)
-        if _rises(values, is_date=is_date):
+        if _rises(values, clocks_of(signals.reading.dates[at]) if is_date else COUNTERS):
             if score == 0 and (_counts(values) or INDEX.match(words_of(header.name))):
                 numbered.append(at)
                 continue
@@ -102,9 +104,9 @@ def _candidates(signals: TableSignals) -> tuple[list[Candidate], list[int], list
     return sorted(found, key=lambda one: -one.score), dates, numbered
 
 
-def _rises(values: Array, *, is_date: bool) -> bool:
+def _rises(values: Array, moduli: Iterable[float]) -> bool:
     some = values[np.isfinite(values)]
-    some, _ = unwrapped(some, CLOCKS_S if is_date else COUNTERS, forward=True)
+    some, _ = unwrapped(some, moduli, forward=True)
     steps = np.diff(some)
     if steps.size < 2 or not steps.any():
         return False
@@ -156,7 +158,8 @@ def _time(signals: TableSignals, best: Candidate, dates: list[int]) -> Times:
     is_date = best.index in signals.reading.dates
     unit = DATE if is_date else header.unit.unit if header.unit is not None else ""
     factor = converter(unit, "s")[0] if header.unit is not None and not is_date else 1.0
-    values, _ = unwrapped(values, [c / factor for c in CLOCKS_S] if is_date else COUNTERS, forward=True)
+    moduli = clocks_of(signals.reading.dates[best.index], factor) if is_date else COUNTERS
+    values, _ = unwrapped(values, moduli, forward=True)
     times = Times(best.index, values, unit)
     if is_date and dates:
         times.date = dates[0]

@@ -19,12 +19,13 @@ UNIT = "date-time"  # the unit of such a column in a layout
 ISO = ""  # format of ISO 8601; the time of day may stand alone
 _DATE = r"\d{4}-\d\d?-\d\d?|\d\d?\.\d\d?\.\d{4}|\d\d?/\d\d?/\d{4}|\d{4}/\d\d?/\d\d?"
 _CLOCK = r"\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?(?:\s?[AaPp][Mm])?(?:\s?Z|\s?[+-]\d\d:?\d\d)?"
-_LOOKS = re.compile(rf"\s*(?:(?:{_DATE})(?:[T\s]\s*(?:{_CLOCK}))?|{_CLOCK})\s*")
+_MINUTES = r"[0-5]?\d:[0-5]\d[.,]\d+"  # as spreadsheets save a time of day
+_LOOKS = re.compile(rf"\s*(?:(?:{_DATE})(?:[T\s]\s*(?:{_CLOCK}))?|{_CLOCK}|{_MINUTES})\s*")
 # date, hour and minute, second, zone. Each is optional, and the rest counts from midnight UTC
 _ISO_PARTS = r"^(?:(\d{4}-\d\d?-\d\d?)(?:[T\s]\s*|$))?(?:(\d\d?:\d\d)(?::(\d\d(?:\.\d+)?))?\s*(Z|[+-]\d\d:?\d\d)?)?$"
 GUESSES = ("%d.%m.%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f", "%m/%d/%Y %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S.%f",
            "%m/%d/%Y %I:%M:%S.%f %p", "%d/%m/%Y %I:%M:%S.%f %p", "%d.%m.%Y %H:%M", "%I:%M:%S.%f %p",
-           "%d.%m.%Y", "%Y/%m/%d", "%m/%d/%Y", "%d/%m/%Y")  # fmt: skip
+           "%M:%S.%f", "%d.%m.%Y", "%Y/%m/%d", "%m/%d/%Y", "%d/%m/%Y")  # fmt: skip
 NOT_A_TIME = np.iinfo(np.int64).min
 
 
@@ -37,6 +38,11 @@ def looks_like_date_time(text: str) -> bool:
     (True, False)
     """
     return _LOOKS.fullmatch(text) is not None
+
+
+def is_of_minutes(form: str) -> bool:
+    """Return whether a format has minutes, but neither hours nor a date: it begins again after an hour."""
+    return "%M" in form and not re.search(r"%[HIsTRcdjyYFx]", form)
 
 
 def guess_form(texts: Sequence[str]) -> str | None:
@@ -104,6 +110,8 @@ def _nanoseconds(texts: Sequence[str], form: str) -> NDArray[np.int64]:
         parts = "%Y-%m-%dT%H:%M:%S%.f%#z"
     else:
         parts = form.replace(",", ".").replace(".%f", "%.f")
+        if is_of_minutes(form):
+            column, parts = "00:" + column, f"%H:{parts}"
         if not re.search(r"%[djyYFxcs]", parts):
             column, parts = "1970-01-01 " + column, f"%Y-%m-%d {parts}"
         elif not re.search(r"%[HIsTRc]", parts):

@@ -11,7 +11,7 @@ WORDS = {
     "force": r"\b(f|fx)\b|force|kraft|\bload|fuerza",
     "pressure": r"\bp\b|\bp[ab]\b|press|druck",
     "command": r"\b(u|cmd)\b|command|valve|ventil|voltage|spannung",
-    "cycle": r"^cycle|zyklus",
+    "cycle": r"^cycle|^episode|zyklus",
 }
 #: Words that make another column of a role the likelier one: a set value, a limit, an error, another place.
 SECONDARY = re.compile(
@@ -21,6 +21,7 @@ SECONDARY = re.compile(
 INDEX = re.compile(
     r"^(index|idx|samples?|no|nr|n|row|point|num|number|count|record|lfd|zeile|i|k|id)( (no|nr|number|index))?$"
 )
+NUMBERING = re.compile(r"\b(index|idx|number|id|nr|no|count)$")
 #: Least number of columns that are called alike but for their number.
 FAMILY = 3
 

@@ -44,6 +44,7 @@ _WORD = re.compile(r"[^\W\d_]")  # a text that nobody takes for a number begins 
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:([.,'’\s\u00a0\u202f])\d{3})+(?:[.,]\d*)?$")
 #: Names of columns that white space separates, each with a unit in brackets behind more of it.
 _LOOSE = re.compile(r"[^\s\[(]+\s*(?:[\[(][^\])]{0,40}[\])])?")
+_CELL = re.compile(r"[-+]?\d[\d.,]*+ ([^\W\d_][\w/()]*)")  # a number and its unit
 _BARE = re.compile(r"[-+]?\d{1,3}$")
 
 
@@ -51,7 +52,8 @@ _BARE = re.compile(r"[-+]?\d{1,3}$")
 class FileForm:
     """Form of a file: ``form`` for text, names of the columns if any, their number.
 
-    ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts.
+    ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts,
+    with the number of different texts in the first rows.
     ``preamble`` holds statements of the lines above the table. ``other_lengths`` holds the lengths of channels that do
     not fit into the table, by name.
     """
@@ -62,7 +64,7 @@ class FileForm:
     units: list[str]
     columns: int
     dates: dict[int, str] = field(default_factory=dict)
-    words: frozenset[int] = frozenset()
+    words: dict[int, int] = field(default_factory=dict)
     preamble: Preamble = field(default_factory=Preamble)
     other_lengths: dict[str, int] = field(default_factory=dict)
 
@@ -116,6 +118,14 @@ def sniff_text(path: Path) -> FileForm:
             # Among equals the earlier candidate wins: it has fewer separators.
             fit = [one for one in fit if one.worth > worth - 1e-9]
             return _with_header(lines, _told(fit, sample, path))
+    cells = [found for line in sample[:FEW_LINES] for found in _CELL.finditer(line)]
+    if unit := next((found for found in cells if (named := header_unit(found[1])) and named.si), None):
+        raise RecordingError(
+            "the numbers have units inside the cells",
+            where=str(path),
+            value=unit[0],
+            remedy="remove the units from the cells, and write them into the header, as in Time [s]",
+        )
     raise RecordingError(
         "no table of numbers was found",
         where=str(path),
@@ -219,7 +229,9 @@ def _with_header(lines: list[str], reading: _Reading) -> FileForm:
         form = replace(form, delimiter=None)
     form = replace(form, skip_lines=skip if form.header else first)
     dates = _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width)
-    return FileForm("csv", form, names, units or preamble.units, width, dates, reading.words, preamble)
+    rows = [row for line in lines[first:][:SAMPLED_LINES] if len(row := split_row(line, form.delimiter)) == width]
+    words = {at: len({row[at] for row in rows}) for at in reading.words}
+    return FileForm("csv", form, names, units or preamble.units, width, dates, words, preamble)
 
 
 def _first_of_numbers(lines: list[str], reading: _Reading) -> int:

@@ -224,7 +224,7 @@ def read_text(
             remedy="check header, skip_lines and comment in the layout",
         )
     width = len(split_row(first, form.delimiter))
-    use = [column_number(column, names, width, path) for column in wanted]
+    use = [column_number(column, names, width, path, is_text=True) for column in wanted]
     forms = {at: dates[column] for at, column in enumerate(wanted) if dates and column in dates}
     more = [at for at in range(width) if at not in use] if others else []
     rows = [at for at, line in enumerate(lines[start:], start) if line.strip() and line[:1] != form.comment]
@@ -255,6 +255,7 @@ def _header(lines: list[str], form: TextForm, path: Path) -> tuple[int, list[str
         start += 1
     if start >= len(lines):
         raise RecordingError("there is no header line", where=str(path))
+    start = _below_remarks(lines, start, form)
     names = split_row(lines[start].lstrip(form.comment), form.of_header)
     units: list[str] = []
     for row in lines[start + 1 : start + 1 + HEADER_ROWS]:
@@ -264,6 +265,17 @@ def _header(lines: list[str], form: TextForm, path: Path) -> tuple[int, list[str
             break
         units, start = units or (words if any(words) else []), start + 1
     return start + 1, names, units
+
+
+def _below_remarks(lines: list[str], start: int, form: TextForm) -> int:
+    """Return the line of a header below remarks behind the comment sign, or the first remark if it is the header."""
+    plain = (at for at in range(start, len(lines)) if lines[at].strip() and lines[at].lstrip()[0] != form.comment)
+    header, below = next(plain, None), next(plain, None)
+    if header in (None, start) or below is None:
+        return start
+    names, width = split_row(lines[header], form.of_header), len(split_row(lines[below], form.delimiter))
+    remark = split_row(lines[start].lstrip(form.comment), form.of_header)
+    return header if len(remark) < width == len(names) and is_words(names, form) else start
 
 
 def without_headers(
@@ -290,14 +302,14 @@ def without_headers(
     return kept, [kept.index(at) for mark in marks if (at := next((row for row in kept if row > mark), 0))]
 
 
-def column_number(column: int | str, names: list[str], width: int, path: Path) -> int:
+def column_number(column: int | str, names: list[str], width: int, path: Path, *, is_text: bool = False) -> int:
     """Return the number of a column given by name or number; refuse a missing one."""
     if isinstance(column, str):
         if column not in names:
             remedy = "name a column of the header, or give its number from 0"
-            if not names:
+            if not names and is_text:
                 remedy = "write header = true, or give its number from 0"
-            elif len(names) == 1:
+            elif len(names) == 1 and is_text:
                 remedy = 'the header was read as one name: state what separates columns, as delimiter = "comma"'
             raise RecordingError(
                 f"there is no column '{column}'",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import RecordingError
+from pneudrive.signals.tables.date_times import is_of_minutes
 from pneudrive.signals.tables.text_table import NumberTable
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 COUNTERS = (2.0**16, 2.0**32)  # moduli of counters
 CLOCKS_S = (43200.0, 86400.0)  # moduli of times of day
+HOUR_S = 3600.0  # the same without hours
 SAME_STEP = 0.25  # largest share of a modulus by which a jump may miss it
 EQUAL_SHARE = 0.4  # least share of stamps equal to the one before for stamps that many samples share
 EVEN_SHARE = 0.05  # largest deviation of the number of samples of one stamp, or of the steps of stamps
@@ -57,6 +59,12 @@ def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: boo
         out[there[1:]] += np.cumsum(wraps)
         return out, int(np.count_nonzero(wraps))
     return values, 0
+
+
+def clocks_of(form: str | None, factor: float = 1.0) -> list[float]:
+    """Return the times after which a clock begins again, in its unit; `form` is the format of a date."""
+    moduli = (HOUR_S,) if form is not None and is_of_minutes(form) else CLOCKS_S
+    return [modulus / factor for modulus in moduli]
 
 
 def filled(time: Array, values: Array, *, held: bool = False) -> Array:
@@ -211,7 +219,7 @@ def _time_of(
     if column.date is not None:
         return time + read[column.date], 0
     refuse_equal_stamps(time, column.column, where)
-    clocks = [modulus / column.conversion.factor for modulus in CLOCKS_S]
+    clocks = clocks_of(column.format if column.is_date else None, column.conversion.factor)
     time, midnights = unwrapped(time, clocks, forward=True)
     counters = COUNTERS if column.wraps is None else (column.wraps,)
     time, wraps = (time, 0) if midnights else unwrapped(time, counters, forward=True)
