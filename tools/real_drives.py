@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pneudrive.errors import PneudriveWarning
-from pneudrive.friction.recording.characterisation import characterise_recordings as characterise
+from pneudrive.friction.characterisation import characterise_recordings as characterise
 from pneudrive.identify.follow.fit import FollowFit, identify_motion
 from pneudrive.identify.follow.motion import driven_recordings
 from pneudrive.identify.follow.problem import FollowProblem, solve_follow

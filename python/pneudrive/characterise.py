@@ -12,10 +12,10 @@ from pneudrive.lazy_names import lazy
 
 if TYPE_CHECKING:
     from pneudrive.friction.campaign.characteristics import characterise
+    from pneudrive.friction.characterisation import Characterisation, characterise_recordings
     from pneudrive.friction.friction_map import read_map, write_map
-    from pneudrive.friction.recording.characterisation import Characterisation, characterise_recordings
-    from pneudrive.friction.reduction.settling import Settled, SourcePaper
-    from pneudrive.friction.reduction.stick_slip import StickSlip, find_stick_slip
+    from pneudrive.friction.motion import Settled, SourcePaper
+    from pneudrive.friction.stick_slip import StickSlip, find_stick_slip
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.load import load_recordings
     from pneudrive.signals.recording import Recording
@@ -43,9 +43,9 @@ __getattr__ = lazy(
     {
         "pneudrive.friction.campaign.characteristics": ["characterise"],
         "pneudrive.friction.friction_map": ["read_map", "write_map"],
-        "pneudrive.friction.recording.characterisation": ["Characterisation", "characterise_recordings"],
-        "pneudrive.friction.reduction.settling": ["Settled", "SourcePaper"],
-        "pneudrive.friction.reduction.stick_slip": ["StickSlip", "find_stick_slip"],
+        "pneudrive.friction.characterisation": ["Characterisation", "characterise_recordings"],
+        "pneudrive.friction.motion": ["Settled", "SourcePaper"],
+        "pneudrive.friction.stick_slip": ["StickSlip", "find_stick_slip"],
         "pneudrive.signals.layout": ["Layout"],
         "pneudrive.signals.load": ["load_recordings"],
         "pneudrive.signals.recording": ["Recording"],

@@ -7,7 +7,7 @@ from pneudrive.friction.campaign.characteristics import campaign_friction, chara
 from pneudrive.friction.campaign.files import write_characteristics
 from pneudrive.friction.campaign.fits import fit_campaign
 from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve, CycleResult
-from pneudrive.friction.reduction.condition import BOTH, Condition, Skipped
+from pneudrive.friction.conditions import BOTH, Condition, Skipped
 from pneudrive.friction.sentences import Statement
 
 __all__ = [

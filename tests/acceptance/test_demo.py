@@ -5,7 +5,7 @@ from pathlib import Path
 from pneudrive.cli.hand_over.demo import AXIS, SHIPPED
 from pneudrive.cli.main import run
 from pneudrive.errors import CampaignError
-from pneudrive.friction.recording.characterisation import characterise_recordings
+from pneudrive.friction.characterisation import characterise_recordings
 from pneudrive.report.recording.closure import draw
 from pneudrive.signals import pool
 

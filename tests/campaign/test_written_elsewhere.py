@@ -15,7 +15,7 @@ from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage.folder import COLUMNS, Campaign
 from pneudrive.campaign.storage.head import Head
 from pneudrive.friction.campaign.reading import _plans, read_part
-from pneudrive.friction.reduction.settling import Settled
+from pneudrive.friction.motion import Settled
 from pneudrive.rig.interface import Identity
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/campaign-folder.md").read_text(encoding="utf-8")

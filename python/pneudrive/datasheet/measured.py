@@ -15,8 +15,8 @@ import numpy as np
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, moving_mass, stroke_numbers
 from pneudrive.datasheet.tank_method import TankAir, is_of_tank, tank_air
 from pneudrive.errors import CampaignError, LayoutError, PneudriveError, RecordingError
+from pneudrive.friction.characterisation import characterise_recordings
 from pneudrive.friction.friction_map import write_map
-from pneudrive.friction.recording.characterisation import characterise_recordings
 from pneudrive.validate.static import STATIC_FIT_PERCENT, FrictionValidation, is_friction, validate_friction
 from pneudrive.validate.validation import Validation, validate
 

@@ -17,7 +17,7 @@ from pneudrive.report.topics import Topic
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.characterisation import Characterisation
     from pneudrive.report.page import Block
     from pneudrive.report.study import Addition
 

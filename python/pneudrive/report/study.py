@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.page import Block, Section
 

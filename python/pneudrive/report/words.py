@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.reduction.condition import group_of
+from pneudrive.friction.conditions import group_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.reduction.level import Level, RecordingResult
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.signals.recording import Recording
 
 MOST_SHOWN = 24  # panels of one kind in a report; a campaign has too many recordings to show all
@@ -34,7 +34,7 @@ def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
 
 def gauge_bar(level: Level, recording: Recording) -> float:
     """Return the higher gauge pressure of both chambers, mean of both directions, bar."""
-    return level.larger_gauge_pa(recording.ambient_pressure_pa) / 1e5
+    return level.pressure_pa / 1e5
 
 
 def speed_mm_s(level: Level) -> float:

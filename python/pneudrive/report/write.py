@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.characterisation import Characterisation
     from pneudrive.report.page import Section
     from pneudrive.report.study import Addition, Fits, Study
 

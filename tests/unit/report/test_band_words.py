@@ -2,7 +2,7 @@
 
 import pytest
 
-from pneudrive.friction.recording.pressure_line import FrictionPoint, fit_pressure_lines
+from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines
 from pneudrive.report import style
 from pneudrive.report.recording.pressure import draw_panel
 
@@ -10,7 +10,7 @@ from pneudrive.report.recording.pressure import draw_panel
 @pytest.mark.parametrize("runs", [("1",), ("1", "2")])
 def test_the_legend_promises_no_further_run_where_nothing_was_run_twice(runs):
     points = [
-        FrictionPoint(f"{run} at {bar} bar", "seal", run, 1e5 * bar, 0.1, 10.0 + 2.0 * bar + off, 0.1)
+        LevelPoint(f"{run} at {bar} bar", "seal", run, 1e5 * bar, 0.1, 10.0 + 2.0 * bar + off, 0.1)
         for run, more in zip(runs, (0.0, 0.8), strict=False)
         for bar, off in zip((1, 2, 4, 6), (more, more + 0.1, more - 0.1, more), strict=True)
     ]

@@ -77,11 +77,11 @@ def test_equal_data_give_equal_files(real):
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_run_keeps_its_marker_and_the_legend_leaves_the_points_free(order):
-    from pneudrive.friction.recording.pressure_line import FrictionPoint
+    from pneudrive.friction.pressure import LevelPoint
     from pneudrive.report.recording.pressure import draw_panel
 
     points = [
-        FrictionPoint(f"{run}/{bar}", "seal", run, bar * 1e5, 0.01, 2.0 + 0.1 * bar, 0.3)
+        LevelPoint(f"{run}/{bar}", "seal", run, bar * 1e5, 0.01, 2.0 + 0.1 * bar, 0.3)
         for run in ("1", "second")
         for bar in (1, 4, 7)
     ]

@@ -8,7 +8,7 @@ import pytest
 
 from pneudrive.characterise import Layout, load_recordings
 from pneudrive.errors import PneudriveWarning
-from pneudrive.friction.recording.characterisation import characterise_recordings
+from pneudrive.friction.characterisation import characterise_recordings
 from pneudrive.signals.levels import speed_levels
 from pneudrive.signals.motion import Stroke
 from pneudrive.signals.proposal.propose import propose_layout

@@ -28,8 +28,8 @@ def demo(
     from pneudrive.cli.output import writable_folder
     from pneudrive.describe.circuit import Circuit
     from pneudrive.errors import CommandError
+    from pneudrive.friction.characterisation import characterise_recordings
     from pneudrive.friction.friction_map import write_map
-    from pneudrive.friction.recording.characterisation import characterise_recordings
     from pneudrive.identify.static.seals import fit_characterisation, fit_file
     from pneudrive.report import write_report
     from pneudrive.report.recording.verdict import verdict

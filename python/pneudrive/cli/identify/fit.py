@@ -103,8 +103,8 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
     """
     from pneudrive.errors import CommandError, PneudriveError
     from pneudrive.friction.campaign.characteristics import campaign_friction
+    from pneudrive.friction.characterisation import characterise_recordings
     from pneudrive.friction.friction_map import read_map
-    from pneudrive.friction.recording.characterisation import characterise_recordings
 
     missing = next((path for path in source if not path.exists()), None)
     if missing is not None:

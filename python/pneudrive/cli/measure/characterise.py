@@ -17,7 +17,7 @@ from pneudrive.errors import Cancelled
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.friction.reduction.settling import SampleChoice
+    from pneudrive.friction.motion import SampleChoice
     from pneudrive.identify.static.result import FrictionFit
 
 Fits = dict[str, dict[str, "FrictionFit"]]
@@ -46,10 +46,10 @@ def characterise(
     """
     from pneudrive.friction.campaign.characteristics import recorded_characteristics
     from pneudrive.friction.campaign.files import write_curves_and_effects
+    from pneudrive.friction.characterisation import characterise_recordings
+    from pneudrive.friction.conditions import ALL_RECORDINGS
     from pneudrive.friction.friction_map import write_map
-    from pneudrive.friction.recording.characterisation import characterise_recordings
-    from pneudrive.friction.reduction.condition import ALL_RECORDINGS
-    from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
+    from pneudrive.friction.motion import SAMPLE_CHOICES
     from pneudrive.identify.static.fit import LAWS
     from pneudrive.identify.static.seals import fit_characterisation
     from pneudrive.report import write_report

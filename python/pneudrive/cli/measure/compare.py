@@ -39,7 +39,7 @@ def compare(
     from pneudrive.friction.campaign.characteristics import campaign_friction
     from pneudrive.friction.campaign.compare.comparison import compare_campaigns as compared
     from pneudrive.friction.campaign.files import write_comparison
-    from pneudrive.friction.reduction.settling import SAMPLE_CHOICES
+    from pneudrive.friction.motion import SAMPLE_CHOICES
     from pneudrive.report.campaign.compare import write_comparison_report
 
     if all(one.suffix == ".toml" or str(one).startswith("catalogue:") for one in (first, second)):

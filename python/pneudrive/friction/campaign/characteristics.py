@@ -28,9 +28,9 @@ from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.campaign.table import friction_map
-from pneudrive.friction.reduction.loop import SHOWN_CONDITIONS, Loop
-from pneudrive.friction.reduction.plausible import suspicions
-from pneudrive.friction.reduction.settling import SAMPLE_CHOICES, Settled
+from pneudrive.friction.loop import SHOWN_CONDITIONS, Loop
+from pneudrive.friction.motion import SAMPLE_CHOICES, Settled
+from pneudrive.friction.plausible import suspicions
 from pneudrive.progress import Watch
 from pneudrive.signals.load import recordings_in
 
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.reduction.settling import SampleChoice
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.motion import SampleChoice
     from pneudrive.progress import Flag
     from pneudrive.signals.layout import Layout
     from pneudrive.signals.recording import Recording
@@ -125,7 +125,7 @@ def characterise(
     RecordingError, LayoutError, CampaignError
         If a file, recording or folder cannot be used.
     """
-    from pneudrive.friction.recording.characterisation import characterise_recordings
+    from pneudrive.friction.characterisation import characterise_recordings
 
     if isinstance(recordings, str | Path) and Path(recordings).is_dir():
         files = recordings_in(Path(recordings))

@@ -15,7 +15,7 @@ import numpy as np
 
 from pneudrive.estimate.estimates import Estimate, mean_estimate
 from pneudrive.friction.campaign.stops.contact import ASSUMED_DISTANCE_M, FEWEST_STOPS, ContactAge, fit_contact_age
-from pneudrive.friction.reduction.condition import BOTH
+from pneudrive.friction.conditions import BOTH
 from pneudrive.identify.dependences import Dependences
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
-    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.conditions import Condition
 
     Array = NDArray[np.float64]
 

@@ -22,10 +22,10 @@ from pneudrive.friction.campaign.sensors import (
     sensor_gain,
     without_zeros,
 )
-from pneudrive.friction.reduction.condition import Skipped
-from pneudrive.friction.reduction.cycle import CycleData, CyclePlan, check_speed, reduce_cycle
-from pneudrive.friction.reduction.loop import Loop, chosen_loops, reversal_loop
-from pneudrive.friction.reduction.motion import RecordedMotion
+from pneudrive.friction.conditions import Skipped
+from pneudrive.friction.cycle import CycleData, CyclePlan, check_speed, reduce_cycle
+from pneudrive.friction.loop import Loop, chosen_loops, reversal_loop
+from pneudrive.friction.motion import Motion
 from pneudrive.rig.interface import Identity, Move
 from pneudrive.signals.pool import share_out
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.campaign.storage.folder import Campaign
-    from pneudrive.friction.reduction.settling import SampleChoice
+    from pneudrive.friction.motion import SampleChoice
     from pneudrive.rig.interface import Samples
 
     Array = NDArray[np.float64]
@@ -219,7 +219,7 @@ def read_part(
         else:
             # In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from
             # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
-            motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
+            motion = Motion.of(recording, choice, inertia=not choice.uses_window)
             check_speed(motion)
             data = reduce_cycle(motion, plan, edges_m, uses_window=choice.uses_window)
             loop = reversal_loop(motion, plan) if plan.key in shown else None

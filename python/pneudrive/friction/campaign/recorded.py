@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.groups import levels
+from pneudrive.friction.bins import Grid, grid_of
 from pneudrive.friction.campaign.reading import CampaignData, common_edges
 from pneudrive.friction.campaign.sensors import Gain
-from pneudrive.friction.reduction.condition import LEVELS, Condition, Skipped
-from pneudrive.friction.reduction.cycle import CycleData, CyclePlan, cycle_of
-from pneudrive.friction.reduction.pairing import Grid, grid_of
-from pneudrive.friction.reduction.strokes import stroke_rows
+from pneudrive.friction.conditions import LEVELS, Condition, Skipped
+from pneudrive.friction.cycle import CycleData, CyclePlan, cycle_of
+from pneudrive.friction.strokes import stroke_rows
 from pneudrive.rig.interface import SHARED, Identity
 
 if TYPE_CHECKING:
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.reduction.level import Level, RecordingResult
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.signals.recording import Recording
 
 SAME_PA = 1e4  # mean pressures of recordings that differ by less are one condition
@@ -65,8 +65,10 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
 
 def _cycle(result: RecordingResult, level: Level, plan: CyclePlan, grid: Grid) -> CycleData:
     """Bring the strokes of a level to the bins of position that all levels share."""
-    rows = {d: np.array(stroke_rows(result, side.used, grid)) for d, side in level.sides.items() if side.used}
-    sides = {d: level.sides[d] for d, own in rows.items() if np.isfinite(own).any()}
+    kept = set(map(id, level.strokes))
+    used = {d: [stroke for stroke in side.used if id(stroke) in kept] for d, side in level.sides.items()}
+    rows = {d: stroke_rows(result, strokes, grid) for d, strokes in used.items() if strokes}
+    sides = {d: replace(level.sides[d], used=tuple(used[d])) for d, own in rows.items() if np.isfinite(own).any()}
     return replace(cycle_of(result, plan, grid, sides, rows), flags=dict(result.recording.flags))
 
 
@@ -85,9 +87,9 @@ def _identity(recording: Recording, name: str) -> Identity:
 
 def _plans(members: list[tuple[RecordingResult, Level]]) -> list[CyclePlan]:
     """Return the plan of each level: its key, condition and block."""
-    gauges = [level.gauge_pa(result.recording.ambient_pressure_pa) for result, level in members]
+    gauges = [level.gauge_pa for _, level in members]
     pressures = {side: _joined(np.array([gauge[side] for gauge in gauges])) for side in "ab"}
-    runs = list(dict.fromkeys(result.recording.labels.get("run", "1") for result, _ in members))
+    runs = list(dict.fromkeys(level.run for _, level in members))
     plans = []
     for i, (result, level) in enumerate(members):
         recording = result.recording
@@ -98,7 +100,7 @@ def _plans(members: list[tuple[RecordingResult, Level]]) -> list[CyclePlan]:
                 key=recording.name if len(result.levels) == 1 else f"{recording.name}#{level.index + 1}",
                 kind="sweep",
                 index=i + 1,
-                block=runs.index(recording.labels.get("run", "1")) + 1,
+                block=runs.index(level.run) + 1,
                 repeat=1,
                 condition=Condition(set_pa["a"], set_pa["b"], **labels),
             )

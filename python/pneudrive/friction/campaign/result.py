@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
-from pneudrive.friction.reduction.condition import BOTH, PA_PER_BAR
+from pneudrive.friction.conditions import BOTH, PA_PER_BAR
 from pneudrive.numbers import plain
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.views import ShownCurve, ShownValue, View
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     )
     from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
-    from pneudrive.friction.reduction.condition import Condition, Skipped
-    from pneudrive.friction.reduction.loop import Loop
+    from pneudrive.friction.conditions import Condition, Skipped
+    from pneudrive.friction.loop import Loop
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
 

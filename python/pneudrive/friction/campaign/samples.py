@@ -8,8 +8,8 @@ import numpy as np
 
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
-from pneudrive.friction.reduction.condition import Condition, Skipped
-from pneudrive.friction.reduction.cycle import MINIMUM_SAMPLES, CycleData, CyclePlan, OpenPressure
+from pneudrive.friction.conditions import Condition, Skipped
+from pneudrive.friction.cycle import MINIMUM_SAMPLES, CycleData, CyclePlan, OpenPressure
 from pneudrive.rig.interface import SHARED, Hold, Move
 from pneudrive.signals.impossible import refuse_channels
 from pneudrive.signals.recording import Recording

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.friction.budget import USUAL_RANGES_PA
 from pneudrive.friction.campaign.samples import SIDES
-from pneudrive.friction.reduction.budget import USUAL_RANGES_PA
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.cycle import CycleData, CycleSide, OpenPressure
+    from pneudrive.friction.cycle import CycleData, CycleSide, OpenPressure
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]

@@ -8,8 +8,8 @@ import numpy as np
 
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
 from pneudrive.friction.campaign.curves.smooth import CARRIED
-from pneudrive.friction.reduction.condition import BOTH, PA_PER_BAR
-from pneudrive.friction.reduction.plausible import NEGATIVE, OUTLIER
+from pneudrive.friction.conditions import BOTH, PA_PER_BAR
+from pneudrive.friction.plausible import NEGATIVE, OUTLIER
 from pneudrive.friction.sentences import NAMED, named, say_all
 from pneudrive.signals.motion import straight_line
 

@@ -6,21 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.friction.conditions import LEVELS
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
 from pneudrive.friction.friction_map import Row, columns_to_dataset
-from pneudrive.friction.reduction.condition import LEVELS
-from pneudrive.friction.reduction.side import RowValue, row_of
+from pneudrive.friction.strokes import row_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     import xarray as xr
 
+    from pneudrive.friction.budget import CycleTerms
     from pneudrive.friction.campaign.curves.curves import Fits
     from pneudrive.friction.campaign.curves.points import Points
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.reduction.budget import CycleTerms
-    from pneudrive.friction.reduction.cycle import CycleData
+    from pneudrive.friction.cycle import CycleData
 
 #: Further columns -> (unit, meaning), after those of every friction map.
 LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
@@ -73,8 +73,9 @@ def _offsets(points: Points, fits: Fits) -> np.ndarray:
     return points.reduced.offset_n - zero - drift
 
 
-_Part = tuple["CycleData", int, RowValue, tuple[float, float], str, dict[str, float]]
-"""Cycle, direction, values, window, reason for which it is no point of F(v), and its band."""
+_Part = tuple["CycleData", int, tuple[float, float], str, dict[str, float]]
+"""Cycle, direction, window, reason for which it is no point of F(v), and friction with its uncertainty and band."""
+VALUES = ("balance_n", "friction_n", "offset_n", "stderr_n", "u_systematic_n")
 
 
 def _paired(points: Points, fits: Fits | None, terms: CycleTerms, reading: CampaignData) -> Iterator[_Part]:
@@ -89,9 +90,9 @@ def _paired(points: Points, fits: Fits | None, terms: CycleTerms, reading: Campa
         friction, offset, stderr, u, half, half_direction, asymmetry, air = map(float, numbers)
         for direction in (1, -1):
             own = friction + direction * asymmetry
-            value = RowValue(direction * friction + offset, friction, offset, stderr, u)
             ends = (friction - half, friction + half, own, own - half_direction, own + half_direction, air)
-            yield d, direction, value, window, reason, dict(zip(BANDS, ends, strict=True))
+            values = (direction * friction + offset, friction, offset, stderr, u, *ends)
+            yield d, direction, window, reason, dict(zip((*VALUES, *BANDS), values, strict=True))
 
 
 def _unpaired(data: Iterable[CycleData], reading: CampaignData) -> Iterator[_Part]:
@@ -99,24 +100,28 @@ def _unpaired(data: Iterable[CycleData], reading: CampaignData) -> Iterator[_Par
     for d in data:
         for direction, side in d.sides.items():
             balance, known = float(np.nanmean(side.balance_n)), np.flatnonzero(np.isfinite(side.balance_n))
-            value = RowValue(balance, direction * balance, nothing, nothing, nothing)
+            values = dict.fromkeys((*VALUES, *BANDS), nothing) | {
+                "balance_n": balance,
+                "friction_n": direction * balance,
+            }
             window = (float(reading.edges_m[known[0]]), float(reading.edges_m[known[-1] + 1]))
-            yield d, direction, value, window, "unpaired", dict.fromkeys(BANDS, nothing)
+            yield d, direction, window, "unpaired", values
 
 
 def _row(
     reading: CampaignData,
     d: CycleData,
     direction: int,
-    value: RowValue,
     window_m: tuple[float, float],
     reason: str,
-    band: dict[str, float],
+    values: dict[str, float],
 ) -> Row:
     """Return the row of every friction map, its band, and the place of the cycle in the plan."""
     cycle, ambient = d.plan, reading.identity.ambient_pressure_pa
     flags = ",".join(dict.fromkeys([*d.flags, *([reason.replace("-", "_").replace(" ", "_")] if reason else [])]))
     plan = {name: getattr(cycle, name) for name in ("kind", "block", "repeat", "began_s")}
     levels = {name: getattr(d.condition, name) for name in LEVELS}
-    row = row_of(cycle.key, direction, d.sides[direction], value, window_m, flags, ambient)
-    return row | band | plan | levels | {"temperature_k": d.temperature_k}
+    others = {**plan, **levels, "temperature_k": d.temperature_k}
+    return row_of(
+        cycle.key, direction, d.sides[direction], window_m, flags=flags, ambient_pressure_pa=ambient, **values, **others
+    )

@@ -11,7 +11,7 @@ from pneudrive import __version__
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import changed
 from pneudrive.estimate.losses import LOSSES
-from pneudrive.friction.recording.pressure_line import CONFOUNDED
+from pneudrive.friction.pressure import CONFOUNDED
 from pneudrive.identify.determined import SIMULATED
 from pneudrive.identify.diagnose import choose_model, diagnose
 from pneudrive.identify.static.assemble import assembled

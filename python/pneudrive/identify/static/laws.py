@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.levels import distinct_levels
-from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
+from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.identify.diagnose import choose_model
 from pneudrive.identify.static.assemble import assembled
 from pneudrive.identify.static.fit import ambient_of, fit_values

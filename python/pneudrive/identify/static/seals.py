@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
-from pneudrive.friction.reduction.condition import ALL_RECORDINGS, group_of
+from pneudrive.friction.conditions import ALL_RECORDINGS, group_of
+from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.identify.static.fit import LAWS, fit_friction
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.static.result import FrictionFit
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.campaign.effects.effect import PositionPattern
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.reduction.loop import Loop
+    from pneudrive.friction.loop import Loop
     from pneudrive.report.page import Section
 
 HOUR_S = 3600.0

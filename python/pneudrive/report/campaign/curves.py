@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.reduction.condition import PA_PER_BAR, Condition
+from pneudrive.friction.conditions import PA_PER_BAR, Condition
 from pneudrive.numbers import with_interval, with_u
 from pneudrive.report import axes as draw
 from pneudrive.report import style

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.reduction.condition import PA_PER_BAR
+from pneudrive.friction.conditions import PA_PER_BAR
 from pneudrive.numbers import with_interval, with_u
 from pneudrive.report import style
 from pneudrive.report.campaign import course, curves, run

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.recording.closure import ClosureFit
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.pressure import ClosureFit
     from pneudrive.report.page import Section
 
 MOST_GROUPS = 8

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.reduction.level import Level, RecordingResult
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.report.page import Section
 
 COLUMNS, NAME_LETTERS = 4, 18  # panels in a row, letters of a name over one
@@ -34,7 +34,12 @@ def section(found: Characterisation) -> Section:
         some = topic.say("some", shown=len(shown), all=len(pairs)) if len(shown) < len(pairs) else ""
         pictures.append(Picture(f"loops-{name}", topic.say("caption", seal=seal, some=some), draw(shown)))
     large = [
-        topic.say("large", **vars(level) | {"friction": with_u(level.friction_n, level.expanded_n)})
+        topic.say(
+            "large",
+            recording=level.recording,
+            offset_n=level.offset_n,
+            friction=with_u(level.friction_n, level.expanded_n),
+        )
         for level in found.levels
         if abs(level.offset_n) > level.friction_n
     ]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.characterisation import Characterisation
     from pneudrive.report.page import Section
     from pneudrive.signals.recording import Recording
 

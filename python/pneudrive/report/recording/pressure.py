@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
+from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.report import style
 from pneudrive.report.axes import bars, grid, tinted
 from pneudrive.report.page import Items
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.recording.pressure_line import FrictionPoint, PressureLine
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.pressure import LevelPoint, PressureLine
     from pneudrive.report.page import Section
 
 COLUMNS = 3
@@ -47,9 +47,9 @@ def section(found: Characterisation) -> Section | None:
     )
 
 
-def panels_of(found: Characterisation) -> dict[str, tuple[list[FrictionPoint], PressureLine | None]]:
+def panels_of(found: Characterisation) -> dict[str, tuple[list[LevelPoint], PressureLine | None]]:
     """Return points and line of each panel. There is a panel for each line, and for each seal without a line."""
-    out: dict[str, tuple[list[FrictionPoint], PressureLine | None]] = {}
+    out: dict[str, tuple[list[LevelPoint], PressureLine | None]] = {}
     for line in found.pressure_lines:
         out[line.seal] = (list(line.points), line)
     covered = {(p.recording, p.speed_m_s) for points, _ in out.values() for p in points}
@@ -98,7 +98,7 @@ def plot_pressure(found: Characterisation, path: str | Path) -> Figure:
     return drawn(lambda: draw(found), path)
 
 
-def draw_panel(axis: Axes, points: list[FrictionPoint], line: PressureLine | None) -> dict[str, Any]:
+def draw_panel(axis: Axes, points: list[LevelPoint], line: PressureLine | None) -> dict[str, Any]:
     """Draw the points of each run, and the line with its band; return the legend's handles."""
     handles: dict[str, Any] = {}
     if line is not None:

@@ -15,8 +15,8 @@ from pneudrive.report.words import by_seal, gauge_bar
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.reduction.level import RecordingResult
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import RecordingResult
     from pneudrive.report.page import Section
 
 IN_ONE_FIGURE = 3

@@ -16,7 +16,7 @@ from pneudrive.report.topics import Topic
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.characterisation import Characterisation
     from pneudrive.report.page import Section
     from pneudrive.report.study import Fits
 

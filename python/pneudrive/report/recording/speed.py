@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
-from pneudrive.friction.recording.pressure_line import ALL_RECORDINGS
+from pneudrive.friction.conditions import ALL_RECORDINGS
+from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.identify.determined import shown_in
 from pneudrive.identify.static.model import unit_of
 from pneudrive.numbers import with_u
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.recording.pressure_line import FrictionPoint
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.pressure import LevelPoint
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.page import Block, Section
     from pneudrive.report.study import Fits
@@ -111,7 +111,7 @@ class Group:
     """Points with one look: of one seal, or of one pair of chamber pressures (gauge, Pa)."""
 
     label: str
-    points: tuple[FrictionPoint, ...]
+    points: tuple[LevelPoint, ...]
     seal: str
     gauges_pa: tuple[float, float] | None
 
@@ -122,7 +122,7 @@ def groups_of(found: Characterisation) -> list[Group]:
     if len(seals) > 1:
         return [Group(s, tuple(p for p in found.points if p.seal == s), s, None) for s in seals]
     gauges = _gauges(found)
-    groups: dict[tuple[float, float], list[FrictionPoint]] = {}
+    groups: dict[tuple[float, float], list[LevelPoint]] = {}
     for p in found.points:
         a, b = gauges[p.recording, p.friction_n]
         at = (SAME_BAR * round(a / 1e5 / SAME_BAR), SAME_BAR * round(b / 1e5 / SAME_BAR))

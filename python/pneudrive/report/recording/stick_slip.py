@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.reduction.level import Level, RecordingResult
-    from pneudrive.friction.reduction.stick_slip import StickSlip
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import Level, RecordingResult
+    from pneudrive.friction.stick_slip import StickSlip
     from pneudrive.report.page import Section
 
 SHOWN_S = 10.0

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.reduction.reversal import NEEDED_RISE_SAMPLES, offset_line
+from pneudrive.friction.breakaway import NEEDED_RISE_SAMPLES, offset_line
 from pneudrive.numbers import fixed
 from pneudrive.report import style
 from pneudrive.report.axes import grid
@@ -16,9 +16,9 @@ from pneudrive.report.words import by_seal, gauge_bar, plural, spread_evenly
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.reduction.level import Level, RecordingResult
-    from pneudrive.friction.reduction.reversal import ReversalPeak
+    from pneudrive.friction.breakaway import ReversalPeak
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.report.page import Section
 
 COLUMNS = 3

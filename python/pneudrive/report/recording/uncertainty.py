@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.recording.characterisation import Characterisation
-    from pneudrive.friction.reduction.level import Level
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import Level
     from pneudrive.report.page import Section
 
 STATISTICAL = "spread between strokes"

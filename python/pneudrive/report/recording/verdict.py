@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.recording.pressure_line import CONFOUNDED
+from pneudrive.friction.pressure import CONFOUNDED
 from pneudrive.numbers import fixed, with_u
 from pneudrive.report.recording.speed import richest
 from pneudrive.report.topics import Topic
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from pneudrive.estimate.estimates import Estimate
-    from pneudrive.friction.recording.characterisation import Characterisation
+    from pneudrive.friction.characterisation import Characterisation
     from pneudrive.report.study import Fits, Study
 
 LINES = 5

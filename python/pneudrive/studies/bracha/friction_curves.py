@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.characteristics import BOTH, campaign_friction
 from pneudrive.friction.campaign.samples import recording_of
-from pneudrive.friction.reduction.settling import moving_average
+from pneudrive.friction.motion import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import pneudrive as pn
-from pneudrive.friction.reduction.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip
+from pneudrive.friction.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip
 from pneudrive.rig import AnalogSensor, Encoder
 from pneudrive.signals.motion import local_slope
 from pneudrive.studies.bracha.figure import PaperFigure, judge

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import PneudriveError
-from pneudrive.friction.reduction.condition import ALL_RECORDINGS, LEVELS, group_of
+from pneudrive.friction.conditions import ALL_RECORDINGS, LEVELS, group_of
 from pneudrive.identify.files import read_fit
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.static.seals import fit_file

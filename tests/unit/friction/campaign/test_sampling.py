@@ -10,7 +10,7 @@ from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import SourcePaper
 from pneudrive.characteristics import campaign_friction
 from pneudrive.friction.campaign.reading import read_campaign
-from pneudrive.friction.reduction.settling import Settled
+from pneudrive.friction.motion import Settled
 
 QUIET = {"white_n": 0.01, "correlated_n": 0.0, "cycle_share": 0.0, "sentinel_every": 0, "repeats": 1, "tare": False}
 

@@ -12,7 +12,7 @@ from pneudrive.files import seal, tables
 from pneudrive.friction.campaign import reading
 from pneudrive.friction.campaign.curves.points import points_of
 from pneudrive.friction.campaign.effects import position
-from pneudrive.friction.reduction.settling import Settled
+from pneudrive.friction.motion import Settled
 
 FILES = 5  # of a message
 SPEEDS = (0.005, 0.01, 0.02, 0.05)

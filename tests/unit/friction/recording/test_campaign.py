@@ -4,10 +4,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from pneudrive.characterise import Layout, Settled, characterise, characterise_recordings
+from pneudrive.characterise import Layout, characterise, characterise_recordings
 from pneudrive.errors import RecordingError
-from pneudrive.friction.recording import summaries as module
-from pneudrive.friction.recording.summaries import summarise
+from pneudrive.friction import characterisation
 from pneudrive.signals import pool
 from pneudrive.signals.cycles import find_cycles
 
@@ -68,19 +67,12 @@ def test_32_bit_floats_are_enough(plan, recordings, tmp_path):
     assert single == pytest.approx(characterise(recordings).friction_n.to_numpy(), abs=0.005)
 
 
-def test_worker_processes_give_the_same_map(plan, monkeypatch):
-    here = summarise([find_cycles(plan, LAYOUT)], Settled(), workers=1)
-    monkeypatch.setattr(module, "WORTH_WORKERS", 1)
-    there = summarise([find_cycles(plan, LAYOUT)], Settled(), workers=3)
-    assert [s.name for s in there] == [s.name for s in here] == [f"plan/{i}" for i in range(12)]
-    assert [s.digest for s in there] == [s.digest for s in here]
-    assert repr(there) == repr(here)
+TASKS = [([3, 1],), ([2],)]
 
 
 @pytest.fixture
 def started(monkeypatch):
     """Collect the worker processes that are started."""
-    monkeypatch.setattr(module, "WORTH_WORKERS", 1)
     processes = []
     start = pool.subprocess.Popen
 
@@ -92,18 +84,20 @@ def started(monkeypatch):
     return processes
 
 
-def test_an_interrupt_leaves_no_worker_behind(plan, monkeypatch, started):
+def test_an_interrupt_leaves_no_worker_behind(monkeypatch, started):
     def interrupt(_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(pool.time, "sleep", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        summarise([find_cycles(plan, LAYOUT)], Settled(), workers=2)
+        pool.in_processes(sorted, TASKS)
     assert len(started) == 2
     assert all(process.poll() is not None for process in started)
 
 
-def test_a_worker_that_dies_is_an_error_and_stops_the_others(plan, monkeypatch, started):
+def test_a_worker_that_dies_is_an_error_and_stops_the_others(monkeypatch, started):
+    assert pool.in_processes(sorted, TASKS) == [1, 3, 2]
+    started.clear()
     send = pool._send
 
     def kill_the_second(process, task):
@@ -113,13 +107,11 @@ def test_a_worker_that_dies_is_an_error_and_stops_the_others(plan, monkeypatch, 
 
     monkeypatch.setattr(pool, "_send", kill_the_second)
     with pytest.raises(RecordingError, match="a worker process ended with status -9"):
-        summarise([find_cycles(plan, LAYOUT)], Settled(), workers=2)
+        pool.in_processes(sorted, TASKS)
     assert all(process.poll() is not None for process in started)
 
 
 def test_a_large_campaign_keeps_a_sample_of_curves(plan, monkeypatch):
-    from pneudrive.friction.recording import characterisation
-
     monkeypatch.setattr(characterisation, "KEPT_IN_FULL", 5)
     monkeypatch.setattr(characterisation, "SHOWN", 3)
     found = characterise_recordings(plan, LAYOUT)
@@ -132,8 +124,6 @@ def test_a_large_campaign_keeps_a_sample_of_curves(plan, monkeypatch):
 
 
 def test_one_bad_cycle_of_many_is_skipped_and_named(plan, monkeypatch, tmp_path):
-    from pneudrive.friction.recording import characterisation
-
     monkeypatch.setattr(characterisation, "KEPT_IN_FULL", 5)
     still = pl.when(pl.col("cycle") == 7).then(0.0).otherwise(pl.col("position_m")).alias("position_m")
     twin = pl.when(pl.col("cycle") == 9).then(8).otherwise(pl.col("cycle")).alias("cycle")

@@ -11,7 +11,7 @@ import pytest
 
 from pneudrive.characterise import Layout, SourcePaper, characterise_recordings
 from pneudrive.errors import RecordingError
-from pneudrive.friction.recording import long_recording
+from pneudrive.friction import extraction
 from pneudrive.signals import load
 from pneudrive.simulation.trajectory import save_columns
 
@@ -47,8 +47,8 @@ def test_part_by_part_gives_what_the_whole_gives(make, tmp_path, monkeypatch, ch
     save(tmp_path / "a.parquet", two_speeds)
     layout = Layout.loads(LAYOUT)
     whole = characterise_recordings(tmp_path / "a.parquet", layout, choice)
-    monkeypatch.setattr(long_recording, "LONG_SAMPLES", 1000)
-    monkeypatch.setattr(long_recording, "PART_SAMPLES", 4000)
+    monkeypatch.setattr(extraction, "LONG_SAMPLES", 1000)
+    monkeypatch.setattr(extraction, "PART_SAMPLES", 4000)
     parts = characterise_recordings(tmp_path / "a.parquet", layout, choice)
     assert any("was read in parts" in note for note in parts.notes)
     assert len(parts.levels) == len(whole.levels) == 2
@@ -72,8 +72,8 @@ def test_a_long_trajectory_is_read_part_by_part_too(make, tmp_path, monkeypatch)
     columns |= {"velocity_m_s": np.gradient(r.position_m, r.time_s), "command": np.zeros(len(r))}
     path = save_columns(columns, {}, tmp_path / "run.parquet")
     whole = characterise_recordings(path)
-    monkeypatch.setattr(long_recording, "LONG_SAMPLES", 1000)
-    monkeypatch.setattr(long_recording, "PART_SAMPLES", 4000)
+    monkeypatch.setattr(extraction, "LONG_SAMPLES", 1000)
+    monkeypatch.setattr(extraction, "PART_SAMPLES", 4000)
     monkeypatch.setattr(load, "HASHED_ROWS", 700)
     parts = characterise_recordings(path)
     assert any("was read in parts" in note for note in parts.notes)
@@ -93,13 +93,13 @@ def test_strokes_longer_than_a_part_are_read_as_longer_parts_up_to_a_bound(make,
     save(tmp_path / "a.parquet", [r])
     layout = Layout.loads(LAYOUT)
     whole = characterise_recordings(tmp_path / "a.parquet", layout)
-    monkeypatch.setattr(long_recording, "LONG_SAMPLES", 100)
-    monkeypatch.setattr(long_recording, "PART_SAMPLES", len(r) // 30)
+    monkeypatch.setattr(extraction, "LONG_SAMPLES", 100)
+    monkeypatch.setattr(extraction, "PART_SAMPLES", len(r) // 30)
     parts = characterise_recordings(tmp_path / "a.parquet", layout)
     assert [s.strokes for s in parts.levels[0].spreads.values()] == [
         s.strokes for s in whole.levels[0].spreads.values()
     ]
-    monkeypatch.setattr(long_recording, "LARGEST_PART", 2)
+    monkeypatch.setattr(extraction, "LARGEST_PART", 2)
     with pytest.raises(RecordingError, match="samples hold"):
         characterise_recordings(tmp_path / "a.parquet", layout)
 
@@ -107,7 +107,7 @@ def test_strokes_longer_than_a_part_are_read_as_longer_parts_up_to_a_bound(make,
 MEASURE = r"""
 import re, sys
 from importlib import import_module
-one = import_module("pneudrive.friction.recording.long_recording")
+one = import_module("pneudrive.friction.extraction")
 from pneudrive.characterise import Layout, characterise_recordings
 one.LONG_SAMPLES, one.PART_SAMPLES = 50_000, 100_000
 found = characterise_recordings(sys.argv[1], Layout.loads(sys.stdin.read()))
@@ -139,7 +139,7 @@ def test_memory_does_not_grow_with_the_length(make, tmp_path):
 def test_a_trend_over_very_many_strokes_needs_no_more_memory_than_over_a_thousand():
     import tracemalloc
 
-    from pneudrive.friction.reduction.spread import spread_of
+    from pneudrive.friction.spread import spread_of
 
     values = 5.0 + 1e-5 * np.arange(20_000) + 0.01 * np.random.default_rng(0).standard_normal(20_000)
     tracemalloc.start()

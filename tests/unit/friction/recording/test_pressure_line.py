@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from pneudrive.friction.recording.pressure_line import FrictionPoint, fit_pressure_lines, run_spread
+from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines, run_spread
 
 
-def points(seal: str, runs: int, spread: float, rng: np.random.Generator, speed: float = 0.01) -> list[FrictionPoint]:
+def points(seal: str, runs: int, spread: float, rng: np.random.Generator, speed: float = 0.01) -> list[LevelPoint]:
     def at(bar: int) -> float:
         return (3 + bar) * (1 + spread * rng.normal())
 
     return [
-        FrictionPoint(f"{seal}-{run}-{bar}", seal, str(run), bar * 1e5, speed, at(bar), 0.1)
+        LevelPoint(f"{seal}-{run}-{bar}", seal, str(run), bar * 1e5, speed, at(bar), 0.1)
         for run in range(runs)
         for bar in (1, 3, 5, 7)
     ]
@@ -58,7 +58,7 @@ def test_a_seal_with_one_run_borrows_the_spread_of_the_others():
 def test_confounded_speed_is_said():
     rng = np.random.default_rng(2)
     fast = [
-        FrictionPoint(p.recording, p.seal, p.run, p.pressure_pa, 0.015 - p.pressure_pa * 1e-8, p.friction_n, 0.1)
+        LevelPoint(p.recording, p.seal, p.run, p.pressure_pa, 0.015 - p.pressure_pa * 1e-8, p.friction_n, 0.1)
         for p in points("a", 2, 0.1, rng)
     ]
     (line,) = fit_pressure_lines(fast)

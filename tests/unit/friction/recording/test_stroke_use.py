@@ -7,7 +7,7 @@ import pytest
 
 from pneudrive.characterise import characterise_recordings, read_map
 from pneudrive.cli.main import run
-from pneudrive.friction.reduction.stroke_use import StrokeUse, stroke_notes
+from pneudrive.friction.strokes import StrokeUse, stroke_notes
 
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 WINDOW_M = (0.015, 0.030)
@@ -59,7 +59,7 @@ def test_strokes_that_miss_the_window_are_counted_with_their_reason(partial):
 
 def test_a_recording_whose_strokes_all_count_has_no_note(make):
     found = characterise_recordings(make(window_m=WINDOW_M))
-    assert found.stroke_uses["made"] == StrokeUse(10, 10)
+    assert found.stroke_uses["made"] == StrokeUse(10, {})
     assert not any("strokes are used" in note for note in found.notes)
 
 
@@ -81,6 +81,6 @@ def test_terminal_map_and_report_say_the_same(partial, tmp_path, capsys):
 
 
 def test_many_partial_recordings_have_one_sentence_for_the_rest():
-    notes = stroke_notes({f"r{i}": StrokeUse(10, i % 9, {"window": 10 - i % 9}) for i in range(40)})
+    notes = list(stroke_notes({f"r{i}": StrokeUse(10, {"window": 10 - i % 9}) for i in range(40)}))
     assert len(notes) == 13
     assert notes[-1].startswith("28 more recordings: ")

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pneudrive.friction.reduction.pairing import bin_means
+from pneudrive.friction.bins import bin_means
 
 
 def test_a_bin_has_the_mean_of_the_chosen_samples_of_all_parts_within_it() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.describe.files.toml import read
-from pneudrive.friction.reduction.condition import PA_PER_BAR
+from pneudrive.friction.conditions import PA_PER_BAR
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.friction.budget import CycleTerms, SharedTerms
 from pneudrive.friction.campaign.curves.outliers import WILD, WILD_SPREAD, wild_cycles
 from pneudrive.friction.campaign.curves.points import (
     CurveSpeeds,
@@ -25,9 +26,8 @@ from pneudrive.friction.campaign.curves.smooth import (
     with_doubt,
 )
 from pneudrive.friction.campaign.result import Curve
-from pneudrive.friction.reduction.budget import CycleTerms, SharedTerms
-from pneudrive.friction.reduction.condition import BOTH
-from pneudrive.friction.reduction.plausible import OUTLIER
+from pneudrive.friction.conditions import BOTH
+from pneudrive.friction.plausible import OUTLIER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.mixed import Predicted
-    from pneudrive.friction.reduction.cycle import CycleData
+    from pneudrive.friction.cycle import CycleData
 
     Array = NDArray[np.float64]
 

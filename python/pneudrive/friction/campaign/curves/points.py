@@ -9,8 +9,8 @@ import numpy as np
 
 from pneudrive.estimate.groups import cells, levels
 from pneudrive.friction.campaign.result import ExcludedPoint
-from pneudrive.friction.reduction.common_range import Reduced, reduce
-from pneudrive.friction.reduction.plausible import implausible_friction, unsteady
+from pneudrive.friction.common_range import Reduced, reduce
+from pneudrive.friction.plausible import implausible_friction, unsteady
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.reduction.condition import Condition
-    from pneudrive.friction.reduction.cycle import CycleData
+    from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.cycle import CycleData
 
     Array = NDArray[np.float64]
     Whole = NDArray[np.int64]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.curves.curves import Fits
-    from pneudrive.friction.reduction.cycle import CycleData
+    from pneudrive.friction.cycle import CycleData
 
     Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate, FTest
-    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.conditions import Condition
 
     Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from pneudrive.estimate.estimates import Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
 from pneudrive.estimate.moderate import moderate
 from pneudrive.friction.campaign.effects.effect import PositionPattern, PositionWave
-from pneudrive.friction.reduction.common_range import FREEDOM_PER_CYCLE
-from pneudrive.friction.reduction.condition import Condition
+from pneudrive.friction.common_range import FREEDOM_PER_CYCLE
+from pneudrive.friction.conditions import Condition
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

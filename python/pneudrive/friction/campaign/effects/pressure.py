@@ -12,7 +12,7 @@ from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, indepen
 from pneudrive.estimate.splines import centred_walk
 from pneudrive.friction.campaign.curves.smooth import CARRIED, CYCLE_SCALE
 from pneudrive.friction.campaign.effects.effect import PressureEffects
-from pneudrive.friction.reduction.condition import PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.conditions import PA_PER_BAR, TOLD, classify_pressures
 from pneudrive.friction.sentences import say_all
 
 if TYPE_CHECKING:

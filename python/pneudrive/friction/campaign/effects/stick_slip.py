@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.friction.campaign.effects.effect import StickSlipPoint, StickSlipThreshold
-from pneudrive.friction.reduction.plausible import NAMES, STICK_SLIP
+from pneudrive.friction.plausible import NAMES, STICK_SLIP
 
 if TYPE_CHECKING:
     from pneudrive.friction.campaign.curves.points import Points
-    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.conditions import Condition
 
 
 def stick_slip_points(points: Points) -> tuple[StickSlipPoint, ...]:

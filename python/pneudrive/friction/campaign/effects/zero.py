@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.campaign.curves.curves import CurveBand, Fits
-    from pneudrive.friction.reduction.cycle import CycleData
+    from pneudrive.friction.cycle import CycleData
 
 HOUR_S = 3600.0
 FEWEST_TARES = 3  # least number of tares for a drift

@@ -17,7 +17,7 @@ import numpy as np
 
 from pneudrive.estimate.estimates import robust_deviation
 from pneudrive.friction.campaign.stops.corner import corner_height, lag_loss
-from pneudrive.friction.reduction.settling import moving_average
+from pneudrive.friction.motion import moving_average
 from pneudrive.signals.motion import noise_level
 
 if TYPE_CHECKING:

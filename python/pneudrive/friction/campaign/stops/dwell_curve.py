@@ -22,7 +22,7 @@ from pneudrive.estimate.splines import gaussian
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.conditions import Condition
 
     Array = NDArray[np.float64]
 

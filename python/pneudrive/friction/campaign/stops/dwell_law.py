@@ -12,7 +12,7 @@ from pneudrive.friction.campaign.stops.dwell_curve import DwellCurve, DwellData,
 from pneudrive.friction.campaign.stops.dwell_forms import fit_forms
 from pneudrive.friction.campaign.stops.dwell_series import DwellPressure, DwellSeries, durations_of
 from pneudrive.friction.campaign.stops.dwell_statements import dwell_statements
-from pneudrive.friction.reduction.condition import PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.conditions import PA_PER_BAR, TOLD, classify_pressures
 from pneudrive.friction.sentences import say
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.campaign.stops.stop import Stop
-    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.conditions import Condition
     from pneudrive.friction.sentences import Statement
 
     Array = NDArray[np.float64]

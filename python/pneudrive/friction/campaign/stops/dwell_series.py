@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.stops.dwell_curve import DwellCurve
     from pneudrive.friction.campaign.stops.dwell_forms import DwellLawFit
     from pneudrive.friction.campaign.stops.stop import Stop
-    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.conditions import Condition
 
     Array = NDArray[np.float64]
 

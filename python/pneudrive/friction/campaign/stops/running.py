@@ -11,8 +11,8 @@ import numpy as np
 from pneudrive.campaign.storage.folder import read_samples
 from pneudrive.friction.campaign.samples import condition_of, read_or_skip, recording_of, steps_of
 from pneudrive.friction.campaign.stops.phases import FEWEST, mean_velocity, steady_part
-from pneudrive.friction.reduction.condition import Skipped
-from pneudrive.friction.reduction.spread import profile_stderr
+from pneudrive.friction.conditions import Skipped
+from pneudrive.friction.spread import profile_stderr
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.storage.folder import CycleFile
     from pneudrive.friction.campaign.stops.phases import Phases
-    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.conditions import Condition
     from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 

@@ -25,7 +25,7 @@ from pneudrive.friction.campaign.stops.running import (
     running_level,
     strokes_of,
 )
-from pneudrive.friction.reduction.condition import Skipped
+from pneudrive.friction.conditions import Skipped
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Move
 from pneudrive.signals.motion import noise_level
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import Campaign
-    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.conditions import Condition
     from pneudrive.rig.interface import Identity, Samples
     from pneudrive.signals.recording import Recording
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import RecordingError
-from pneudrive.friction.reduction.reversal import median
+from pneudrive.friction.breakaway import median
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.motion import find_strokes, local_slope, middle, noise_level, quantiles
 
@@ -186,38 +186,24 @@ def _slips(
     return onsets, [float(speed[a:b].max()) for a, b in zip(onsets, ends, strict=True)]
 
 
-@dataclass(frozen=True)
-class StrokeSlip:
-    """Stick-slip in the middle 80 % of a stroke, on evenly spaced samples.
+def stroke_slip(recording: Recording, stroke: Stroke) -> tuple[StickSlip, StickSlip | None] | None:
+    """Measure the sliding of axis and piston in the middle 80 % of a stroke; None with too few samples.
 
     The axis may run evenly while the piston behind a soft force sensor does not. If the stiffness is known, the
-    piston's position is the axis position minus the deflection.
-
-    Attributes
-    ----------
-    axis : StickSlip
-    piston : StickSlip or None
-        None if the stiffness of the rig is unknown.
+    piston's position is the axis position minus the deflection. If it is unknown, the piston has no result.
     """
-
-    axis: StickSlip
-    piston: StickSlip | None
-
-    @classmethod
-    def of(cls, recording: Recording, stroke: Stroke) -> StrokeSlip | None:
-        """Measure one stroke; None with too few samples."""
-        part = middle_of(stroke, recording.position_m)
-        if part is None:
-            return None
-        time, position, force = _even(recording.time_s[part], recording.position_m[part], recording.force_n[part])
-        stiffness = recording.stiffness_n_m
-        piston = measure_stick_slip(time, position - force / stiffness) if stiffness else None
-        return cls(measure_stick_slip(time, position), piston)
+    part = middle_of(stroke, recording.position_m)
+    if part is None:
+        return None
+    time, position, force = _even(recording.time_s[part], recording.position_m[part], recording.force_n[part])
+    stiffness = recording.stiffness_n_m
+    piston = measure_stick_slip(time, position - force / stiffness) if stiffness else None
+    return measure_stick_slip(time, position), piston
 
 
-def sliding_of(slips: Sequence[StrokeSlip]) -> dict[str, Any]:
+def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> dict[str, Any]:
     """Return the evenness of sliding of some strokes by the fields of `Side`: axis or piston, where more is found."""
-    axis, piston = [s.axis for s in slips], [s.piston for s in slips if s.piston is not None]
+    axis, piston = [axis for axis, _ in slips], [piston for _, piston in slips if piston is not None]
     seen = max((axis, piston), key=lambda some: sum(s.found for s in some))
     slipping = bool(seen) and sum(s.found for s in seen) > 0.5 * len(seen)
     return {

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.groups import levels
-from pneudrive.friction.reduction.motion import balance_of
+from pneudrive.friction.motion import balance_of
 from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.condition import Condition
-    from pneudrive.friction.reduction.cycle import CyclePlan
-    from pneudrive.friction.reduction.motion import RecordedMotion
+    from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.cycle import CyclePlan
+    from pneudrive.friction.motion import Motion
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
@@ -85,7 +85,7 @@ def chosen_loops(plans: Sequence[CyclePlan]) -> frozenset[str]:
     return frozenset(keys)
 
 
-def reversal_loop(motion: RecordedMotion, plan: CyclePlan) -> Loop | None:
+def reversal_loop(motion: Motion, plan: CyclePlan) -> Loop | None:
     """Return the force balance around the first reversal of a cycle; None if it has no reversal.
 
     `Loop.friction_n` still contains the offset (half the sum of both directions).

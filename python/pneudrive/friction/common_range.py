@@ -14,16 +14,16 @@ import numpy as np
 
 from pneudrive.estimate.autocorrelation import stderrs_of_means
 from pneudrive.estimate.moderate import moderate
-from pneudrive.friction.reduction.budget import chance_n, unseen_n
-from pneudrive.friction.reduction.pairing import known_mean
-from pneudrive.friction.reduction.spread import pair_stderr
+from pneudrive.friction.bins import known_mean
+from pneudrive.friction.budget import chance_n, unseen_n
+from pneudrive.friction.spread import pair_stderr
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.cycle import CycleData
+    from pneudrive.friction.cycle import CycleData
 
     Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.reduction.condition import PA_PER_BAR
-from pneudrive.friction.reduction.stick_slip import RIPPLE_LIMIT
+from pneudrive.friction.conditions import PA_PER_BAR
 from pneudrive.friction.sentences import Said, named, sentence
+from pneudrive.friction.stick_slip import RIPPLE_LIMIT
 from pneudrive.signals.impossible import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S
 
 if TYPE_CHECKING:
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.cycle import CycleData
-    from pneudrive.signals.recording import Recording
+    from pneudrive.friction.cycle import CycleData
+    from pneudrive.friction.level import Level
 
 BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
 UNFOLLOWED = 0.25  # of pressure times area: least unexplained part of the force
@@ -25,27 +25,21 @@ SMALLEST_N = 1e-3  # friction below the resolution of force sensors of piston dr
 FULL_PRESSURE_PA = 10e5  # friction above the force of this pressure on the piston would stop any drive
 
 
-def doubts_of(
-    recording: Recording,
-    gauge_pa: dict[str, float],
-    speed_m_s: float,
-    friction_n: float,
-    offset_n: float,
-    u_offset_n: float,
-) -> dict[str, str]:
+def doubts_of(level: Level) -> dict[str, str]:
     """Return the doubtful values of a speed class: flag -> sentence with a check.
 
     A recording with zero areas has no pressure force, so its force is the friction.
     """
-    ambient, areas = recording.ambient_pressure_pa, (recording.area_a_m2, recording.area_b_m2)
-    lowest, highest = min(gauge_pa.values()) + ambient, max(gauge_pa.values()) + ambient
-    pushed = gauge_pa["b"] * areas[1] - gauge_pa["a"] * areas[0] + recording.weight_n
-    friction, missed = abs(friction_n), abs(offset_n)  # the offset is NaN if one direction is missing
-    unfollowed = missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * u_offset_n) and abs(pushed) > friction
+    ambient, areas, gauge = level.ambient_pressure_pa, level.areas_m2, level.gauge_pa
+    lowest, highest = min(gauge.values()) + ambient, max(gauge.values()) + ambient
+    pushed = gauge["b"] * areas[1] - gauge["a"] * areas[0] + level.weight_n
+    speed = level.speed_m_s
+    friction, missed = abs(level.friction_n), abs(level.offset_n)  # the offset is NaN if one direction is missing
+    unfollowed = missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * level.u_offset_n) and abs(pushed) > friction
     full = FULL_PRESSURE_PA * max(areas)
     seen = {
         "below_ambient": lowest < (1.0 - BELOW_AMBIENT) * ambient,
-        "beyond_usual": highest > PRESSURES_PA[1] or not SLOWEST_M_S <= speed_m_s <= SPEEDS_M_S[1],
+        "beyond_usual": highest > PRESSURES_PA[1] or not SLOWEST_M_S <= speed <= SPEEDS_M_S[1],
         "force_not_pressure": any(areas) and unfollowed,
         "friction_beyond_piston": any(areas) and friction > full,
         "no_friction": any(areas) and friction < SMALLEST_N,
@@ -53,8 +47,8 @@ def doubts_of(
     values = {
         "lowest": lowest / 1e5,
         "highest": highest / 1e5,
-        "speed_m_s": speed_m_s,
-        "force_n": pushed + offset_n,
+        "speed_m_s": speed,
+        "force_n": pushed + level.offset_n,
         "pushed_n": pushed,
         "friction_n": friction,
         "full_n": full,

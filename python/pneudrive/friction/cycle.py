@@ -14,19 +14,18 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
-from pneudrive.friction.reduction.budget import stated_shares
-from pneudrive.friction.reduction.motion import RecordedMotion
-from pneudrive.friction.reduction.pairing import Grid, bin_means, grid_of, mean_profile
-from pneudrive.friction.reduction.side import Side
-from pneudrive.friction.reduction.stick_slip import swing_of
-from pneudrive.friction.reduction.strokes import ReducedStrokes, stroke_frictions
+from pneudrive.friction.bins import Grid, bin_means, grid_of, mean_profile
+from pneudrive.friction.budget import stated_shares
+from pneudrive.friction.motion import Motion
+from pneudrive.friction.stick_slip import swing_of
+from pneudrive.friction.strokes import Side, Strokes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.condition import Condition
+    from pneudrive.friction.conditions import Condition
 
     Array = NDArray[np.float64]
 
@@ -77,7 +76,7 @@ class CyclePlan:
     weight_n: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class CycleSide(Side):
     """The strokes of one direction of a cycle, in bins of position.
 
@@ -177,12 +176,12 @@ class CycleData:
         return sum(side.strokes for side in self.sides.values())
 
 
-def reduce_cycle(motion: RecordedMotion, plan: CyclePlan, edges_m: Array, *, uses_window: bool = True) -> CycleData:
+def reduce_cycle(motion: Motion, plan: CyclePlan, edges_m: Array, *, uses_window: bool = True) -> CycleData:
     """Reduce the strokes of one speed to bins of position.
 
     Parameters
     ----------
-    motion : RecordedMotion
+    motion : Motion
     plan : CyclePlan
     edges_m : ndarray, shape (bins + 1,)
         Edges of the bins of position that all cycles share.
@@ -195,23 +194,23 @@ def reduce_cycle(motion: RecordedMotion, plan: CyclePlan, edges_m: Array, *, use
         If no stroke has settled in a quarter of the middle of the way.
     """
     grid = grid_of(edges_m)
-    frictions = stroke_frictions(motion, motion.strokes, (float(edges_m[0]), float(edges_m[-1])), grid)
-    found = ReducedStrokes.of(grid, frictions, uses_window=uses_window)
-    if found is None:
+    table = Strokes.of(motion, motion.strokes, (float(edges_m[0]), float(edges_m[-1])), grid)
+    sides, _ = table.sides(uses_window=uses_window)
+    if not sides:
         value = f"{len(motion.strokes)} strokes"
         rule = "a stroke counts if it has settled in a quarter of the middle of the way"
         raise RecordingError("no stroke has a settled part", where=motion.recording.name, value=value, rule=rule)
-    return cycle_of(motion, plan, grid, found.sides, found.rows)
+    return cycle_of(motion, plan, grid, sides, {way: table.balance_n[rows] for way, rows in table.directions.items()})
 
 
 def cycle_of(
-    motion: RecordedMotion, plan: CyclePlan, grid: Grid, sides: Mapping[int, Side], rows: Mapping[int, Array]
+    motion: Motion, plan: CyclePlan, grid: Grid, sides: Mapping[int, Side], rows: Mapping[int, Array]
 ) -> CycleData:
     """Return the data of a cycle, or of a speed level, from its reduced strokes.
 
     Parameters
     ----------
-    motion : RecordedMotion
+    motion : Motion
     plan : CyclePlan
     grid : Grid
         Bins of position that all cycles share.
@@ -230,7 +229,7 @@ def cycle_of(
     )
 
 
-def check_speed(motion: RecordedMotion) -> None:
+def check_speed(motion: Motion) -> None:
     """Refuse a planned cycle whose strokes have different speeds.
 
     Raises
@@ -247,7 +246,7 @@ def check_speed(motion: RecordedMotion) -> None:
         )
 
 
-def _cycle_side(motion: RecordedMotion, side: Side, grid: Grid, rows: Array) -> CycleSide:
+def _cycle_side(motion: Motion, side: Side, grid: Grid, rows: Array) -> CycleSide:
     """Add the bins of position to the strokes of one direction."""
     recording, parts = motion.recording, [s.samples for s in side.used]
 

@@ -8,26 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import changed
-from pneudrive.friction.recording.closure import MINIMUM_RANGE_PA
-from pneudrive.friction.recording.pressure_line import CONFOUNDED
-from pneudrive.friction.reduction.budget import CLOCKS, COVERAGE_FACTOR
-from pneudrive.friction.reduction.condition import group_of
+from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
+from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:
     from pneudrive.friction.friction_map import Row
-    from pneudrive.friction.recording.closure import ClosureFit
-    from pneudrive.friction.recording.pressure_line import FrictionPoint, PressureLine
-    from pneudrive.friction.reduction.level import Level, RecordingResult
+    from pneudrive.friction.level import Level, RecordingResult
+    from pneudrive.friction.pressure import ClosureFit, LevelPoint, PressureLine
 
 
-def _under_pressure(results: tuple[RecordingResult, ...]) -> set[str]:
-    """Return the chambers that were under pressure in any recording."""
-    gauges = [level.gauge_pa(result.recording.ambient_pressure_pa) for result in results for level in result.levels]
-    return {side for gauge in gauges for side in gauge if abs(gauge[side]) > MINIMUM_RANGE_PA}
-
-
-def _speed_with_pressure(points: tuple[FrictionPoint, ...], rows: list[Row]) -> float:
+def _speed_with_pressure(points: tuple[LevelPoint, ...], rows: list[Row]) -> float:
     """Return the correlation of speed and pressure within seals, in the direction in which it is stronger."""
     of_recording = {point.recording: point for point in points}
     strongest = 0.0
@@ -86,7 +77,7 @@ def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
     """Return the recordings of one assembly, each with several speeds, that differ in friction."""
     notes = []
     for first, second in combinations(results, 2):
-        if group_of(first.recording.labels) != group_of(second.recording.labels):
+        if first.levels[0].seal != second.levels[0].seal:
             continue
         found = [_difference(*pair, way) for way in (1, -1) for pair in _near(first.levels, second.levels, way)]
         off, values = max(found, key=lambda one: one[0], default=(0.0, {}))
@@ -125,7 +116,7 @@ def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, fl
 
 def notes_of(
     results: tuple[RecordingResult, ...],
-    points: tuple[FrictionPoint, ...],
+    points: tuple[LevelPoint, ...],
     lines: list[PressureLine],
     rows: list[Row],
     closures: list[ClosureFit],
@@ -142,7 +133,9 @@ def notes_of(
     together = _speed_with_pressure(points, rows)
     if abs(together) > CONFOUNDED:
         notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))
-    notes += [sentence("note.one_side")] if len(_under_pressure(results)) == 1 else []
+    gauges = [item for level in levels for item in level.gauge_pa.items()]
+    under_pressure = {side for side, gauge in gauges if abs(gauge) > MINIMUM_RANGE_PA}
+    notes += [sentence("note.one_side")] if len(under_pressure) == 1 else []
     notes += _doubts(levels)
     assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
     doubts = {

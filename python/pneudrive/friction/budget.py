@@ -20,25 +20,25 @@ runs and known weights, some of these parts are measured instead (``campaign/sen
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
+from pneudrive.friction.motion import CLOCK_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.reduction.side import DirectionMeans
+    from pneudrive.friction.strokes import Side
     from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
 
 COVERAGE_FACTOR = 2.0
 BEYOND_SHARE = 0.05  # of the drive's stroke, at its ends, that the moves leave out (assumed)
-CLOCK_S = 0.015  # standard uncertainty of a delay between loggers, with parallel forces (assumed)
 CLOCKS = "clocks of several loggers"
 # Assumed if the layout does not state it; the budget marks each as assumed.
 ASSUMED_PRESSURE_OF_RANGE = 0.005 / np.sqrt(3.0)  # limits of 0.5 % of full scale, rectangular
@@ -68,8 +68,8 @@ class BudgetEntry:
 
 def systematic_budget(
     recording: Recording,
-    up: DirectionMeans,
-    down: DirectionMeans,
+    up: Side,
+    down: Side,
     offset_slope_n_m: float = 0.0,
     sample_interval_s: float = 0.0,
     late_s: float = 0.0,
@@ -80,7 +80,7 @@ def systematic_budget(
     ----------
     recording : Recording
         Its ``accuracy`` entries are standard uncertainties.
-    up, down : DirectionMeans
+    up, down : Side
         Means in +x and -x over the window.
     offset_slope_n_m, sample_interval_s : float
         Change of offset over position, and interval within which channels are simultaneous: a skew makes friction.
@@ -116,7 +116,7 @@ def window_entry(friction_n: Array, offset_n: Array, coverage: float) -> BudgetE
     return BudgetEntry("choice of the window", 1.0 - coverage, "", "data", "B", friction, offset, words)
 
 
-def _parallel_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
+def _parallel_entries(recording: Recording, up: Side, down: Side) -> list[BudgetEntry]:
     """Return the entry of the areas of parallel forces."""
     if not recording.parallel:
         return []
@@ -125,7 +125,7 @@ def _parallel_entries(recording: Recording, up: DirectionMeans, down: DirectionM
     return [BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names)]
 
 
-def _clock_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans, late_s: float) -> list[BudgetEntry]:
+def _clock_entries(recording: Recording, up: Side, down: Side, late_s: float) -> list[BudgetEntry]:
     """Return the entry of the delay of the pressures: of several loggers, or as closed chambers show it."""
     if late_s == 0.0:
         return []
@@ -135,7 +135,13 @@ def _clock_entries(recording: Recording, up: DirectionMeans, down: DirectionMean
 
 
 def _sensor_entries(
-    recording: Recording, channel: str, name: str, means: tuple[DirectionMeans, DirectionMeans], assumed: _Assumed
+    recording: Recording,
+    channel: str,
+    means: tuple[Side, Side],
+    newton_per_unit: float,
+    assumed: tuple[float, str],
+    largest: float,
+    zero: float = 0.0,
 ) -> list[BudgetEntry]:
     """Return the entries of a common error and of hysteresis.
 
@@ -143,48 +149,50 @@ def _sensor_entries(
 
     The layout states the standard uncertainty of the channel, and may mark it as assumed. At the largest value of the
     sensor, the whole accuracy may be an error of gain.
+
+    Parameters
+    ----------
+    recording : Recording
+    channel : str
+    means : tuple of Side
+        In +x and -x.
+    newton_per_unit : float
+    assumed : tuple of float and str
+        Standard uncertainty of a sensor without statements in the layout, and its reason.
+    largest, zero : float
+        Largest reading above zero, and the reading at zero force.
     """
-    u, basis, note = assumed.accuracy, "assumed", assumed.words
+    name, unit = channel.rsplit("_", 1)
+    name, unit = name.replace("_", " "), {"pa": "Pa", "n": "N"}[unit]
+    (u, note), basis = assumed, "assumed"
     if channel in recording.accuracy:
         u, note = recording.accuracy[channel], recording.calibration.get(channel, "")
         basis = "assumed" if note.lower().startswith("assumed") else "layout"
     limits = recording.limits.get(channel)
-    reference = max(abs(limit - assumed.zero) for limit in limits) if limits else assumed.largest
-    change, common = abs(getattr(means[0], channel) - getattr(means[1], channel)) / 2, u * assumed.newton_per_unit
+    reference = max(abs(limit - zero) for limit in limits) if limits else largest
+    change, common = abs(getattr(means[0], channel) - getattr(means[1], channel)) / 2, u * newton_per_unit
     left = common * change / reference if reference else 0.0
     hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
     note = f"{note}; cancels in the pair except for the change of the reading with direction".lstrip("; ")
     turns, lost = "a third of the accuracy is assumed to change with direction", u * ASSUMED_DIRECTION_SHARE
     return [
-        BudgetEntry(f"{name}: common error", u, assumed.unit, basis, "B", left, common, note),
-        BudgetEntry(f"{name}: hysteresis", lost, assumed.unit, "assumed", "B", hysteresis, hysteresis, turns),
+        BudgetEntry(f"{name}: common error", u, unit, basis, "B", left, common, note),
+        BudgetEntry(f"{name}: hysteresis", lost, unit, "assumed", "B", hysteresis, hysteresis, turns),
     ]
 
 
-class _Assumed(NamedTuple):
-    """A sensor without statements in the layout: standard uncertainty, its reason, largest reading and its zero."""
-
-    unit: str
-    newton_per_unit: float
-    accuracy: float
-    words: str
-    largest: float
-    zero: float = 0.0
-
-
-def _pressure_entries(recording: Recording, side: str, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
+def _pressure_entries(recording: Recording, side: str, up: Side, down: Side) -> list[BudgetEntry]:
     channel, area = f"pressure_{side}_pa", getattr(recording, f"area_{side}_m2")
     values, ambient = getattr(recording, channel), recording.ambient_pressure_pa
     if np.ptp(values) == 0 and channel not in recording.accuracy and abs(values[0] - ambient) < 1.0:
         return []  # open to ambient: not measured, no force
     largest = float(np.max(np.abs(values - ambient)))
     span = USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)] if largest <= USUAL_RANGES_PA[-1] else largest
-    words, u = f"0.5 % of a {span / 1e5:g} bar range, rectangular", float(span * ASSUMED_PRESSURE_OF_RANGE)
-    assumed = _Assumed("Pa", area, u, words, float(span), ambient)
-    return _sensor_entries(recording, channel, f"pressure {side}", (up, down), assumed)
+    assumed = float(span * ASSUMED_PRESSURE_OF_RANGE), f"0.5 % of a {span / 1e5:g} bar range, rectangular"
+    return _sensor_entries(recording, channel, (up, down), area, assumed, float(span), ambient)
 
 
-def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
+def _force_entries(recording: Recording, up: Side, down: Side) -> list[BudgetEntry]:
     if recording.force_calibration is not None:
         known = recording.force_calibration
         found = known.doubts((up.force_n - down.force_n) / 2.0, (up.force_n + down.force_n) / 2.0)
@@ -192,12 +200,12 @@ def _force_entries(recording: Recording, up: DirectionMeans, down: DirectionMean
             BudgetEntry(f"force: {name}", u, "N", "layout", "B", friction, offset, known.words())
             for name, (u, friction, offset) in found.items()
         ]
-    largest, words = float(np.max(np.abs(recording.force_n))), "0.2 % of the largest force, rectangular"
-    assumed = _Assumed("N", 1.0, largest * ASSUMED_FORCE_OF_LARGEST, words, largest)
-    return _sensor_entries(recording, "force_n", "force", (up, down), assumed)
+    largest = float(np.max(np.abs(recording.force_n)))
+    assumed = largest * ASSUMED_FORCE_OF_LARGEST, "0.2 % of the largest force, rectangular"
+    return _sensor_entries(recording, "force_n", (up, down), 1.0, assumed, largest)
 
 
-def _geometry_entries(recording: Recording, up: DirectionMeans, down: DirectionMeans) -> list[BudgetEntry]:
+def _geometry_entries(recording: Recording, up: Side, down: Side) -> list[BudgetEntry]:
     bore = np.sqrt(4 * max(recording.area_a_m2, recording.area_b_m2) / np.pi)
     accuracy, basis, unit = recording.accuracy, "layout", "m"
     if "area" in accuracy:
@@ -314,9 +322,7 @@ def expanded(stderr_n: float, u_systematic_n: float) -> float:
     return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(stderr_n), u_systematic_n))
 
 
-def stated_shares(
-    recording: Recording, up: DirectionMeans, down: DirectionMeans, late_s: float = 0.0
-) -> dict[str, Any]:
+def stated_shares(recording: Recording, up: Side, down: Side, late_s: float = 0.0) -> dict[str, Any]:
     """Divide the budget of a cycle into the parts that campaigns treat separately, by the fields of `CycleData`.
 
     Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.

@@ -12,28 +12,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import RecordingError
+from pneudrive.friction import extraction
+from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.friction_map import HASHES, rows_to_dataset
-from pneudrive.friction.recording import long_recording
-from pneudrive.friction.recording.closure import ClosureFit, fit_closures
-from pneudrive.friction.recording.notes import notes_of
-from pneudrive.friction.recording.pressure_line import (
-    FrictionPoint,
+from pneudrive.friction.level import Level, RecordingResult
+from pneudrive.friction.motion import SampleChoice, Settled
+from pneudrive.friction.notes import notes_of
+from pneudrive.friction.pressure import (
+    ClosureFit,
+    LevelPoint,
     PressureLine,
     RunSpread,
+    fit_closures,
     fit_pressure_lines,
     run_spread,
 )
-from pneudrive.friction.recording.summaries import Source, Summary, summarise, summary_of
-from pneudrive.friction.reduction.budget import COVERAGE_FACTOR
-from pneudrive.friction.reduction.level import Level, RecordingResult, extract
-from pneudrive.friction.reduction.settling import SampleChoice, Settled
-from pneudrive.friction.reduction.stroke_use import StrokeUse, stroke_notes
 from pneudrive.friction.sentences import sentence
-from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.friction.strokes import StrokeUse, stroke_notes
+from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.cycles import Cycles, find_cycles, read_cycles
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import RecordingFile, find_long, recording_files
+from pneudrive.signals.load import LongFile, RecordingFile, find_long, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.signals.trajectories import from_run, is_run
 from pneudrive.views import ShownValue, View
@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.progress import Flag
+
+    Source = Recording | RecordingFile | Cycles
+    Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset
 
 KEPT_IN_FULL = 300  # recordings; the samples of a larger campaign are not kept
 SHOWN = 24  # number of recordings of a larger campaign whose curves are kept
@@ -74,10 +77,10 @@ class Characterisation(Shown):
         stderr, low, high)}, nominal_m2, force_zero_n (Estimate), pressure_pa, half_sum_force_n,
         residual_n (points,), residual_deviation_n, degrees_of_freedom, statement.
     pressure_lines : tuple of PressureLine
-        Friction against gauge pressure per seal: seal, points (tuple of FrictionPoint: recording, seal,
+        Friction against gauge pressure per seal: seal, points (tuple of LevelPoint: recording, seal,
         run, pressure_pa, speed_m_s, friction_n, expanded_n), intercept_n, slope_n_pa, covariance,
         band_pressure_pa, band_mean_n, band_low_n, band_high_n (41,), basis, statement.
-    points : tuple of FrictionPoint
+    points : tuple of LevelPoint
         All points, also of seals without a line.
     run_spread : RunSpread or None
         Relative standard deviation between runs; cells (seal, pressure_pa, lowest, highest, relative
@@ -95,7 +98,7 @@ class Characterisation(Shown):
     friction_map: xr.Dataset
     closures: tuple[ClosureFit, ...]
     pressure_lines: tuple[PressureLine, ...]
-    points: tuple[FrictionPoint, ...]
+    points: tuple[LevelPoint, ...]
     run_spread: RunSpread | None
     notes: tuple[str, ...]
     skipped: tuple[tuple[str, str], ...]
@@ -147,7 +150,7 @@ def _shown(level: Level, label: str) -> Iterator[ShownValue]:
 
 
 def characterise_recordings(
-    recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
+    recordings: Input,
     layout: Layout | str | Path | None = None,
     protocol: SampleChoice | None = None,
     *,
@@ -178,43 +181,26 @@ def characterise_recordings(
         If a file or recording cannot be used.
     """
     choice = protocol if protocol is not None else Settled()
-    watch = Watch(progress, cancel)
-    loaded, sources = _sources(recordings, layout)
-    number = len(loaded) + sum(len(s) if isinstance(s, Cycles) else 1 for s in sources)
-    if number <= KEPT_IN_FULL:
-        most = long_recording.LONG_SAMPLES
-        as_long = [find_long(source, most) if isinstance(source, RecordingFile) else None for source in sources]
-        long = [file for file in as_long if file is not None]
-        loaded += _read([source for source, one in zip(sources, as_long, strict=True) if one is None], watch)
-        places, skipped = _count_once((r.name, _digest(r), "") for r in loaded)
-        unique = [loaded[place] for place in places]
-        notes = [sentence("note.same_samples", name=name, why=why) for name, why in skipped]
-        results = tuple(extract(recording, choice) for recording in watch.each(unique, "recordings characterised"))
-        results += tuple(long_recording.extract_long(file, choice, watch) for file in long)
-        notes += [sentence("note.part_by_part", name=one.file.name) for one in long]
-        return _assemble(results, [summary_of(result) for result in results], skipped, notes, choice)
-    summaries = [summary_of(extract(recording, choice)) for recording in loaded] + summarise(sources, choice)
-    places, skipped = _count_once((s.name, s.digest, s.reason) for s in summaries)
-    kept = [summaries[place] for place in places]
-    if not kept:
-        raise RecordingError("no recording could be used", value="; ".join(f"{n}: {why}" for n, why in skipped[:3]))
-    notes = [sentence("note.not_counted", count=len(skipped), first=skipped[0])] if skipped else []
-    results = tuple(extract(recording, choice) for recording in _sample(loaded, sources, {s.name for s in kept}))
-    notes.insert(0, sentence("note.sampled", count=len(kept), shown=len(results)))
-    return _assemble(results, kept, skipped, notes, choice)
+    watch, sources = Watch(progress, cancel), _sources(recordings, layout)
+    number = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
+    is_large = number > KEPT_IN_FULL
+    shown = np.unique(np.linspace(0, number - 1, SHOWN).astype(int)) if is_large else np.arange(number)
+    found = _Results(large=is_large)
+    for place, read in enumerate(_readers(sources)):
+        watch.tell(place, number, "recordings characterised")
+        found.add(read, choice, watch, is_shown=place in shown)
+    watch.tell(number, number, "recordings characterised")
+    return found.characterisation(choice)
 
 
-def _sources(
-    recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
-    layout: Layout | str | Path | None,
-) -> tuple[list[Recording], list[Source]]:
-    """Split the input into recordings and files."""
+def _sources(recordings: Input, layout: Layout | str | Path | None) -> list[Source]:
+    """Return the recordings, files and campaign files of the input; recordings and trajectories first."""
     items: list = [recordings]
     if isinstance(recordings, Iterable) and not (isinstance(recordings, str) or is_run(recordings)):
         items = list(recordings)
     if not items:
         raise RecordingError("no recording is given", remedy="Give at least one recording or file.")
-    loaded: list[Recording] = []
+    loaded: list[Source] = []
     paths: list[str | Path] = []
     for item in items:
         if isinstance(item, str | Path):
@@ -228,89 +214,114 @@ def _sources(
                 "this is not a recording", value=type(item).__name__, rule="a Recording, a file or a trajectory"
             )
     files = recording_files(paths, layout) if paths else []
-    sources: list[Source] = [find_cycles(f.path, f.layout) if f.layout and f.has_cycles else f for f in files]
-    return loaded, sources
+    return loaded + [find_cycles(f.path, f.layout) if f.layout and f.has_cycles else f for f in files]
 
 
-def _read(sources: list[Source], watch: Watch = UNWATCHED) -> list[Recording]:
-    recordings: list[Recording] = []
-    for source in watch.each(sources, "files read"):
-        if isinstance(source, Cycles):
-            recordings += read_cycles(source)
-        else:
-            recordings.append(source.read())
-    return recordings
-
-
-def _sample(loaded: list[Recording], sources: list[Source], usable: set[str]) -> list[Recording]:
-    """Return recordings that are spread evenly over a campaign, for the curves of a report."""
-    units: list[Recording | Source] = [*loaded]
+def _readers(sources: list[Source]) -> Iterator[tuple[str, Callable[[], Recording | LongFile]]]:
+    """Yield the name of each recording and a function that reads it, or opens it if it is long."""
     for source in sources:
-        units += [source.part(i, i + 1) for i in range(len(source))] if isinstance(source, Cycles) else [source]
-    chosen = [units[i] for i in np.unique(np.linspace(0, len(units) - 1, SHOWN).astype(int))]
-    recordings = [u if isinstance(u, Recording) else _read([u])[0] for u in chosen]
-    return [recording for recording in recordings if recording.name in usable]
-
-
-def _assemble(
-    results: tuple[RecordingResult, ...],
-    summaries: list[Summary],
-    skipped: list[tuple[str, str]],
-    notes: list[str],
-    choice: SampleChoice,
-) -> Characterisation:
-    uses = {summary.name: summary.stroke_use for summary in summaries}
-    points = tuple(point for summary in summaries for point in summary.friction_points)
-    closures = fit_closures([point for summary in summaries for point in summary.closure_points])
-    lines = fit_pressure_lines(list(points))
-    rows = [row for summary in summaries for row in summary.rows]
-    friction_map = rows_to_dataset(rows, [summary.labels for summary in summaries for _ in summary.rows])
-    friction_map.attrs["protocol"] = choice.name
-    friction_map.attrs["synthetic"] = any(result.recording.synthetic for result in results)
-    friction_map.attrs[HASHES] = json.dumps({one.name: one.sha256 for one in summaries if one.sha256})
-    if results:
-        ambient = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
-        friction_map.attrs["ambient_pressure_pa"] = ambient
-    return Characterisation(
-        results=results,
-        friction_map=friction_map,
-        closures=tuple(closures),
-        pressure_lines=tuple(lines),
-        points=points,
-        run_spread=run_spread(list(points)),
-        notes=(
-            *notes,
-            *stroke_notes(uses),
-            *notes_of(results, points, lines, rows, closures),
-        ),
-        skipped=tuple(skipped),
-        protocol=choice.name,
-        stroke_uses=uses,
-    )
-
-
-def _count_once(found: Iterable[tuple[str, object, str]]) -> tuple[list[int], list[tuple[str, str]]]:
-    """Leave out unusable recordings, and those with the samples of an earlier one.
-
-    Parameters
-    ----------
-    found : iterable of tuple
-        Name, digest of the samples, and why it is unusable ("" if usable).
-
-    Returns
-    -------
-    list of int, list of tuple
-        Places of the used recordings; names of the others, and why.
-    """
-    seen: dict[object, str] = {}
-    kept, skipped = [], []
-    for place, (name, digest, reason) in enumerate(found):
-        if reason or digest in seen:
-            skipped.append((name, reason or f"identical to {seen[digest]}"))
+        if isinstance(source, Cycles):
+            for cycle in read_cycles(source):
+                yield cycle.name, lambda cycle=cycle: cycle
+        elif isinstance(source, Recording):
+            yield source.name, lambda source=source: source
         else:
-            seen[digest] = name
-            kept.append(place)
-    return kept, skipped
+            yield source.name, lambda source=source: find_long(source, extraction.LONG_SAMPLES) or source.read()
+
+
+class _Results:
+    """The results of recordings one after the other: rows and points of all, samples of those that are shown.
+
+    Recordings with the samples of an earlier one count once. Of many recordings, an unusable one is left out.
+    """
+
+    def __init__(self, *, large: bool) -> None:
+        """Begin without results; `large` for more recordings than are kept in memory."""
+        self.large = large
+        self.shown: list[RecordingResult] = []
+        self.rows: list[dict] = []
+        self.labels: list[dict[str, str]] = []
+        self.points: list[LevelPoint] = []
+        self.uses: dict[str, StrokeUse] = {}
+        self.hashes: dict[str, str] = {}
+        self.skipped: list[tuple[str, str]] = []
+        self.long: list[str] = []
+        self._seen: dict[bytes, str] = {}
+
+    def add(
+        self,
+        source: tuple[str, Callable[[], Recording | LongFile]],
+        choice: SampleChoice,
+        watch: Watch,
+        *,
+        is_shown: bool,
+    ) -> None:
+        """Read and reduce a recording.
+
+        Raises
+        ------
+        RecordingError
+            If it cannot be used, and is not one of many.
+        """
+        name, read = source
+        try:
+            recording = read()
+            if isinstance(recording, LongFile):
+                self.long.append(name)
+                result = extraction.extract_long(recording, choice, watch)
+            else:
+                digest = _digest(recording)
+                if digest in self._seen:
+                    self.skipped.append((name, f"identical to {self._seen[digest]}"))
+                    return
+                result = extraction.extract(recording, choice)
+                self._seen[digest] = name
+        except RecordingError as error:
+            if not self.large:
+                raise
+            self.skipped.append((name, error.what))
+            return
+        rows = [row for level in result.levels for row in level.rows]
+        self.rows += rows
+        self.labels += [result.recording.labels] * len(rows)
+        self.points += map(LevelPoint.of, result.levels)
+        self.uses[name] = result.stroke_use
+        if result.recording.sha256:
+            self.hashes[name] = result.recording.sha256
+        self.shown += [result] if is_shown else []
+
+    def characterisation(self, choice: SampleChoice) -> Characterisation:
+        """Fit closures and lines over pressure, and collect the notes."""
+        if not self.rows:
+            reasons = "; ".join(f"{name}: {why}" for name, why in self.skipped[:3])
+            raise RecordingError("no recording could be used", value=reasons)
+        notes = [] if self.large else [sentence("note.same_samples", name=n, why=why) for n, why in self.skipped]
+        if self.large:
+            notes.append(sentence("note.sampled", count=len(self.uses), shown=len(self.shown)))
+            if self.skipped:
+                notes.append(sentence("note.not_counted", count=len(self.skipped), first=self.skipped[0]))
+        notes += [sentence("note.part_by_part", name=name) for name in self.long]
+        closures, lines = fit_closures(self.points), fit_pressure_lines(self.points)
+        friction_map = rows_to_dataset(self.rows, self.labels)
+        friction_map.attrs["protocol"] = choice.name
+        friction_map.attrs["synthetic"] = any(result.recording.synthetic for result in self.shown)
+        friction_map.attrs[HASHES] = json.dumps(self.hashes)
+        if self.shown:
+            ambient = float(np.mean([result.recording.ambient_pressure_pa for result in self.shown]))
+            friction_map.attrs["ambient_pressure_pa"] = ambient
+        results, points = tuple(self.shown), tuple(self.points)
+        return Characterisation(
+            results=results,
+            friction_map=friction_map,
+            closures=tuple(closures),
+            pressure_lines=tuple(lines),
+            points=points,
+            run_spread=run_spread(points),
+            notes=(*notes, *stroke_notes(self.uses), *notes_of(results, points, lines, self.rows, closures)),
+            skipped=tuple(self.skipped),
+            protocol=choice.name,
+            stroke_uses=self.uses,
+        )
 
 
 def _digest(recording: Recording) -> bytes:

@@ -1,0 +1,305 @@
+"""A speed level: its strokes give friction, offset, their uncertainty, flags and the rows of the friction map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.friction.budget import (
+    BudgetEntry,
+    chance_n,
+    combined,
+    expanded,
+    systematic_budget,
+    window_entry,
+)
+from pneudrive.friction.conditions import group_of
+from pneudrive.friction.motion import Motion
+from pneudrive.friction.plausible import doubts_of
+from pneudrive.friction.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
+from pneudrive.friction.stick_slip import RIPPLE_LIMIT
+from pneudrive.friction.strokes import row_of
+from pneudrive.repr_tables import Shown
+from pneudrive.signals.levels import speeds_differ
+from pneudrive.signals.motion import Stroke, middle, straight_line
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.bins import Profile
+    from pneudrive.friction.breakaway import ReversalPeak
+    from pneudrive.friction.stick_slip import StickSlip
+    from pneudrive.friction.strokes import Side, Strokes, StrokeUse
+
+NO_STROKES = spread_of(np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class Level(Shown):
+    """One speed class of one recording.
+
+    Attributes
+    ----------
+    recording : str
+    labels : dict
+        Labels of the recording.
+    index : int
+        Place of the class among those of the recording, slowest first.
+    window_m : tuple of float
+        Positions between which friction is averaged.
+    table : Strokes
+        All strokes of the class, also unused ones.
+    strokes : tuple of Stroke
+        Those whose samples are kept: all, but for long recordings.
+    sides : dict of Side
+        Used strokes by direction, +1 or -1.
+    bins : ndarray of bool, shape (m,)
+        Bins of the window that all directions have.
+    uses_window : bool
+    sample_flags : tuple of str
+        Faults of single samples.
+    budget : tuple of BudgetEntry
+    ambient_pressure_pa, weight_n : float
+    areas_m2 : tuple of float
+    """
+
+    recording: str
+    labels: dict[str, str]
+    index: int
+    window_m: tuple[float, float]
+    table: Strokes
+    strokes: tuple[Stroke, ...]
+    sides: dict[int, Side]
+    bins: NDArray[np.bool_]
+    uses_window: bool
+    sample_flags: tuple[str, ...]
+    budget: tuple[BudgetEntry, ...]
+    ambient_pressure_pa: float
+    areas_m2: tuple[float, float]
+    weight_n: float
+
+    @cached_property
+    def profile(self) -> Profile:
+        """Both directions of all strokes, paired at equal position."""
+        return self.table.profile
+
+    @property
+    def spreads(self) -> dict[int, Spread]:
+        """Spread of the means of the used strokes, for both directions."""
+        return {way: self.sides[way].spread if way in self.sides else NO_STROKES for way in (1, -1)}
+
+    @property
+    def friction_n(self) -> float:
+        """Half the difference of both directions; of a single one, its balance against the motion."""
+        if len(self.sides) == 2:
+            return (self.spreads[1].mean_n - self.spreads[-1].mean_n) / 2
+        (only,) = self.sides
+        return only * self.spreads[only].mean_n
+
+    @property
+    def offset_n(self) -> float:
+        """Half the sum of both directions; NaN of a single one."""
+        paired = len(self.sides) == 2
+        return (self.spreads[1].mean_n + self.spreads[-1].mean_n) / 2 if paired else float("nan")
+
+    @cached_property
+    def stderr_n(self) -> float:
+        """Statistical uncertainty, `chance_n`.
+
+        The profile over position is all that is known if no direction has two strokes.
+        """
+        rows = [self.table.balance_n[rows][:, self.bins] for rows in self.table.directions.values()]
+        if len(rows) == 1:
+            (side,) = self.sides.values()
+            scatter, single, inside = side.spread.stderr_n, rows[0][0], within_stderr(rows[0])
+        else:
+            scatter, single = pair_stderr(self.spreads[1], self.spreads[-1]), self.profile.friction_n[self.bins]
+            inside = float(np.sqrt(sum(within_stderr(matrix) ** 2 for matrix in rows))) / 2
+        return float(chance_n(scatter, inside if np.isfinite(scatter) else profile_stderr(single)))
+
+    @cached_property
+    def u_offset_n(self) -> float:
+        """Systematic standard uncertainty of the offset."""
+        return combined(self.budget)[1]
+
+    @cached_property
+    def u_systematic_n(self) -> float:
+        """Systematic standard uncertainty of friction; that of the offset for a single direction."""
+        return combined(self.budget)[0] if len(self.sides) == 2 else self.u_offset_n
+
+    @property
+    def expanded_n(self) -> float:
+        """Expanded uncertainty U (k = 2) of ``friction_n``."""
+        return expanded(self.stderr_n, self.u_systematic_n)
+
+    @cached_property
+    def doubts(self) -> dict[str, str]:
+        """Flag -> sentence with a check, for values that no rig can have."""
+        return doubts_of(self)
+
+    @cached_property
+    def flags(self) -> tuple[str, ...]:
+        """Names of the flags: of the samples, of the level, of its doubtful values."""
+        return (*self.sample_flags, *level_flags(self), *self.doubts)
+
+    @property
+    def seal(self) -> str:
+        """Assembly: mounting, seal and drive."""
+        return group_of(self.labels)
+
+    @property
+    def run(self) -> str:
+        """Label of the run."""
+        return self.labels.get("run", "1")
+
+    @property
+    def stroke_friction_n(self) -> dict[int, NDArray[np.float64]]:
+        """Mean friction of each used stroke in the window by direction, direction * (stroke - offset), N."""
+        offset = self.offset_n if len(self.sides) == 2 else 0.0
+        return {way: way * (side.means_n - offset) for way, side in self.sides.items()}
+
+    @property
+    def stroke_times_s(self) -> dict[int, NDArray[np.float64]]:
+        """Begin of each used stroke by direction, s."""
+        times = self.table.frame["time_s"].to_numpy()
+        return {way: times[rows] for way, rows in self.table.directions.items()}
+
+    @property
+    def peaks(self) -> tuple[ReversalPeak, ...]:
+        """Peaks after the reversals before the strokes whose samples are kept."""
+        kept = set(map(id, self.strokes))
+        pairs = zip(self.table.strokes, self.table.peaks, strict=True)
+        return tuple(peak for stroke, peak in pairs if peak and id(stroke) in kept)
+
+    @property
+    def stick_slip(self) -> tuple[StickSlip, ...]:
+        """Sliding of the axis in each used stroke."""
+        slips = [self.table.slips[row] for rows in self.table.directions.values() for row in rows]
+        return tuple(slip[0] for slip in slips if slip)
+
+    @property
+    def speed_m_s(self) -> float:
+        """Mean absolute speed of both directions in the window."""
+        return float(np.mean([abs(side.velocity_m_s) for side in self.sides.values()]))
+
+    @property
+    def speed_stderr_m_s(self) -> float:
+        """Standard error of ``speed_m_s``: scatter of the strokes' speeds, the larger one of both directions."""
+        speeds = [[s.speed_m_s for s in self.table.strokes if s.direction == d] for d in (1, -1)]
+        return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
+
+    @property
+    def gauge_pa(self) -> dict[str, float]:
+        """Mean gauge pressure of the directions in chambers ``a`` and ``b``."""
+        means = {side: np.mean([getattr(s, f"pressure_{side}_pa") for s in self.sides.values()]) for side in "ab"}
+        return {side: float(mean) - self.ambient_pressure_pa for side, mean in means.items()}
+
+    @property
+    def pressure_pa(self) -> float:
+        """Higher mean gauge pressure of both chambers."""
+        return max(self.gauge_pa.values(), key=abs)
+
+    @property
+    def rows(self) -> tuple[dict[str, Any], ...]:
+        """Rows of the friction map, one per present direction."""
+        return tuple(self._row(way, side) for way, side in self.sides.items())
+
+    def _row(self, way: int, side: Side) -> dict[str, Any]:
+        peaks = [peak for peak in self.table.peaks if peak and peak.direction == way]
+        spoiled = ("breakaway_spoiled",) if peaks and all(peak.flags for peak in peaks) else ()
+        return row_of(
+            self.recording,
+            way,
+            side,
+            self.window_m,
+            balance_n=side.spread.mean_n,
+            friction_n=self.friction_n,
+            offset_n=self.offset_n,
+            stderr_n=self.stderr_n,
+            u_systematic_n=self.u_systematic_n,
+            flags=",".join((*self.flags, *spoiled)),
+            ambient_pressure_pa=self.ambient_pressure_pa,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class RecordingResult(Motion, Shown):
+    """The result of one recording. ``recording`` is the cleaned one, with its counts of flags."""
+
+    levels: tuple[Level, ...]
+    stroke_use: StrokeUse
+
+
+def level_of(
+    motion: Motion, index: int, table: Strokes, window_m: tuple[float, float], *, uses_window: bool
+) -> Level | None:
+    """Return one speed class. None if no stroke counts, or the directions have no common bin.
+
+    Parameters
+    ----------
+    motion : Motion
+        Samples that are kept.
+    index : int
+    table : Strokes
+    window_m : tuple of float
+    uses_window : bool
+        Whether the means of strokes are over equal positions.
+    """
+    recording, kept = motion.recording, set(map(id, motion.strokes))
+    sides, bins = table.sides(uses_window=uses_window)
+    if not sides:
+        return None
+    return Level(
+        recording=recording.name,
+        labels=recording.labels,
+        index=index,
+        window_m=window_m,
+        table=table,
+        strokes=tuple(stroke for stroke in table.strokes if id(stroke) in kept),
+        sides=sides,
+        bins=bins,
+        uses_window=uses_window,
+        sample_flags=tuple(kind for kind, count in recording.flags.items() if count),
+        budget=_budget(motion, table, sides, bins),
+        ambient_pressure_pa=recording.ambient_pressure_pa,
+        areas_m2=(recording.area_a_m2, recording.area_b_m2),
+        weight_n=recording.weight_n,
+    )
+
+
+def _budget(motion: Motion, table: Strokes, sides: dict[int, Side], bins: NDArray[np.bool_]) -> tuple[BudgetEntry, ...]:
+    """Return the systematic sources; a missing direction is taken to be equal to the other one."""
+    only, profile = next(iter(sides.values())), table.profile
+    up, down = (sides.get(way, only) for way in (1, -1))
+    known = bins & np.isfinite(profile.offset_n)
+    slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
+    entries = systematic_budget(motion.recording, up, down, slope, middle(np.diff(motion.time_s)), motion.late_s)
+    single = profile.up_n if 1 in sides else profile.down_n
+    patterns = (profile.friction_n, profile.offset_n) if len(sides) == 2 else (single, single)
+    friction, offset = (pattern[bins] for pattern in patterns)
+    return (*entries, window_entry(friction, offset, float(bins.mean())))
+
+
+def level_flags(level: Level) -> list[str]:
+    """Return the flags of a speed class, beside those of its samples and its doubtful values."""
+    sides = list(level.sides.values())
+    speeds = [abs(side.velocity_m_s) for side in sides]
+    stick_slip = any(side.stick_slip for side in sides)
+    ripple = any(side.ripple > RIPPLE_LIMIT for side in sides)
+    covered = not level.uses_window or level.bins.sum() >= 0.9 * level.profile.in_window.sum()
+    seen = {
+        "unpaired": len(sides) < 2,
+        "negative_friction": level.friction_n < -2 * level.expanded_n,
+        "single_stroke": min(side.strokes for side in sides) == 1,
+        "trend": any(side.spread.has_trend for side in sides),
+        "stick_slip": stick_slip,
+        "speed_ripple": ripple and not stick_slip,
+        "window_not_covered": not covered,
+        "pressure_moves": any(side.pressure_moves_n > 0.5 * abs(level.friction_n) for side in sides),
+        "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
+        "mixed_speeds": any(speeds_differ(side.used) for side in sides),
+    }
+    return [name for name, is_so in seen.items() if is_so]

@@ -1,0 +1,392 @@
+"""Results of several recordings over pressure: effective area and force zero (closure), friction over pressure.
+
+Both read a list of `LevelPoint`; neither knows a recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.estimate.estimates import Estimate, changed, student
+from pneudrive.friction.sentences import sentence
+from pneudrive.numbers import with_u
+from pneudrive.repr_tables import Shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.level import Level
+
+    Array = NDArray[np.float64]
+
+TOGETHER = 0.05  # pressures change together if the rest is below this share
+IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
+MINIMUM_RANGE_PA = 2e4  # pressures that differ by less are equal: they give neither area nor slope
+# Least ratio of the independent spread of both pressures to the sensors' uncertainty. A noisy regressor biases its
+# factor towards zero, by 1 / (1 + RELIABLE**2) at this limit.
+RELIABLE = 5.0
+BAND_POINTS = 41
+SAME_SPEED = 0.02  # controlled speeds closer than this are one level
+SHOWN_SPEEDS = 5
+CONFOUNDED = 0.7  # correlation of speed and pressure above which their effects are confounded
+SPEED_OF_REPEAT = 0.25  # largest difference of speed between repeats without controlled speed
+SAME_PRESSURE = 0.1  # recordings within this share of their pressure are repeats
+
+
+@dataclass(frozen=True)
+class LevelPoint:
+    """One recording and speed level.
+
+    Attributes
+    ----------
+    recording, seal, run : str
+    pressure_pa : float
+        Higher gauge pressure of both chambers.
+    speed_m_s, speed_stderr_m_s : float
+        Mean of both directions, and the scatter of the strokes' speeds.
+    friction_n, expanded_n : float
+        With U (k = 2).
+    offset_n, weight_n : float
+        The offset is NaN without both directions.
+    gauge_pa, u_pa, areas_m2 : tuple of float
+        Gauge pressures in chambers a and b, their standard uncertainties, and the nominal areas.
+    """
+
+    recording: str
+    seal: str
+    run: str
+    pressure_pa: float
+    speed_m_s: float
+    friction_n: float
+    expanded_n: float
+    speed_stderr_m_s: float = 0.0
+    offset_n: float = float("nan")
+    weight_n: float = 0.0
+    gauge_pa: tuple[float, float] = (0.0, 0.0)
+    u_pa: tuple[float, float] = (0.0, 0.0)
+    areas_m2: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def of(cls, level: Level) -> LevelPoint:
+        """Return the point of a speed level."""
+        names = ("recording", "seal", "run", "pressure_pa", "speed_m_s", "friction_n", "expanded_n")
+        names += ("speed_stderr_m_s", "offset_n", "weight_n", "areas_m2")
+        known = {entry.source: entry.standard_uncertainty for entry in level.budget}
+        u_a, u_b = (known.get(f"pressure {side}: common error", 0.0) for side in "ab")
+        gauge = level.gauge_pa
+        return cls(**{name: getattr(level, name) for name in names}, gauge_pa=(gauge["a"], gauge["b"]), u_pa=(u_a, u_b))
+
+    @property
+    def half_sum_force_n(self) -> float:
+        """Half the sum of both directions' forces at equal positions, without friction."""
+        (gauge_a, gauge_b), (area_a, area_b) = self.gauge_pa, self.areas_m2
+        return self.offset_n - gauge_a * area_a + gauge_b * area_b + self.weight_n
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class ClosureFit(Shown):
+    """Effective areas and force zero of one group of recordings (one seal, one geometry).
+
+    ``areas_m2`` has an entry for each chamber whose pressure changed, ``nominal_m2`` the areas of the
+    layout. ``force_zero_n`` is the reading of the sensor without friction and pressure. ``pressure_pa``,
+    ``residual_n`` (points,) are the gauge pressure of the chamber that changed most and the residuals
+    of the line. ``statement`` is a sentence.
+    """
+
+    group: str
+    recordings: tuple[str, ...]
+    areas_m2: dict[str, Estimate]
+    nominal_m2: dict[str, float]
+    force_zero_n: Estimate
+    pressure_pa: Array
+    half_sum_force_n: Array
+    residual_n: Array
+    residual_deviation_n: float
+    degrees_of_freedom: int
+    statement: str
+
+
+def fit_closures(points: Sequence[LevelPoint]) -> list[ClosureFit]:
+    """Fit  F = A_b p_b - A_a p_a + weight + zero  to each group, gauge pressures.
+
+    Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out. If both
+    pressures change together, one factor on both areas is fitted; if their forces cancel within the sensors'
+    uncertainty, no area can be determined.
+    """
+    groups: dict[tuple, list[LevelPoint]] = {}
+    for point in points:
+        if np.isfinite(point.offset_n) and any(point.areas_m2):
+            groups.setdefault((point.seal, point.areas_m2), []).append(point)
+    fits = [_closure(members) for members in groups.values()]
+    return [fit for fit in fits if fit is not None]
+
+
+def _closure(points: list[LevelPoint]) -> ClosureFit | None:
+    seal, nominal = points[0].seal, dict(zip("ab", points[0].areas_m2, strict=True))
+    gauge = dict(zip("ab", np.array([p.gauge_pa for p in points]).T, strict=True))
+    # Force of the rig against each chamber, by nominal areas: the fit gives a factor on each.
+    push = {"a": -nominal["a"] * gauge["a"], "b": nominal["b"] * gauge["b"]}
+    u_pa = zip("ab", np.array([p.u_pa for p in points]).T, strict=True)
+    unsure = {side: nominal[side] * float(np.sqrt(np.mean([u**2 for u in values]))) for side, values in u_pa}
+    factors = _factors(gauge, push, unsure, max(nominal.values()))
+    if not factors or len(points) < len(factors) + 1:
+        return None
+    total = np.array([p.half_sum_force_n for p in points])
+    force = total - np.array([p.weight_n for p in points])
+    for side in "ab":
+        if not any(side in sides for sides in factors):  # a chamber at constant pressure acts with its nominal area
+            force = force - push[side]
+    matrix = np.column_stack([*(sum(push[s] for s in sides) for sides in factors), np.ones(len(points))])
+    solution = np.linalg.lstsq(matrix, force, rcond=None)[0]
+    residual = np.asarray(force - matrix @ solution, dtype=np.float64)
+    dof = len(points) - matrix.shape[1]
+    deviation = float(np.sqrt(residual @ residual / dof)) if dof > 0 else float("nan")
+    errors = deviation * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
+    scale = {side: (k, nominal[side]) for k, sides in enumerate(factors) for side in sides}
+    areas = {side: _estimate(solution[k] * area, errors[k] * area, dof, "m2") for side, (k, area) in scale.items()}
+    zero = _estimate(solution[-1], errors[-1], dof, "N")
+    lead = max(areas, key=lambda side: float(np.ptp(gauge[side])))
+    return ClosureFit(
+        group=seal,
+        recordings=tuple(p.recording for p in points),
+        areas_m2=areas,
+        nominal_m2={side: nominal[side] for side in areas},
+        force_zero_n=zero,
+        pressure_pa=gauge[lead],
+        half_sum_force_n=total,
+        residual_n=residual,
+        residual_deviation_n=deviation,
+        degrees_of_freedom=dof,
+        statement=_closure_statement(seal, areas, nominal, zero, dof, together=len(factors) < len(areas)),
+    )
+
+
+def _factors(
+    gauge: dict[str, Array], push: dict[str, Array], unsure: dict[str, float], area: float
+) -> list[tuple[str, ...]]:
+    """Return the areas that can be determined: each separately, both by one factor, or none."""
+    sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
+    if len(sides) < 2:
+        return [tuple(sides)] if sides else []
+    spread = np.column_stack([push[side] - push[side].mean() for side in sides])
+    _, (large, small), axes = np.linalg.svd(spread, full_matrices=False)
+    noise = np.array([unsure[side] for side in sides])
+    is_apart = small / np.sqrt(len(spread)) > RELIABLE * np.linalg.norm(axes[1] * noise)
+    if small > TOGETHER * large and is_apart:
+        return [("a",), ("b",)]
+    net = push["a"] + push["b"]
+    is_visible = np.ptp(net) > MINIMUM_RANGE_PA * area and np.std(net) > RELIABLE * np.linalg.norm(noise)
+    return [("a", "b")] if is_visible else []
+
+
+def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
+    """Return a value with its interval, which is unbounded without a spare recording."""
+    if dof <= 0:
+        return Estimate(float(value), float("-inf"), float("inf"), float("nan"), unit)
+    return Estimate.of(float(value), float(stderr), dof, unit)
+
+
+def _closure_statement(
+    seal: str, areas: dict[str, Estimate], nominal: dict[str, float], zero: Estimate, dof: int, *, together: bool
+) -> str:
+    parts = []
+    for side, area in areas.items():
+        off, low, high = (100 * (value / nominal[side] - 1) for value in (area.value, area.low, area.high))
+        shown = sentence("closure.area", side=side, area_cm2=area.value * 1e4, off=off)
+        parts.append(sentence("closure.area_interval", area=shown, low=low, high=high) if dof > 0 else shown)
+    far = any(abs(area.value / nominal[side] - 1) > IMPLAUSIBLE_AREA for side, area in areas.items())
+    why = "implausible" if far else "together" if together else "one_side" if len(areas) == 1 else None
+    end = sentence("closure.zero_interval" if dof > 0 else "closure.zero", zero=zero)
+    return f"{seal}: {', '.join(parts)}; {end}{sentence(f'closure.{why}') if why else ''}."
+
+
+@dataclass(frozen=True)
+class RunSpread:
+    """Relative standard deviation between runs at one seal and pressure, pooled over all such cells.
+
+    ``cells`` lists (seal, pressure in Pa, smallest, largest friction, relative difference).
+    """
+
+    relative: float
+    degrees_of_freedom: int
+    cells: tuple[tuple[str, float, float, float, float], ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
+class PressureLine(Shown):
+    """Friction = intercept + slope * gauge pressure for one seal.
+
+    ``band_pressure_pa``, ``band_mean_n``, ``band_low_n``, ``band_high_n`` (41,) are the line and the 95 % prediction
+    interval for the friction of a further run. ``covariance`` belongs to (intercept_n, slope_n_pa). ``basis`` is the
+    source of the spread between runs: ``own`` runs, ``pooled`` from other seals, ``unknown``.
+    """
+
+    seal: str
+    points: tuple[LevelPoint, ...]
+    intercept_n: float
+    slope_n_pa: float
+    covariance: Array
+    band_pressure_pa: Array
+    band_mean_n: Array
+    band_low_n: Array
+    band_high_n: Array
+    basis: str
+    speed_pressure_correlation: float
+    statement: str
+
+
+def run_spread(points: Sequence[LevelPoint]) -> RunSpread | None:
+    """Return the relative spread between runs; None without repeated runs."""
+    cells: list[tuple[str, float, float, float, float]] = []
+    squares, freedom = 0.0, 0
+    for seal in dict.fromkeys(p.seal for p in points):
+        members = [p for p in points if p.seal == seal]
+        if len({p.run for p in members}) < 2:
+            continue
+        for cell in _repeats(members):
+            values = _run_means(cell)
+            if values.size >= 2:
+                mean = float(values.mean())
+                squares += float(((values / mean - 1) ** 2).sum())
+                freedom += values.size - 1
+                low, high = float(values.min()), float(values.max())
+                cells.append((seal, cell[0].pressure_pa, low, high, (high - low) / mean))
+    if freedom == 0:
+        return None
+    return RunSpread(float(np.sqrt(squares / freedom)), freedom, tuple(cells))
+
+
+def _repeats(points: list[LevelPoint]) -> list[list[LevelPoint]]:
+    """Return the points of about the same pressure and speed."""
+    cells: list[list[LevelPoint]] = []
+    for group in _neighbours(points, lambda p: p.pressure_pa, lambda v: SAME_PRESSURE * max(abs(v), 1e4)):
+        cells += _neighbours(group, lambda p: p.speed_m_s, lambda v: SPEED_OF_REPEAT * v)
+    return cells
+
+
+def _neighbours(
+    points: list[LevelPoint], value: Callable[[LevelPoint], float], width: Callable[[float], float]
+) -> list[list[LevelPoint]]:
+    """Group points whose values are within a width above the lowest of the group."""
+    groups: list[list[LevelPoint]] = []
+    for point in sorted(points, key=value):
+        lowest = value(groups[-1][0]) if groups else 0.0
+        if groups and value(point) - lowest <= width(lowest):
+            groups[-1].append(point)
+        else:
+            groups.append([point])
+    return groups
+
+
+def _run_means(cell: list[LevelPoint]) -> Array:
+    runs = dict.fromkeys(p.run for p in cell)
+    return np.array([float(np.mean([p.friction_n for p in cell if p.run == run])) for run in runs], dtype=np.float64)
+
+
+def fit_pressure_lines(points: Sequence[LevelPoint]) -> list[PressureLine]:
+    """Fit the line over pressure to each seal with at least three recordings at two or more pressures.
+
+    If speed was controlled and crossed with pressure, a line is fitted at each of up to five speeds.
+    """
+    spread = run_spread(points)
+    lines = []
+    for seal in dict.fromkeys(p.seal for p in points):
+        members = [p for p in points if p.seal == seal]
+        for title, group in _speed_groups(seal, members):
+            pressures = np.array([p.pressure_pa for p in group])
+            if len(group) >= 3 and np.ptp(pressures) > MINIMUM_RANGE_PA:
+                lines.append(_line(title, seal, group, spread))
+    return lines
+
+
+def _speed_groups(seal: str, points: list[LevelPoint]) -> list[tuple[str, list[LevelPoint]]]:
+    """Return points by speed if speed and pressure were crossed, otherwise all together."""
+    groups = _neighbours(points, lambda p: p.speed_m_s, lambda v: SAME_SPEED * v)
+    crossed = [g for g in groups if len(g) >= 3 and np.ptp([p.pressure_pa for p in g]) > MINIMUM_RANGE_PA]
+    if len(crossed) < 2 or sum(len(g) for g in crossed) < 0.6 * len(points):
+        return [(seal, points)]
+    chosen = np.unique(np.linspace(0, len(crossed) - 1, SHOWN_SPEEDS).astype(int))
+    return [(f"{seal} at {crossed[i][0].speed_m_s * 1e3:.3g} mm/s", crossed[i]) for i in chosen]
+
+
+def _line(title: str, seal: str, points: list[LevelPoint], spread: RunSpread | None) -> PressureLine:
+    pressure = np.array([p.pressure_pa for p in points])
+    friction = np.array([p.friction_n for p in points])
+    scale = float(np.abs(pressure).max())
+    matrix = np.column_stack([np.ones(pressure.size), pressure / scale])
+    solution = np.linalg.lstsq(matrix, friction, rcond=None)[0]
+    residual = friction - matrix @ solution
+    dof = pressure.size - 2
+    own = float(residual @ residual) / dof
+    repeated = spread is not None and any(cell[0] == seal for cell in spread.cells)
+    basis = "own" if repeated else "pooled" if spread else "unknown"
+
+    band = np.linspace(min(float(pressure.min()), 0.0), float(pressure.max()), BAND_POINTS)
+    design = np.column_stack([np.ones(BAND_POINTS), band / scale])
+    mean = design @ solution
+    single, freedom = np.full(BAND_POINTS, own), float(dof)
+    inverse = np.linalg.inv(matrix.T @ matrix)
+    variance = own
+    if spread is not None:
+        # With several runs of this seal, scatter about the line and spread between runs both estimate
+        # the deviation of a further recording; the larger one counts. With one run the scatter lacks
+        # the spread between runs, so the pooled spread is added.
+        between = (spread.relative * np.abs(mean)) ** 2
+        typical = float(np.mean((spread.relative * friction) ** 2))
+        single = np.maximum(single, between) if repeated else single + between
+        variance = max(own, typical) if repeated else own + typical
+        if typical > own:
+            freedom = float(spread.degrees_of_freedom + (dof if repeated else 0))
+    leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
+    half = student(freedom) * np.sqrt(single + variance * leverage)
+    unit = np.diag([1.0, 1.0 / scale])
+    speeds = np.array([abs(p.speed_m_s) for p in points])
+    scatter = float(np.median([p.speed_stderr_m_s for p in points]))
+    together = float(np.corrcoef(speeds, pressure)[0, 1]) if changed(speeds, scatter) else 0.0
+    covariance = np.asarray(unit @ (inverse * variance) @ unit, dtype=np.float64)
+    slope = float(solution[1] / scale)
+    return PressureLine(
+        seal=title,
+        points=tuple(points),
+        intercept_n=float(solution[0]),
+        slope_n_pa=slope,
+        covariance=covariance,
+        band_pressure_pa=band,
+        band_mean_n=mean,
+        band_low_n=mean - half,
+        band_high_n=mean + half,
+        basis=basis,
+        speed_pressure_correlation=together,
+        statement=_line_statement(title, float(solution[0]), slope, covariance, freedom, basis, together, spread),
+    )
+
+
+def _line_statement(
+    seal: str,
+    intercept: float,
+    slope: float,
+    covariance: Array,
+    freedom: float,
+    basis: str,
+    together: float,
+    spread: RunSpread | None,
+) -> str:
+    half_n, half_n_pa = student(freedom) * np.sqrt(np.diag(covariance))
+    interval = f"pressure_line.{basis if spread is not None else 'unknown'}"
+    confounded = ""
+    if abs(together) > CONFOUNDED:
+        word = "falls" if together < 0 else "rises"
+        confounded = sentence("pressure_line.confounded", word=word, together=together)
+    return sentence(
+        "pressure_line.line",
+        seal=seal,
+        intercept=with_u(intercept, half_n),
+        rise=with_u(slope * 1e5, half_n_pa * 1e5, "N/bar"),
+        interval=sentence(interval, percent=100 * spread.relative if spread is not None else 0.0),
+        confounded=confounded,
+    )

@@ -1,1 +1,0 @@
-"""The friction of recordings: map, closure, lines over pressure."""

@@ -1,1 +1,0 @@
-"""Reduction of recordings and campaigns: sliding, settling, pairing, budget, peaks, stick-slip."""

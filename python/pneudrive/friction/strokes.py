@@ -1,0 +1,381 @@
+"""The frame of strokes: a row for each stroke of a speed class or cycle, with its means over the settled samples.
+
+`Strokes` holds the frame and the balance of each stroke over bins of position; `Side` combines one direction of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import polars as pl
+
+from pneudrive.friction.bins import Grid, Profile, bin_means, grid_over, pair, stroke_means
+from pneudrive.friction.breakaway import find_reversal_peaks, median
+from pneudrive.friction.sentences import sentence
+from pneudrive.friction.spread import Spread, spread_of
+from pneudrive.friction.stick_slip import sliding_of, stroke_slip
+from pneudrive.signals.motion import thinned
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.breakaway import ReversalPeak
+    from pneudrive.friction.motion import Motion
+    from pneudrive.friction.stick_slip import StickSlip
+    from pneudrive.signals.motion import Stroke
+
+    Array = NDArray[np.float64]
+
+# Least share of the window's bins with settled samples for a stroke to count. Missing bins are filled from the profile.
+COVERED_SHARE = 0.25
+CUT_SHARE = 0.1  # of a bin: largest part of it that may lie outside the settled part
+MOST_NAMED = 12  # recordings with a sentence of their own on unused strokes
+MEANS = ("force_n", "pressure_a_pa", "pressure_b_pa", "velocity_m_s", "parallel_n", "late_n")
+COLUMNS = {  # of the frame: null in strokes that do not count, except for the first three
+    "direction": pl.Int64,
+    "time_s": pl.Float64,  # of its start
+    "counts": pl.Boolean,  # has settled in a quarter of the window
+    "mean_n": pl.Float64,  # balance of all chosen samples
+    "samples": pl.Int64,
+    **dict.fromkeys(MEANS, pl.Float64),
+    "pressure_moves_n": pl.Float64,  # usual range of the pressure force
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Strokes:
+    """The strokes of a speed class or of a cycle; their size grows with the bins, not with the samples.
+
+    Attributes
+    ----------
+    grid : Grid
+    strokes : tuple of Stroke
+        Numbered within the samples that were read together.
+    frame : DataFrame
+        `COLUMNS`, one row for each stroke.
+    balance_n : ndarray, shape (strokes, bins)
+        Mean balance of the settled samples in each bin; NaN without any.
+    slips : tuple of (StickSlip, StickSlip or None) or None
+        Sliding of axis and piston; None for strokes that do not count or are short.
+    peaks : dict
+        Number of a stroke -> peak of friction after the reversal before it.
+    """
+
+    grid: Grid
+    strokes: tuple[Stroke, ...]
+    frame: pl.DataFrame
+    balance_n: Array
+    slips: tuple[tuple[StickSlip, StickSlip | None] | None, ...]
+    peaks: tuple[ReversalPeak | None, ...]
+
+    @classmethod
+    def of(cls, motion: Motion, strokes: Sequence[Stroke], window: tuple[float, float], grid: Grid) -> Strokes:
+        """Measure the strokes of one speed class or cycle between two positions, m."""
+        rows, balance = [], stroke_rows(motion, strokes, grid)
+        covered = np.isfinite(balance[:, grid.is_in_window]).mean(axis=1) >= COVERED_SHARE
+        for stroke, covers in zip(strokes, covered.tolist(), strict=True):
+            means = _means(motion, stroke, window) if covers else {}
+            time = float(motion.time_s[stroke.start])
+            rows.append({"direction": stroke.direction, "time_s": time, "counts": bool(means), **means})
+        slips = tuple(stroke_slip(motion.recording, s) if c else None for s, c in zip(strokes, covered, strict=True))
+        frame = pl.DataFrame({name: [row.get(name) for row in rows] for name in COLUMNS}, COLUMNS)
+        table = cls(grid, tuple(strokes), frame, balance, slips, (None,) * len(strokes))
+        return replace(table, peaks=table._find_peaks(motion)) if len(table.directions) == 2 else table
+
+    def _find_peaks(self, motion: Motion) -> tuple[ReversalPeak | None, ...]:
+        found = find_reversal_peaks(motion.recording, self.strokes, motion.raw_balance_n, self.profile)
+        peaks = {peak.stroke: peak for peak in found}
+        return tuple(peaks.get(stroke.index) for stroke in self.strokes)
+
+    @classmethod
+    def joined(cls, tables: Sequence[Strokes]) -> Strokes:
+        """Join the strokes of several parts of a recording, whose grids have equal windows."""
+        first, stop = min(t.grid.first for t in tables), max(t.grid.stop for t in tables)
+        padded = [((0, 0), (t.grid.first - first, stop - t.grid.stop)) for t in tables]
+        return cls(
+            replace(tables[0].grid, first=first, stop=stop),
+            tuple(stroke for table in tables for stroke in table.strokes),
+            pl.concat([table.frame for table in tables]),
+            np.concatenate(
+                [np.pad(t.balance_n, pad, constant_values=np.nan) for t, pad in zip(tables, padded, strict=True)]
+            ),
+            tuple(slip for table in tables for slip in table.slips),
+            tuple(peak for table in tables for peak in table.peaks),
+        )
+
+    def at(self, rows: Sequence[int]) -> Strokes:
+        """Return some of the strokes."""
+        places = list(rows)
+        return Strokes(
+            self.grid,
+            tuple(self.strokes[i] for i in places),
+            self.frame[places],
+            self.balance_n[places],
+            tuple(self.slips[i] for i in places),
+            tuple(self.peaks[i] for i in places),
+        )
+
+    @property
+    def profile(self) -> Profile:
+        """Both directions of all strokes, paired at equal position."""
+        way = self.frame["direction"].to_numpy()
+        return pair(self.grid, {direction: self.balance_n[way == direction] for direction in (1, -1)})
+
+    @property
+    def directions(self) -> dict[int, list[int]]:
+        """Rows of the strokes that count, by direction; only directions that have any."""
+        table = zip(self.frame["direction"].to_list(), self.frame["counts"].to_list(), strict=True)
+        counting = [way if counts else 0 for way, counts in table]
+        return {way: [i for i, it in enumerate(counting) if it == way] for way in (1, -1) if way in counting}
+
+    def sides(self, *, uses_window: bool) -> tuple[dict[int, Side], NDArray[np.bool_]]:
+        """Combine the strokes of each direction. Return no side if none counts, or the directions share no bin.
+
+        Parameters
+        ----------
+        uses_window : bool
+            Whether means are over the bins of the window, not over all chosen samples.
+
+        Returns
+        -------
+        dict
+            Direction -> its side.
+        ndarray of bool, shape (bins,)
+            Bins of the window that all present directions have: means are over equal positions.
+        """
+        ways, bins = self.directions, self.grid.is_in_window
+        for rows in ways.values():
+            bins &= np.isfinite(self.balance_n[rows]).any(axis=0)
+        if not ways or not bins.any():
+            return {}, bins
+        return {way: self._side(way, rows, bins if uses_window else None) for way, rows in ways.items()}, bins
+
+    def _side(self, way: int, rows: list[int], bins: NDArray[np.bool_] | None) -> Side:
+        """Combine the strokes of one direction, which have equal weight."""
+        some = self.at(rows)
+        columns = {name: some.frame[name].to_numpy() for name in ("mean_n", *MEANS, "samples", "pressure_moves_n")}
+        means = columns["mean_n"] if bins is None else stroke_means(some.balance_n, bins)
+        peaks = [peak for peak in some.peaks if peak]
+        return Side(
+            **{name: float(columns[name].mean()) for name in MEANS},
+            samples=int(columns["samples"].sum()),
+            strokes=len(rows),
+            strokes_recorded=sum(s.direction == way for s in self.strokes),
+            used=some.strokes,
+            means_n=means,
+            spread=spread_of(means),
+            pressure_moves_n=float(np.median(columns["pressure_moves_n"])),
+            breakaway_n=median([peak.friction_n for peak in peaks if not peak.flags]),
+            dwell_s=median([s.dwell_s for s in some.strokes if s.index > 0]),
+            loading_rate_n_s=median([p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]),
+            **sliding_of([slip for slip in some.slips if slip]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """The strokes of one direction of a speed level or a cycle.
+
+    Attributes
+    ----------
+    force_n, pressure_a_pa, pressure_b_pa, velocity_m_s : float
+        Means over the settled samples.
+    samples, strokes, strokes_recorded : int
+        Used samples, used strokes, and all strokes of the direction.
+    used : tuple of Stroke
+    means_n : ndarray, shape (strokes,)
+        Balance of each used stroke at equal positions.
+    spread : Spread
+        Of these means.
+    pressure_moves_n : float
+        Usual range of the pressure force within a stroke.
+    breakaway_n, dwell_s, loading_rate_n_s : float
+        Medians of the preceding reversals. NaN without a usable peak.
+    ripple, period_s, step_m : float
+        Standard deviation of speed over its mean; period and travel in stick-slip (NaN without).
+    piston_ripple : float
+        The same for the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
+    stick_slip : bool
+    parallel_n, late_n : float
+        Errors of the parallel forces by their areas, and of the gas force by the time of its logger; one sigma.
+    """
+
+    force_n: float
+    pressure_a_pa: float
+    pressure_b_pa: float
+    velocity_m_s: float
+    samples: int
+    strokes: int
+    strokes_recorded: int
+    used: tuple[Stroke, ...]
+    means_n: Array
+    spread: Spread
+    pressure_moves_n: float
+    breakaway_n: float
+    dwell_s: float
+    loading_rate_n_s: float
+    ripple: float
+    period_s: float
+    step_m: float
+    piston_ripple: float
+    stick_slip: bool
+    parallel_n: float = 0.0
+    late_n: float = 0.0
+
+
+def _means(motion: Motion, stroke: Stroke, window: tuple[float, float]) -> dict[str, float]:
+    """Average the settled samples of a stroke between two positions; return nothing without any."""
+    recording, part = motion.recording, stroke.samples
+    settled, position = motion.settled[part], motion.position_m[part]
+    index = np.flatnonzero((position >= window[0]) & (position <= window[1]) & settled) + stroke.start
+    if not index.size:
+        return {}
+    pressure_a, pressure_b = recording.pressure_a_pa[index], recording.pressure_b_pa[index]
+    seconds, way = (float(np.diff(values[index[[0, -1]]])[0]) for values in (motion.time_s, motion.position_m))
+    gas = float(np.diff(recording.area_a_m2 * pressure_a[[0, -1]] - recording.area_b_m2 * pressure_b[[0, -1]])[0])
+    moves = _usual_range(pressure_a) * recording.area_a_m2 + _usual_range(pressure_b) * recording.area_b_m2
+    return {
+        "mean_n": float(motion.balance_n[part][settled].mean()),
+        "samples": index.size,
+        "force_n": float(recording.force_n[index].mean()),
+        "pressure_a_pa": float(pressure_a.mean()),
+        "pressure_b_pa": float(pressure_b.mean()),
+        "velocity_m_s": way / seconds if seconds > 0 else stroke.speed_m_s,
+        "parallel_n": float(sum(f.uncertainty * float(f.force_n[index].mean()) for f in recording.parallel)),
+        "late_n": motion.late_s * (gas / seconds) if seconds > 0 else 0.0,
+        "pressure_moves_n": moves,
+    }
+
+
+def _usual_range(values: Array) -> float:
+    """Return the range that holds all but the lowest and highest 5 % of the values."""
+    some = np.sort(thinned(values))
+    margin = int(0.05 * some.size)
+    return float(some[some.size - 1 - margin] - some[margin])
+
+
+def stroke_grid(
+    position_m: Array, strokes: Sequence[Stroke], window: tuple[float, float], bins: int | None = None
+) -> Grid:
+    """Divide the travel of some strokes into bins."""
+    inside = [int(((x >= window[0]) & (x <= window[1])).sum()) for x in (position_m[s.samples] for s in strokes)]
+    ends = [value for s in strokes for value in (s.from_m, s.to_m)]
+    return grid_over(window, ends, float(np.median(inside)), bins)
+
+
+def stroke_rows(motion: Motion, strokes: Sequence[Stroke], grid: Grid) -> Array:
+    """Average the balance of the settled samples of each stroke in each bin; NaN in bins that do not count."""
+    edges, slack = grid.edges_m, CUT_SHARE * grid.width_m
+    rows = np.empty((len(strokes), edges.size - 1))
+    for row, stroke in zip(rows, strokes, strict=True):
+        row[:] = bin_means(motion.position_m, motion.balance_n, edges, [stroke.samples], motion.settled)
+        reached = motion.position_m[stroke.samples][motion.settled[stroke.samples]]
+        if grid.whole and reached.size:
+            row[(edges[:-1] < reached.min() - slack) | (edges[1:] > reached.max() + slack)] = np.nan
+    return rows
+
+
+@dataclass(frozen=True)
+class StrokeUse:
+    """Number of strokes of one recording, and number of unused strokes by reason.
+
+    Attributes
+    ----------
+    recorded : int
+    left_out : dict
+        Reason -> number of strokes: ``window`` (less than a quarter of the window is crossed), ``unsettled`` (too few
+        settled samples in the window), ``apart`` (the speed class has no position common to both directions).
+    """
+
+    recorded: int
+    left_out: dict[str, int]
+
+    @property
+    def used(self) -> int:
+        """Number of used strokes."""
+        return self.recorded - sum(self.left_out.values())
+
+    @property
+    def why(self) -> str:
+        """Reasons in words; "" if all strokes are used."""
+        return ", ".join(sentence(f"strokes.{name}", count=count) for name, count in self.left_out.items())
+
+
+def stroke_use(
+    strokes: Sequence[Stroke], used: Collection[int], counting: Collection[int], window_m: tuple[float, float]
+) -> StrokeUse:
+    """Count the strokes of a recording.
+
+    Parameters
+    ----------
+    strokes : sequence of Stroke
+        All strokes.
+    used, counting : collection of int
+        Places of the strokes in a speed class with a result, and of those that count.
+    window_m : tuple of float
+        Positions between which friction is averaged.
+    """
+
+    def reason(place: int, stroke: Stroke) -> str:
+        low, high = sorted((stroke.from_m, stroke.to_m))
+        crossed = min(high, window_m[1]) - max(low, window_m[0])
+        narrow = crossed < COVERED_SHARE * (window_m[1] - window_m[0])
+        return "apart" if place in counting else "window" if narrow else "unsettled"
+
+    reasons = [reason(place, stroke) for place, stroke in enumerate(strokes) if place not in used]
+    return StrokeUse(len(strokes), {n: reasons.count(n) for n in ("window", "unsettled", "apart") if n in reasons})
+
+
+def stroke_notes(uses: Mapping[str, StrokeUse]) -> Iterator[str]:
+    """Yield one sentence for each recording with unused strokes. Many recordings share one sentence.
+
+    Parameters
+    ----------
+    uses : mapping
+        Name of each recording -> its strokes.
+    """
+    partial = {name: use for name, use in uses.items() if use.why}
+    worst = sorted(partial, key=lambda name: partial[name].used / max(partial[name].recorded, 1))[:MOST_NAMED]
+    for name in (name for name in partial if name in worst):
+        use = partial[name]
+        yield sentence("strokes.partial", name=name, used=use.used, recorded=use.recorded, why=use.why)
+    rest = [use for name, use in partial.items() if name not in worst]
+    if rest:
+        used, recorded = sum(use.used for use in rest), sum(use.recorded for use in rest)
+        yield sentence("strokes.rest", count=len(rest), used=used, recorded=recorded)
+
+
+def row_of(
+    name: str,
+    direction: int,
+    side: Side,
+    window_m: tuple[float, float],
+    **columns: Any,  # noqa: ANN401
+) -> dict[str, Any]:
+    """Return the row of the friction map of one direction of a recording's speed level, or of a cycle.
+
+    Parameters
+    ----------
+    name : str
+        Index of the recording, or of the cycle.
+    direction : int
+    side : Side
+    window_m : tuple of float
+        Positions between which friction is averaged.
+    **columns
+        Further columns: friction with its uncertainty, flags, ambient pressure.
+    """
+    shared = ("velocity_m_s", "pressure_a_pa", "pressure_b_pa", "samples", "strokes", "strokes_recorded")
+    reversals = ("breakaway_n", "dwell_s", "loading_rate_n_s")
+    return {
+        "recording": name,
+        "direction": direction,
+        **{column: getattr(side, column) for column in (*shared, *reversals)},
+        "position_from_m": window_m[0],
+        "position_to_m": window_m[1],
+        **columns,
+    }
