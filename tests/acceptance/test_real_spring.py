@@ -77,6 +77,22 @@ def test_the_force_balance_removes_a_delay_of_the_pressures(seconds):
     assert "is removed" in str(found)
 
 
+def test_the_interval_of_one_part_contains_the_value_of_the_next():
+    """The second half of the recording counts as the next recording of the same machine."""
+    (charged,) = load_recordings([FILES["charged"]], LAYOUT)
+    time = charged.time_s - charged.time_s[0]
+    free = ["volumes", "heat"]
+    first = pn.identify_motion(DATA / "spring.toml", charged.at(time < 225.0), free)
+    second = pn.identify_motion(DATA / "spring.toml", charged.at(time >= 225.0), free, rivals=False)
+    outside = 0
+    for name, value in second.values.items():
+        low, high = first.intervals[name]
+        assert low <= value <= high, name
+        assert np.log(high / low) < (0.15 if name.endswith("volume") else 0.8)
+        outside += not first.model_intervals[name][0] <= value <= first.model_intervals[name][1]
+    assert outside  # the interval of one model alone does not contain all of them
+
+
 def test_recordings_of_one_machine_that_differ_are_reported(found):
     (note,) = (note for note in found.notes if "different friction" in note)
     assert "charged and vented" in note

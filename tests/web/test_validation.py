@@ -160,6 +160,34 @@ def test_what_is_no_view_of_a_validation_is_answered_in_words(validated: Served,
     assert not arrays
 
 
+def test_recordings_without_a_needed_channel_are_not_offered(validated: Served) -> None:
+    """A recording of a friction rig has no command: it was offered, and the command failed."""
+    rig = "time,position,force,pressure\n" + "\n".join(f"{0.1 * k},{0.01 * k},{k},3" for k in range(200))
+    layout = """[columns]
+time = { column = "time", unit = "s" }
+position = { column = "position", unit = "m" }
+force = { column = "force", unit = "N" }
+pressure_a = { column = "pressure", unit = "bar gauge" }
+[geometry]
+bore = "25 mm"
+[chamber_b]
+open_to_ambient = true
+"""
+    (validated.folder / "rig").mkdir()
+    (validated.folder / "rig/slow.csv").write_text(rig)
+    (validated.folder / "rig/layout.toml").write_text(layout)
+    offered = {}
+    for kind, form in get(validated, "/api/forms").items():
+        for field in form["fields"]:
+            if field["kind"] == "recordings":
+                offered[kind] = [path for path, _ in field["choices"]]
+    assert "friday.parquet" in offered["validate"] == offered["identify"]
+    assert "rig/slow.csv" not in offered["validate"]
+    assert "rig/slow.csv" in offered["characterise"]
+    refused = post(validated, "/api/jobs", ASKED | {"recordings": ["rig/slow.csv"]}, 400)
+    assert refused["problems"][0]["what"] == "rig/slow.csv lacks command, pressure_b"
+
+
 def test_a_job_writes_into_folders_of_the_workspace_alone(validated: Served) -> None:
     outside = validated.folder.parent / "outside"
     outside.mkdir()

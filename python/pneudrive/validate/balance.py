@@ -80,6 +80,8 @@ class Scene:
     pressures : tuple of ndarray, shape (n,)
     opened : ndarray, shape (n, 4)
         Open fraction of the full conductance of each edge of the valve.
+    explained : tuple of ndarray or None
+        Part of the residuals that a cause without a description explains.
     """
 
     drive: Drive
@@ -88,6 +90,7 @@ class Scene:
     position: Array
     pressures: tuple[Array, Array]
     opened: Array
+    explained: Values | None = None
 
     @classmethod
     def of(cls, drive: Drive, signals: Signals) -> Scene:
@@ -126,7 +129,10 @@ class Scene:
             np.convolve(p, k1, "valid") - np.convolve(rate, k0, "valid")
             for p, rate in zip(self.pressures, terms.pressure_rates, strict=True)
         )
-        return force, a, b
+        if self.explained is None:
+            return force, a, b
+        x, y, z = self.explained
+        return force - x, a - y, b - z
 
 
 def openings(drive: Drive, command: Array) -> Array:

@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.signal import lfilter
 
+from pneudrive.constants import LEAK_CRITICAL_RATIO
 from pneudrive.units import write
 from pneudrive.validate.balance import Scene, Values, at_samples, openings
 
@@ -54,8 +56,8 @@ class Cause:
     remedy : str
     change : callable or None
         (scene, amount) -> scene.
-    term : callable or None
-        Scene -> extra residual per amount, for a cause that no change of the scene can express.
+    ratio : callable or None
+        Scene -> ratio of the pressures after and before a leak at each sample, and the critical ratio of its flow.
     profile : callable or None
         Scene -> columns, for a cause with several coefficients.
     parts : int
@@ -76,7 +78,7 @@ class Cause:
     least: float
     remedy: str
     change: Change | None = None
-    term: Callable[[Scene], Values] | None = None
+    ratio: Callable[[Scene], tuple[Array, float]] | None = None
     profile: Callable[[Scene], list[Values]] | None = None
     parts: int = 1
     bounds: tuple[float, float] = (-np.inf, np.inf)
@@ -85,9 +87,6 @@ class Cause:
 
     def effect(self, scene: Scene, amount: float) -> Values:
         """Return the reduction of the residuals when the model is changed by `amount`."""
-        if self.term is not None:
-            a, b, c = self.term(scene)
-            return amount * a, amount * b, amount * c
         assert self.change is not None
         (a, b, c), (x, y, z) = scene.residuals, self.change(scene, amount).residuals
         return a - x, b - y, c - z
@@ -219,17 +218,43 @@ def _gain(scene: Scene, share: float) -> Scene:
     return replace(scene, pressures=(a / (1.0 + share), b / (1.0 + share)))
 
 
-def _sag(scene: Scene) -> Values:
-    """Return the residual of a supply pressure that falls with the flow, per Pa at the greatest flow into the drive."""
-    step = 1e-3 * scene.drive.supply_pressure_pa
-    lower = scene.drive.replace({"supply.pressure": f"{scene.drive.supply_pressure_pa - step!r} Pa abs"})
-    before, after = scene.terms, scene.with_drive(lower).terms
-    drawn = np.maximum(before.mass_flow_a_kg_s, 0.0) + np.maximum(before.mass_flow_b_kg_s, 0.0)
-    share = drawn / max(float(drawn.max()), 1e-30)
-    k0 = scene.kernel[0]
-    rates = zip(after.pressure_rates, before.pressure_rates, strict=True)
-    a, b = (np.convolve(share * (new - old) / step, k0, "valid") for new, old in rates)
-    return np.zeros_like(a), a, b
+def _sag(lag_s: float) -> Change:
+    """Lower the supply pressure with the flow into the drive, through a first-order lag: Pa at the lowest pressure."""
+
+    def change(scene: Scene, amount: float) -> Scene:
+        step = 1e-3 * scene.drive.supply_pressure_pa
+        lower = scene.drive.replace({"supply.pressure": f"{scene.drive.supply_pressure_pa - step!r} Pa abs"})
+        before, after = scene.terms, scene.with_drive(lower).terms
+        drawn = np.maximum(before.mass_flow_a_kg_s, 0.0) + np.maximum(before.mass_flow_b_kg_s, 0.0)
+        decay = float(np.exp(-scene.signals.step_s / lag_s)) if lag_s else 0.0
+        drawn = np.asarray(lfilter([1.0 - decay], [1.0, -decay], drawn))
+        fall, k0 = amount * drawn / max(float(drawn.max()), 1e-30), scene.kernel[0]
+        rates = zip(after.pressure_rates, before.pressure_rates, strict=True)
+        a, b = (np.convolve(fall * (new - old) / step, k0, "valid") for new, old in rates)
+        _, known_a, known_b = scene.explained or (0.0, 0.0, 0.0)
+        return replace(scene, explained=(np.zeros_like(a), known_a + a, known_b + b))
+
+    return change
+
+
+#: Lag of the supply pressure behind the flow where a volume lies between regulator and valve, s (assumed).
+SLOW_SAG_S = 0.5
+
+
+def _after_leak(side: str) -> Callable[[Scene], tuple[Array, float]]:
+    """Return the pressure ratio over a leak to the ambient air; its flow follows the law of the valve."""
+
+    def ratio(scene: Scene) -> tuple[Array, float]:
+        inside = scene.pressures["ab".index(side)]
+        return scene.drive.ambient.pressure_pa / inside, scene.drive.valve.critical_pressure_ratio
+
+    return ratio
+
+
+def _past_piston(scene: Scene) -> tuple[Array, float]:
+    """Return the pressure ratio over a leak past the piston, and the critical ratio of `cylinder.leakage`."""
+    a, b = scene.pressures
+    return np.minimum(a, b) / np.maximum(a, b), LEAK_CRITICAL_RATIO
 
 
 #: Number of polynomials for friction along the stroke, including the constant.
@@ -331,25 +356,28 @@ def _of_supply(drive: Drive) -> list[Cause]:
                   _drive(lambda d, p: {"supply.pressure": f"{d.supply_pressure_pa + p!r} Pa abs"}),
                   bounds=(-0.9 * gauge, np.inf), free=("supply.pressure",)),
         Cause("supply sag", "supply", "a supply pressure that falls by {size} at the greatest flow", "Pa",
-                  0.05e5, 0.1e5, "a larger regulator or a tank near the valve; measure the pressure there", term=_sag,
+                  0.05e5, 0.1e5, "a larger regulator or a tank near the valve; measure the pressure there", _sag(0.0),
                   bounds=NOT_NEGATIVE, described=False),
+        Cause("slow supply sag", "supply", "a supply pressure that falls by {size} with the flow of the last "
+                  f"{SLOW_SAG_S:g} s", "Pa", 0.05e5, 0.1e5, "a larger regulator; measure the pressure at the valve",
+                  _sag(SLOW_SAG_S), bounds=NOT_NEGATIVE, described=False),
     ]  # fmt: skip
 
 
 def _of_leaks(drive: Drive) -> list[Cause]:
     return [
         Cause("leak from a", "valve", "a leak from chamber a outside, {size} of C", "share of C", 0.005, 0.002,
-                  "seal-tightness test: shut the valve and watch pressure a", _leak(1), bounds=NOT_NEGATIVE,
-                  described=False),
+                  "seal-tightness test: shut the valve and watch pressure a", _leak(1), _after_leak("a"),
+                  bounds=NOT_NEGATIVE, described=False),
         Cause("leak from b", "valve", "a leak from chamber b outside, {size} of C", "share of C", 0.005, 0.002,
-                  "seal-tightness test: shut the valve and watch pressure b", _leak(3), bounds=NOT_NEGATIVE,
-                  described=False),
+                  "seal-tightness test: shut the valve and watch pressure b", _leak(3), _after_leak("b"),
+                  bounds=NOT_NEGATIVE, described=False),
         Cause("leak through the valve", "valve", "a leak of the valve from supply to both chambers, {size} of C",
                   "share of C", 0.005, 0.002, "measure the pressure rise behind the shut valve", _leak(0, 2),
                   bounds=NOT_NEGATIVE, described=False),
         Cause("leak past the piston", "chamber", "a leak past the piston of {size} of C", "share of C",
                   0.005, 0.002, "hold the piston with one chamber under pressure and watch the other; "
-                  "cylinder.leakage describes it", _value("cylinder.leakage", "m^3/(s Pa)", _piston_leak),
+                  "cylinder.leakage describes it", _value("cylinder.leakage", "m^3/(s Pa)", _piston_leak), _past_piston,
                   bounds=(-drive.cylinder.leakage_m3_s_pa / drive.valve.conductance_m3_s_pa, np.inf),
                   free=("cylinder.leakage",)),
     ]  # fmt: skip

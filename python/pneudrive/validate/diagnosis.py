@@ -53,6 +53,8 @@ REFINED = 8
 #: A cause is indistinguishable from the best one if its squared residual is within this factor.
 RIVAL = 2.0
 NEWTON_STEPS = 3
+#: Critical pressure ratios that a leak may have; least flow function by which the effect of a leak is divided.
+LEAK_RATIOS, LEAST_FLOW = (0.0, 0.2, 0.4, 0.528), 0.05
 #: Causes that are fitted together with their companions.
 JOINT = 4
 #: Values that compensate an unmodelled effect, if the drive does not say which of its values were identified.
@@ -80,6 +82,8 @@ class Culprit:
         Sentence for people.
     free : tuple of str
         Values of the drive file to identify for it.
+    laws : tuple of float
+        Lowest and highest amount over the flow laws of a leak that the recordings do not distinguish.
     """
 
     key: str
@@ -93,11 +97,13 @@ class Culprit:
     rivals: tuple[tuple[str, float], ...]
     text: str
     free: tuple[str, ...] = ()
+    laws: tuple[float, float] | None = None
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of the amount."""
-        return self.amount - NORMAL_95 * self.stderr, self.amount + NORMAL_95 * self.stderr
+        """95 % interval of the amount; of a leak, over all flow laws that the recordings do not distinguish."""
+        low, high = self.laws or (self.amount, self.amount)
+        return low - NORMAL_95 * self.stderr, high + NORMAL_95 * self.stderr
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,7 +159,7 @@ class _Search:
     """Weighted, stacked residuals of several recordings, and effects of causes on them."""
 
     def __init__(self, drive: Drive, signals: Sequence[Signals]) -> None:
-        self.signals = list(signals)
+        self.drive, self.signals = drive, list(signals)
         self.found = [residuals(drive, s) for s in signals]
         self.stride = [max(half_support(s) // 2, 1) for s in signals]
         self.causes = {c.key: c for c in causes(drive)}
@@ -167,12 +173,12 @@ class _Search:
         #: Block and balance of each stacked value.
         self.blocks, self.places = np.concatenate(blocks), np.concatenate(places)
 
-    def stacked(self, values: Sequence[Values]) -> Array:
-        """Return the weighted values of all recordings and balances in one vector."""
+    def stacked(self, values: Sequence[Values], *, weighted: bool = True) -> Array:
+        """Return the values of all recordings and balances in one vector, relative to their standard deviations."""
         out = []
         for found, stride, own in zip(self.found, self.stride, values, strict=True):
             for v, scale, used in zip(own, found.scale, found.used, strict=True):
-                out.append((v / scale)[::stride][used[::stride]])
+                out.append((v / scale if weighted else v)[::stride][used[::stride]])
         return np.concatenate(out)
 
     def left(self, model: _Model) -> Array:
@@ -464,8 +470,42 @@ def _culprit(
     was, now, whole = search.squares(left), search.squares(r.after), float(left @ left)
     balances = {b: 1.0 - now[b] / was[b] for b in BALANCES if was[b] > 0.02 * whole}
     said = (cause.key, cause.family, cause.unit, cause.remedy)
-    text = _in_words(r, stderr, rivals, is_identified=is_identified)
-    return Culprit(*said, r.amount, stderr, r.share, balances, rivals, text, cause.free)
+    laws = _over_flow_laws(search, r)
+    text = _in_words(r, stderr, rivals, laws, is_identified=is_identified)
+    return Culprit(*said, r.amount, stderr, r.share, balances, rivals, text, cause.free, laws)
+
+
+def _over_flow_laws(search: _Search, r: _Refined) -> tuple[float, float] | None:
+    """Return the lowest and the highest amount of a leak over its possible critical pressure ratios; None for others.
+
+    The shape of a leak is not known: the ratio is 0 for a narrow gap and 0.53 for a nozzle [iso6358-2013]. The effect
+    of the leak is scaled at each sample by the flow of the other law. A law counts if its residual is close to the
+    best.
+    """
+    if r.cause.ratio is None:
+        return None
+    amounts, sizes, target = [], [], r.after + r.amount * r.column
+    for critical in LEAK_RATIOS:
+        each = []
+        for signals in search.signals:
+            scene = Scene.of(search.drive, signals)
+            ratio, usual = r.cause.ratio(scene)
+            half = half_support(signals)
+            inside = ratio[half : ratio.size - half]
+            each.append((_flow(inside, critical) / np.maximum(_flow(inside, usual), LEAST_FLOW),) * len(BALANCES))
+        column = r.column * search.stacked(each, weighted=False)
+        amounts.append(float(column @ target) / float(column @ column))
+        rest = target - amounts[-1] * column
+        sizes.append(float(rest @ rest))
+    best = min(sizes)
+    fits = [a for a, size in zip(amounts, sizes, strict=True) if size <= RIVAL * best] + [r.amount]
+    return min(fits), max(fits)
+
+
+def _flow(ratio: Array, critical: float) -> Array:
+    """Return the flow function of ISO 6358 with a subsonic index of 0.5."""
+    beyond = np.clip((ratio - critical) / (1.0 - critical), 0.0, 1.0)
+    return np.sqrt(1.0 - beyond**2)
 
 
 #: Unit of an amount -> factor and unit in texts, if they differ from the common unit.
@@ -484,10 +524,20 @@ def _amount_in_words(cause: Cause, amount: float, stderr: float | None = None) -
     return cause.words.format(size=shown)
 
 
-def _in_words(r: _Refined, stderr: float, rivals: tuple[tuple[str, float], ...], *, is_identified: bool) -> str:
+def _in_words(
+    r: _Refined,
+    stderr: float,
+    rivals: tuple[tuple[str, float], ...],
+    laws: tuple[float, float] | None,
+    *,
+    is_identified: bool,
+) -> str:
     """Return a sentence: explained fraction, cause and size, indistinguishable causes, remedy."""
     cause = r.cause
     text = f"{100.0 * r.share:.0f} % of the residual is explained by {_amount_in_words(cause, r.amount, stderr)}"
+    if laws is not None and laws[1] - laws[0] > stderr:
+        low, high = (plain(_SAID[cause.unit][0] * end) for end in laws)
+        text += f"; {low} to {high} % over the flow laws (b = 0 to 0.53) that the recordings cannot distinguish"
     if r.others and is_identified:
         words = (_amount_in_words(other, amount) for other, amount, _ in r.others)
         text += f" together with values that differ from the identified ones: {', '.join(words)}"

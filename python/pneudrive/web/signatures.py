@@ -11,7 +11,7 @@ from posixpath import dirname
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.files.catalogue import entries
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.lock import is_held
 from pneudrive.fmu.package import VERSIONS
 from pneudrive.identify.static.laws import CANDIDATES
@@ -19,7 +19,7 @@ from pneudrive.identify.static.model import PRESSURE_FORMS
 from pneudrive.report.page import REPORT
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.trajectories import is_trajectory
-from pneudrive.simulation.trajectory import SUFFIXES, columns_in
+from pneudrive.simulation.trajectory import SUFFIXES, columns_in, meaning
 from pneudrive.sizing.folder import LOCK
 from pneudrive.sizing.search import DRAWS_BEST_OF
 from pneudrive.web.drive.drives import is_fit
@@ -31,6 +31,7 @@ from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue, safe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from pneudrive.web.workspace import Workspace
 
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 MAPS = (".parquet", ".csv")
 MOST_NEXT, MOST_LEAST, MOST_TUNED, MOST_DRAWS = 200, 100, 10_000, 4096
 MOST_RECORDINGS = 500
+LAYOUT = "layout"  # missing from a recording whose channels are not known
 
 
 @dataclass(frozen=True)
@@ -163,12 +165,29 @@ def _recordings(given: list[Any], workspace: Workspace, of: CommandInput) -> lis
         path = workspace.path(name, TABLES)
         if not path.is_file():
             raise CommandError(f"there is no recording {name}")
-        is_own = path.suffix in SUFFIXES and (
-            is_trajectory(path) if of.hint == "rig" else len(columns_in(path, NEEDED)) == len(NEEDED)
-        )
-        if not is_own and layout_in(workspace, path) is None:
+        missing = _missing(path, workspace, of)
+        if missing == [LAYOUT]:
             raise CommandError(f"{name} has no layout in the workspace", remedy="Propose a layout and accept it.")
+        if missing:
+            raise CommandError(
+                f"{name} lacks {', '.join(missing)}",
+                rule="a drive is compared with command, position and both pressures",
+                remedy="Choose a recording of this drive, or name these channels in its layout.",
+            )
     return given
+
+
+def _missing(path: Path, workspace: Workspace, of: CommandInput) -> list[str]:
+    """Return the channels that a command needs and a recording lacks; only ``layout`` if nothing tells its channels."""
+    if path.suffix in SUFFIXES:
+        columns = columns_in(path, NEEDED)
+        if is_trajectory(path) if of.hint == "rig" else len(columns) == len(NEEDED):
+            return []
+    layout = layout_in(workspace, path)
+    if layout is None:
+        return [LAYOUT]
+    known = layout.tree.get("columns", {})
+    return [] if of.hint == "rig" else [role for role in (meaning(name)[0] for name in NEEDED) if role not in known]
 
 
 _READERS: dict[str, Callable[[Any, Workspace, CommandInput], Any]] = {
@@ -237,7 +256,9 @@ def _loaded(drive: str, workspace: Workspace) -> str:
 
 def _fit_python(values: Values, _out: str, _: Workspace) -> str:
     law, form = CANDIDATES[values["law"]], values["pressure"]
-    options = f"stribeck_exponent={law.exponent}, stribeck_shape={'lorentzian' if law.lorentzian else None!r}"
+    options = (
+        f"stribeck_exponent={law.exponent}, stribeck_shape={'lorentzian' if law.lorentzian else None!r}, any_shape=True"
+    )
     options += "" if form == "none" else f", pressure_dependence=True, pressure={form!r}"
     read = f"from pneudrive.friction.friction_map import read_map\n\ncurves = read_map({values['map']!r})\n"
     return f"{read}fit = pn.fit_friction(curves, {law.law!r}, {options})\n"
@@ -378,11 +399,28 @@ SIGNATURES = {
 }
 
 
-def forms(_: Workspace) -> dict[str, Any]:
-    """Return the form of each command."""
-    return {
-        kind: {"title": one.title, "fields": [each.about() for each in one.inputs]} for kind, one in SIGNATURES.items()
-    }
+def forms(workspace: Workspace) -> dict[str, Any]:
+    """Return the form of each command. A field of recordings offers those that have the needed channels."""
+    found: dict[str, Any] = {}
+    for kind, signature in SIGNATURES.items():
+        found[kind] = {"title": signature.title, "fields": [each.about() for each in signature.inputs]}
+    offered = {hint: _offered(workspace, hint) for hint in ("rig", "")}
+    for each in (field for form in found.values() for field in form["fields"] if field["kind"] == "recordings"):
+        each["choices"] = [(path, path) for path in offered[each["hint"]]]
+    return found
+
+
+def _offered(workspace: Workspace, hint: str) -> list[str]:
+    """Return the recordings with the channels of a command, at most as many as it takes."""
+    paths = []
+    for file in workspace.files():
+        if file.kind == "recording" and len(paths) < MOST_RECORDINGS:
+            try:
+                missing = _missing(workspace.path(file.path, TABLES), workspace, CommandInput("", "", "", hint=hint))
+            except PneudriveError:  # a damaged file is not offered
+                continue
+            paths += [] if missing else [file.path]
+    return paths
 
 
 def job_of(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:

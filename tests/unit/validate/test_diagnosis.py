@@ -5,6 +5,7 @@ import pytest
 
 from oracle.diagnosis_hits import CASES
 from oracle.drive_records import drive, record
+from oracle.faulty_circuits import faulty_record
 from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import diagnose, validate
 from pneudrive.validate.balance import Scene
@@ -159,3 +160,25 @@ def test_no_cause_has_an_amount_that_physics_forbids():
     amounts = {key: amount for key, amount, _ in strong.alone}
     assert amounts["supply pressure"] == pytest.approx(1e5, rel=0.05)
     assert all(amounts[key] >= 0.0 for key in one_sided & amounts.keys())
+
+
+@pytest.mark.parametrize(("fault", "critical"), [("piston", 0.528), ("piston", 0.1), ("a", 0.528)])
+def test_the_interval_of_a_leak_covers_its_unknown_flow_law(fault, critical):
+    """An orifice past the piston was found as 1.51 +- 0.02 % where it has 1.2 %."""
+    found = diagnose(drive(), [Signals.of(faulty_record(fault, 0.012, critical=critical))])
+    leak = found.culprits[0]
+    assert leak.key == ("leak past the piston" if fault == "piston" else "leak from a")
+    low, high = leak.interval
+    assert low <= 0.012 <= high
+    assert high - low < 0.012
+    assert fault != "piston" or "flow laws" in leak.text
+
+
+def test_a_sagging_supply_is_named_beside_a_wrong_conductance():
+    """The model has 15 % less conductance than the drive, and no sag: gains of sensors and exhaust paths were named."""
+    model = drive(valve__conductance="1.7 dm3/(s bar)")
+    found = diagnose(model, [Signals.of(faulty_record("sag", 0.15, duration_s=6.0))])
+    amounts = {c.key: c.amount for c in found.culprits}
+    assert amounts["supply sag"] == pytest.approx(0.7e5, rel=0.2)  # of 7 to 6.27 bar
+    assert amounts["conductance"] == pytest.approx(2.0 / 1.7 - 1.0, abs=0.02)
+    assert found.left < 0.1

@@ -263,6 +263,7 @@ def _fitted(
         law.law,
         stribeck_exponent=law.exponent,
         stribeck_shape="lorentzian" if law.lorentzian else None,
+        any_shape=True,
         pressure_dependence=form != "none",
         pressure=form if form != "none" else "linear",
         viscous=comparison is None or comparison.recommended.viscous,

@@ -46,6 +46,7 @@ RIVALS: dict[str, tuple[tuple[str, ...], str]] = {
 FIRST = ("volumes", "heat")  # groups that are fitted alone at first
 WORTH = 0.9  # a model that lowers the sum of squares of the fit less than to this ratio adds nothing
 EARNS = 0.95  # a model earns its place if it lowers that of each prediction to this ratio
+AS_WELL = 2.0  # a model fits as well if its sum of squares is below this ratio (assumed)
 LARGEST_REACH = 0.5  # a number is determined if half its interval is below this share of it
 
 
@@ -62,8 +63,8 @@ class Rival:
         Ratio of its sum of squared residuals to that of the original model, in the fit.
     predictions : tuple of float
         The same for each part of the recordings that was not used. Empty if the fit gains nothing.
-    values : dict
-        Values of the numbers that both models have.
+    values, intervals : dict
+        Values and 95 % intervals of the numbers that both models have.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Rival:
     gain: float
     predictions: tuple[float, ...]
     values: dict[str, float]
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def earns(self) -> bool:
@@ -123,9 +125,13 @@ class FollowFit(Shown):
     values, units : dict
         Name -> value in SI; name -> unit.
     intervals : dict
-        Name -> 95 % interval for this model: from noise and correlated residuals.
+        Name -> 95 % interval: union over all models that fit as well, and at least the change from part to part.
+    model_intervals : dict
+        Name -> 95 % interval for this model alone: from noise and correlated residuals.
     spreads : dict
         Name -> lowest and highest value over all models that fit as well.
+    parts : dict
+        Name -> values from each recording alone, or from each half of a single recording.
     undetermined : tuple of str
         Numbers that the recordings do not determine, in sentences.
     records : tuple of FollowRecord
@@ -147,6 +153,8 @@ class FollowFit(Shown):
     notes: tuple[str, ...] = ()
     converged: bool = True
     solution: FollowSolution | None = field(default=None, repr=False)
+    model_intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    parts: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
     def driven(self) -> DrivenCircuit:
         """Return the identified circuit, ready to follow a motion."""
@@ -164,11 +172,14 @@ class FollowFit(Shown):
         return Card(f"{self.circuit.name} along {len(self.records)} recordings", rows=rows, notes=notes)
 
     def line(self, name: str) -> str:
-        """Return one value with interval and model spread."""
+        """Return one value with its interval, the spread over models, and the values of each part."""
         (low, high), unit = self.intervals[name], self.units[name]
         text = f"{plain(self.values[name])} {unit} [{plain(low)}, {plain(high)}]".replace("  ", " ")
-        spread = self.spreads.get(name)
-        return text if spread is None else f"{text}, models {plain(spread[0])} to {plain(spread[1])}"
+        if name in self.spreads:
+            text += ", models " + " to ".join(map(plain, self.spreads[name]))
+        if name in self.parts:
+            text += ", parts of the recordings " + ", ".join(map(plain, self.parts[name]))
+        return text
 
     def to_toml(self, path: str | Path) -> Path:
         """Write values, intervals, recordings and the circuit; `validate` and `simulate --motion` read the file."""
@@ -178,7 +189,9 @@ class FollowFit(Shown):
             "values": self.values,
             "units": self.units,
             "intervals": {name: list(ends) for name, ends in self.intervals.items()},
+            "model_intervals": {name: list(ends) for name, ends in self.model_intervals.items()},
             "spreads": {name: list(ends) for name, ends in self.spreads.items()},
+            "parts": {name: list(values) for name, values in self.parts.items()},
             "notes": [*self.notes, *self.undetermined, *(rival.verdict for rival in self.rivals)],
             "recordings": [
                 {
@@ -276,8 +289,8 @@ def identify_motion(
     problem = FollowProblem(driven, used, driven.numbers_of(free), watch=watch)
     solution = solve_follow(problem, _first_point(described, used, free, problem))
     notes += [*poor_fit(solution), *other_readings(solution)]
-    beside = _rivals(described, solution, list(free)) if rivals else ()
-    return _result(described, solution, notes, beside)
+    others, parts = (_rivals(described, solution, list(free)), _parts(solution)) if rivals else ((), {})
+    return _result(described, solution, notes, others, parts)
 
 
 def _first_point(
@@ -295,21 +308,26 @@ def _first_point(
     return FollowPoint(np.array(shared), found.local)
 
 
-def _result(described: Circuit, solution: FollowSolution, notes: list[str], beside: tuple[Rival, ...]) -> FollowFit:
+def _result(
+    described: Circuit,
+    solution: FollowSolution,
+    notes: list[str],
+    beside: tuple[Rival, ...],
+    parts: dict[str, tuple[float, ...]],
+) -> FollowFit:
     problem = solution.problem
-    values = {n.name: float(v) for n, v in zip(problem.numbers, np.exp(solution.point.shared), strict=True)}
+    values, intervals = _shared(solution)
     reach = [solution.deviation(place) for place in range(len(values))]
-    intervals = {
-        name: (value * float(np.exp(-r)), value * float(np.exp(r)))
-        for (name, value), r in zip(values.items(), reach, strict=True)
-    }
-    spreads = {}
+    spreads, stated = {}, {}
     for name, value in values.items():
-        found = [value, *(r.values[name] for r in beside if name in r.values and r.gain < 2.0)]
-        if len(found) > 1:
-            spreads[name] = (min(found), max(found))
+        alike = [r for r in beside if name in r.values and r.gain < AS_WELL]
+        if alike:
+            spreads[name] = (min(value, *(r.values[name] for r in alike)), max(value, *(r.values[name] for r in alike)))
+        lows, highs = zip(intervals[name], *(r.intervals[name] for r in alike), strict=True)
+        change = max((max(part / value, value / part) for part in parts.get(name, ())), default=1.0)
+        stated[name] = (min(*lows, value / change), max(*highs, value * change))
     lost = tuple(
-        f"{n.name} is not determined: {plain(intervals[n.name][0])} to {plain(intervals[n.name][1])} {n.unit} fit"
+        f"{n.name} is not determined: {plain(stated[n.name][0])} to {plain(stated[n.name][1])} {n.unit} fit"
         for n, r in zip(problem.numbers, reach, strict=True)
         if r > np.log1p(LARGEST_REACH)
     )
@@ -325,7 +343,7 @@ def _result(described: Circuit, solution: FollowSolution, notes: list[str], besi
         circuit=with_values(described, problem, values),
         values=values,
         units={n.name: n.unit for n in problem.numbers},
-        intervals=intervals,
+        intervals=stated,
         spreads=spreads,
         undetermined=lost,
         records=records,
@@ -333,7 +351,46 @@ def _result(described: Circuit, solution: FollowSolution, notes: list[str], besi
         notes=tuple(notes),
         converged=solution.converged,
         solution=solution,
+        model_intervals=intervals,
+        parts=parts,
     )
+
+
+def _shared(solution: FollowSolution) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Return the values of the shared numbers of a solution, and their 95 % intervals for its model."""
+    values, intervals = {}, {}
+    for place, (number, log) in enumerate(zip(solution.problem.numbers, solution.point.shared, strict=True)):
+        half = solution.deviation(place)
+        values[number.name] = float(np.exp(log))
+        intervals[number.name] = (float(np.exp(log - half)), float(np.exp(log + half)))
+    return values, intervals
+
+
+def _parts(solution: FollowSolution) -> dict[str, tuple[float, ...]]:
+    """Return the values from each recording alone, or from each half of a single one, where they are determined.
+
+    The interval of one recording does not contain changes from run to run. These values measure such changes.
+    """
+    problem, point = solution.problem, solution.point
+    if len(problem.records) > 1:
+        pieces = [
+            (replace(problem, records=[record], parts=[problem.parts[at]], weights=[problem.weights[at]]), at)
+            for at, record in enumerate(problem.records)
+        ]
+    else:
+        pieces = [(replace(problem, parts=own, weights=list(problem.weights)), 0) for own, _ in _folds(problem)]
+    found: dict[str, list[float]] = {}
+    for piece, at in pieces:
+        piece.model = "part of the recordings"
+        local = point.local[at : at + 1] if len(piece.records) == 1 else point.local
+        try:
+            solved = solve_follow(piece, FollowPoint(point.shared.copy(), local.copy()), passes=1)
+        except FitError:
+            continue  # this part does not depend on a number
+        for place, (name, value) in enumerate(_shared(solved)[0].items()):
+            if solved.deviation(place) < np.log1p(LARGEST_REACH):
+                found.setdefault(name, []).append(value)
+    return {name: tuple(values) for name, values in found.items()}
 
 
 def follow_record(solution: FollowSolution, at: int) -> FollowRecord:
@@ -414,8 +471,7 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
         except FitError:
             continue  # the circuit has no such number, or the recordings do not depend on it
         worst = 100.0 * max(float(solved.rms(at).max()) for at in range(len(problem.records)))
-        values = {n.name: float(np.exp(v)) for n, v in zip(rival.numbers, solved.point.shared, strict=True)}
-        found.append(Rival(name, words, worst, gain, predictions, values))
+        found.append(Rival(name, words, worst, gain, predictions, *_shared(solved)))
     return tuple(found)
 
 
@@ -487,6 +543,8 @@ def read_follow_fit(path: str | Path) -> FollowFit | None:
         records,
         (),
         tuple(tables.get("notes", ())),
+        model_intervals={name: (ends[0], ends[1]) for name, ends in tables.get("model_intervals", {}).items()},
+        parts={name: tuple(values) for name, values in tables.get("parts", {}).items()},
     )
 
 

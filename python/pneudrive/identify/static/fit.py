@@ -16,7 +16,7 @@ from pneudrive.identify.determined import SIMULATED
 from pneudrive.identify.diagnose import choose_model, diagnose
 from pneudrive.identify.static.assemble import assembled
 from pneudrive.identify.static.model import PRESSURE_FORMS, STRIBECK_SHAPES, FrictionModel, Observations
-from pneudrive.identify.static.model_selection import Support, shrunk_to_the_data, with_knee
+from pneudrive.identify.static.model_selection import Support, interval_over_shapes, shrunk_to_the_data, with_knee
 from pneudrive.identify.static.observations import observations
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def fit_friction(
     direction: int | None = None,
     stribeck_exponent: float | None = 2.0,
     stribeck_shape: str | None = None,
+    any_shape: bool | None = None,
     pressure: str = "linear",
     viscous: bool = True,
     robust: bool = True,
@@ -62,6 +63,9 @@ def fit_friction(
     stribeck_shape : str or None
         ``gaussian``, ``exponential``, ``lorentzian`` or ``free`` (exponent is fitted); None: by
         `stribeck_exponent`.
+    any_shape : bool or None
+        Whether the intervals of the forces cover all Stribeck shapes that fit as well. None: if `stribeck_shape` is not
+        given.
     pressure : str
         With `pressure_dependence`: ``linear`` in the gauge pressures. ``quadratic``. ``saturating``, with g/(1 +
         g/knee) in place of each gauge pressure g and the most likely of a few knees. ``interaction``, with the product
@@ -116,6 +120,7 @@ def fit_friction(
     notes = [*notes, *simulated(friction_map)]
     form = pressure if pressure_dependence else None
     lorentzian = stribeck_shape == "lorentzian"
+    is_open = stribeck_shape is None if any_shape is None else any_shape
     wanted = FrictionModel(law, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
     options = {
         "direction": "both" if direction is None else f"{direction:+d}",
@@ -125,7 +130,8 @@ def fit_friction(
         "exclude_flags": sorted(exclude_flags),
         "recordings": recordings_of(friction_map),
     }
-    return fit_values(wanted, data, pressure=form, loss=loss if robust else "linear", notes=notes, options=options)
+    used = loss if robust else "linear"
+    return fit_values(wanted, data, pressure=form, loss=used, any_shape=is_open, notes=notes, options=options)
 
 
 def fit_values(
@@ -134,6 +140,7 @@ def fit_values(
     *,
     pressure: str | None = None,
     loss: str = "huber",
+    any_shape: bool = False,
     notes: Sequence[str] = (),
     options: Mapping[str, object] | None = None,
 ) -> FrictionFit:
@@ -148,6 +155,8 @@ def fit_values(
         Dependence on pressure, one of ``PRESSURE_FORMS``; None for none.
     loss : str
         ``linear`` or a name in ``robust.LOSSES``.
+    any_shape : bool
+        Intervals of the forces cover all Stribeck shapes that fit as well.
     notes, options
         Added to the result and to its provenance.
     """
@@ -156,6 +165,7 @@ def fit_values(
     support = shrunk_to_the_data(with_knee(model, data, loss), data, loss)
     lost += support.lost + diagnose(support.model, support.data, support.found, support.intervals)
     said += _remarks(support)
+    support = replace(support, intervals=interval_over_shapes(support)) if any_shape else support
     provenance = {"version": __version__, "map_sha256": fingerprint(data), "loss": loss, **_ranges(data)}
     provenance |= options or {}
     fit = assembled(wanted.law, support, lost, said, provenance)

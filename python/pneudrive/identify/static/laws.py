@@ -283,7 +283,7 @@ def _compared(
     """Fit and predict, or return the reason why this is not possible."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     try:
-        fit = fit_values(replace(CANDIDATES[name], viscous=wide), data, pressure=form, loss=loss)
+        fit = fit_values(replace(CANDIDATES[name], viscous=wide), data, pressure=form, loss=loss, any_shape=True)
     except FitError as problem:
         return f"{name} is not compared: {problem.what}"
     error, inside = np.empty(len(data)), np.empty(len(data), dtype=bool)

@@ -27,6 +27,8 @@ KNEES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
 
 #: Number of further knees between the best one and its neighbours.
 FINER = np.geomspace(0.6, 1.0 / 0.6, 9)
+#: Exponent of the Stribeck curve, and whether it is Lorentzian; literature has exponents of 0.5 to 2 [armstrong1994].
+SHAPES = ((0.5, False), (1.0, False), (2.0, False), (2.0, True))
 #: Factors of knees about the best one over which intervals are joined, if the values allow them.
 NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
 
@@ -111,6 +113,29 @@ def interval_over_knees(
             if not more:
                 break
             out = {n: (min(low, more[n][0]), max(high, more[n][1])) for n, (low, high) in out.items()}
+    return out
+
+
+def interval_over_shapes(support: Support) -> dict[str, tuple[float, float]]:
+    """Return the intervals of the forces over all Stribeck shapes that fit as well as the chosen one.
+
+    The shape at low speed is not known, and the breakaway force depends on it. Parameters of the shape keep their own
+    intervals. The chosen exponent is one of several usual values, so that at a single one the intervals are too narrow.
+    """
+    model, data, found = support.model, support.data, support.found
+    out, dof = dict(support.intervals), len(data) - len(model.names) - model.chosen
+    if not model.stribeck or model.exponent is None or dof < 1:
+        return out
+    least = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
+    pseudo = replace(data, friction_n=found.pseudo)
+    for exponent, lorentzian in SHAPES:
+        if (exponent, lorentzian) == (model.exponent, model.lorentzian):
+            continue
+        shape = replace(model, exponent=exponent, lorentzian=lorentzian)
+        near = replace(estimate(shape, pseudo, loss="linear"), pseudo=found.pseudo, variance=found.variance)
+        more = profile_intervals(shape, data, near, student(dof), least)
+        for name in (n for n in more if not n.startswith("stribeck_")):
+            out[name] = (min(out[name][0], more[name][0]), max(out[name][1], more[name][1]))
     return out
 
 
