@@ -274,7 +274,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
   return (
     <>
       {(now.said[0] || now.provisional) && <p class={isSevere(now.said[0] ?? "") ? "answer severe" : "answer"} data-answer>{now.said[0] ?? now.provisional}</p>}
-      <OpenChecks of={now.checks.filter((one) => one.is_kept !== true)} />
+      <OpenChecks of={now.checks.filter((one) => one.is_kept !== true)} task={now.task} />
       <Best now={now} />
       {now.candidates.some((one) => one.file) && <DataSheet folder={folder} />}
       <p class="banner">Simulated drives. Values that no sheet gives are assumed; each file says which.</p>
@@ -341,7 +341,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
 }
 
 /** Checks of the best that are not kept or not decided, with their remedies: none is folded. */
-function OpenChecks({ of }: { of: MachineCheck[] }) {
+function OpenChecks({ of, task }: { of: MachineCheck[]; task: string }) {
   const shown = (value: number | null, unit: string) => (value === null ? "not on the sheet" : `${digits(value)} ${unit}`);
   return (
     <>
@@ -352,6 +352,7 @@ function OpenChecks({ of }: { of: MachineCheck[] }) {
           {one.remedies.length > 0 && <ul>{one.remedies.map((remedy) => <li key={remedy}>{remedy}</li>)}</ul>}
         </div>
       ))}
+      {of.length > 0 && task && <p><a href={link("sizing", task)}>Change the task</a></p>}
     </>
   );
 }
@@ -360,11 +361,12 @@ function OpenChecks({ of }: { of: MachineCheck[] }) {
 function Best({ now }: { now: Sizing }) {
   const best = now.candidates.find((one) => one.place === 0);
   if (!best) return null;
+  const isAssumed = now.checks.some((one) => one.rule.startsWith("assumed")); // the limit of the energy
   const limits = best.limits.map((one) => ({
     key: one.name,
     title: one.name,
     text: one.value === null ? "does not end" : `${digits(one.value)} ${one.unit}`,
-    note: `limit ${digits(one.limit)} ${one.unit}`,
+    note: `limit ${digits(one.limit)} ${one.unit}${isAssumed && one.name.startsWith("energy") ? ", assumed" : ""}`,
     missed: one.margin === null || one.margin < 0,
   }));
   return <Tiles label="The best candidate" of={[...limits, { key: "air", title: "air of a cycle", text: `${digits(best.air)} l ANR`, note: "mean" }]} />;

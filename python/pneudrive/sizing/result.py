@@ -224,8 +224,8 @@ def sentences(result: SizingResult) -> list[str]:
 
 def answer_of(stored: Mapping[str, Any]) -> str:
     """Return the answer of a stored result. Earlier versions wrote "Take" although a check was open."""
-    answer, checks = stored["said"][0], stored.get("checks", ())
-    is_open = any(check["is_kept"] is not True for check in checks)
+    answer = str((stored.get("said") or [""])[0])
+    is_open = any(check.get("is_kept") is not True for check in stored.get("checks", ()))
     return NOT_READY + answer.removeprefix("Take ") if is_open and answer.startswith("Take ") else answer
 
 

@@ -52,7 +52,8 @@ def _of_view(workspace: Workspace, path: str, kind: str) -> str:
 
 def _of_sizing(workspace: Workspace, path: str) -> str:
     summary = workspace.folder(path) / SUMMARY
-    return answer_of(read_json(summary, PneudriveError)).partition(":")[0] if summary.is_file() else "not finished"
+    stored = read_json(summary, PneudriveError) if summary.is_file() else {}
+    return answer_of(stored).partition(":")[0] or "not finished"
 
 
 def _of_task(workspace: Workspace, path: str) -> str:

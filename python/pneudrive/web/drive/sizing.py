@@ -85,7 +85,7 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
             "feasible": summary.get("feasible"),
             "checks": [check._asdict() for check in checks],
             "miss": summary.get("miss"),
-            "said": [answer_of(summary), *summary["said"][1:]] if summary else [],
+            "said": [answer_of(summary), *summary.get("said", [])[1:]] if summary else [],
             "provisional": provisional,
             "asked": asked if asked and is_of_command(asked) else None,
         }
