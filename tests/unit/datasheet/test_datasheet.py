@@ -191,3 +191,19 @@ def test_the_circuit_of_a_drive_has_the_numbers_of_the_drive(tmp_path, capsys, m
         said.append(capsys.readouterr().out.splitlines()[0])
         assert "blocked force" in page.read_text(encoding="utf-8")
     assert said[0] == said[1]
+
+
+def test_hazards_are_the_first_lines_of_a_sheet(monkeypatch):
+    """A load that hangs, and an impact above 4 mJ for each mm2: 1.96 J at a bore of 25 mm."""
+    monkeypatch.setattr(sheet, "OF_A_SHEET", ("square-response",))
+    heavy = DRIVE.replace({"load.mass": "9 kg"})
+    level, upright = (
+        build(heavy.replace({"cylinder.incline": angle}), [], None, UNWATCHED, intervals=False)
+        for angle in ("0 deg", "90 deg")
+    )
+    assert "is harder than a cylinder of this bore usually takes, 1.96 J" in level.headlines[0]
+    assert len(level.hazards) == 1
+    weight = 9.80665 * (9.0 + DRIVE.cylinder.moving_mass)
+    assert f"hang with {weight:.3g}" in upright.headlines[0]
+    assert "friction at rest holds 45 N" in upright.headlines[0]
+    assert all(line.startswith("Hazard: ") for line in upright.hazards)
