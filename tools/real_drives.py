@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+import published_models
 from pneudrive.errors import PneudriveWarning
 from pneudrive.friction.characterisation import characterise_recordings as characterise
 from pneudrive.identify.follow.fit import FollowFit, identify_motion
@@ -201,6 +202,7 @@ def page(
         *differ,
         *joint_lines(joints),
         *seal_lines(seals, run_off),
+        *published_models.lines(),
     ]
     return "\n".join(lines)
 

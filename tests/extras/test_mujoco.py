@@ -143,10 +143,25 @@ def test_a_law_that_sticks_moves_the_model_through_a_coupling():
     assert abs(report.work_gap_j) < 1e-9 * report.work_j
 
 
+TENDON = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><site name="wall"/>
+<body pos="0.35 0 0"><joint name="slide" type="slide" axis="1 0 0"/><geom size="0.1" mass="2"/><site name="end"/></body>
+</worldbody><tendon><spatial name="leg" {}><site site="wall"/><site site="end"/></spatial></tendon>
+<actuator><motor tendon="leg"/></actuator></mujoco>"""
+
+
+def test_a_tendon_is_named_as_a_joint_is():
+    model = mujoco.MjModel.from_xml_string(TENDON.format(""))
+    run = pn.mujoco.Actuators(model, {"leg": DRIVE}, zero={"leg": "250 mm"}).simulate({"leg": PLAN}, "0.2 s")
+    at_joint = at_slide(position=0.1).simulate({"slide": PLAN}, "0.2 s")
+    assert np.abs(run["leg.position_m"] - at_joint["slide.position_m"]).max() < 1e-6
+    with pytest.raises(CommandError, match="the tendon of 'leg' has frictionloss or damping"):
+        pn.mujoco.Actuators(mujoco.MjModel.from_xml_string(TENDON.format('damping="3"')), {"leg": DRIVE})
+
+
 def test_messages_name_what_to_do():
     with pytest.raises(CommandError, match=r"(?s)starts at 600 mm.*0 to 500 mm"):
         at_slide(position=0.6)
-    with pytest.raises(CommandError, match="no actuator and no joint 'slid'"):
+    with pytest.raises(CommandError, match="no actuator, joint or tendon 'slid'"):
         pn.mujoco.Actuators(mujoco.MjModel.from_xml_string(machines.slide()), {"slid": DRIVE})
     with pytest.raises(DescriptionError, match="put a coupling"):
         at_slide(pn.Drive.load("catalogue:parker-osp-p25-sy5000"))

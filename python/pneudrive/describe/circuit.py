@@ -26,7 +26,7 @@ from pneudrive.describe.system import System, compiled
 from pneudrive.describe.tables import end_stops
 from pneudrive.describe.tables.legs import check_platforms
 from pneudrive.describe.tables.parts import Ambient, Gas
-from pneudrive.describe.tables.poses import coordinate_keys
+from pneudrive.describe.tables.poses import coordinate_keys, start_place
 from pneudrive.describe.tables.starts import PRESSURE, Starts, start_values
 from pneudrive.errors import DescriptionError, Problems, together, warn
 from pneudrive.lazy_names import upper
@@ -252,7 +252,10 @@ class Circuit(Described):
 
     def _core_of(self, name: str, one: Component) -> dict[str, Any]:
         try:
-            return {"name": name} | one.core(self.ambient.pressure_pa)
+            form: dict[str, Any] = {"name": name} | one.core(self.ambient.pressure_pa)
+            if one.kind == "platform/linear-delta":  # its carriages have the same places in two poses
+                form["numbers"] = start_place(self.initial, name) | form["numbers"]
+            return form
         except DescriptionError as error:
             raise within(error, name, {}) from None
 

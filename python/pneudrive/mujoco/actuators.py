@@ -164,7 +164,7 @@ class Actuators:
     ----------
     model : mujoco.MjModel
     drives : mapping
-        Actuator, or joint with one actuator -> `Drive`, or `Circuit` with one cylinder. Friction laws with a
+        Actuator, or joint or tendon with one actuator -> `Drive`, or `Circuit` with one cylinder. Friction laws with a
         stick mode need `couplings`.
     data : mujoco.MjData, optional
     zero : mapping of str to str or float, optional
@@ -261,7 +261,7 @@ class Actuators:
         Parameters
         ----------
         name : str
-            Actuator or joint.
+            Actuator, joint or tendon.
         value : float
         input : str
             As in `pneudrive.simulation.session.Session.set`; for a circuit with its component: ``"valve.command"``.

@@ -28,7 +28,7 @@ class Response:
     ----------
     model : mujoco.MjModel
     names : sequence of str
-        Names of actuators, or of joints with one actuator.
+        Names of actuators, or of joints or tendons with one actuator.
     data : mujoco.MjData, optional
 
     Raises
@@ -128,18 +128,23 @@ def _places(model: Any, ids: Array) -> Array | None:  # noqa: ANN401
 
 
 def _actuator(model: Any, name: str) -> int:  # noqa: ANN401
-    """Return the index of an actuator of this name, or of the one at the joint of this name."""
+    """Return the index of an actuator of this name, or of the one at the joint or tendon of this name."""
     found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
     if found >= 0:
         return found
-    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
-    if joint < 0:
-        known = [model.actuator(i).name for i in range(model.nu)] + [model.joint(i).name for i in range(model.njnt)]
-        raise CommandError(f"the model has no actuator and no joint {name!r}", remedy=nearest(name, known))
-    at = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == joint)
+    objects, transmissions = mujoco.mjtObj, mujoco.mjtTrn
+    kinds = (("joint", objects.mjOBJ_JOINT, transmissions.mjTRN_JOINT),)
+    kinds += (("tendon", objects.mjOBJ_TENDON, transmissions.mjTRN_TENDON),)
+    of_name = [(word, kind, mujoco.mj_name2id(model, of, name)) for word, of, kind in kinds]
+    word, kind, found = next((one for one in of_name if one[2] >= 0), ("", None, -1))
+    if found < 0:
+        counts = ((model.actuator, model.nu), (model.joint, model.njnt), (model.tendon, model.ntendon))
+        known = [get(i).name for get, count in counts for i in range(count)]
+        raise CommandError(f"the model has no actuator, joint or tendon {name!r}", remedy=nearest(name, known))
+    at = (model.actuator_trntype == kind) & (model.actuator_trnid[:, 0] == found)
     if np.count_nonzero(at) != 1:
-        remedy = f'Add <motor joint="{name}"/> to <actuator>, or name the actuator.'
-        raise CommandError(f"the joint {name!r} has {np.count_nonzero(at)} actuators", rule="one", remedy=remedy)
+        remedy = f'Add <motor {word}="{name}"/> to <actuator>, or name the actuator.'
+        raise CommandError(f"the {word} {name!r} has {np.count_nonzero(at)} actuators", rule="one", remedy=remedy)
     return int(np.argmax(at))
 
 
@@ -156,8 +161,12 @@ def _check(model: Any, name: str, i: int) -> None:  # noqa: ANN401
     if not plain:
         rule = "a force of gain 1 without bias, activation and limits"
         raise CommandError(f"the actuator {name!r} is not a plain force", rule=rule, remedy="Use <motor .../>.")
+    word, losses, at = "joint", (), model.actuator_trnid[i, 0]
     if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT:
-        dof = model.jnt_dofadr[model.actuator_trnid[i, 0]]
-        if model.dof_frictionloss[dof] or np.any(model.dof_damping[dof]):
-            remedy = "Set both to 0: the drive brings its own friction."
-            raise CommandError(f"the joint of {name!r} has frictionloss or damping", remedy=remedy)
+        dof = model.jnt_dofadr[at]
+        losses = (model.dof_frictionloss[dof], model.dof_damping[dof])
+    elif model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON:
+        word, losses = "tendon", (model.tendon_frictionloss[at], model.tendon_damping[at])
+    if any(map(np.any, losses)):
+        remedy = "Set both to 0: the drive brings its own friction."
+        raise CommandError(f"the {word} of {name!r} has frictionloss or damping", remedy=remedy)

@@ -6,7 +6,9 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
+from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.parts import VIRIAL
+from pneudrive.describe.tables.poses import angles, coordinates, pose_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -48,7 +50,7 @@ def warnings(described: Drive | Circuit, columns: Mapping[str, Any]) -> list[str
     places = list(_places(described, columns))
     found = [*_pressures(places, time), *_temperatures(places, time), *_gas(described, places, time)]
     found += _masses(described, places, time)
-    return [*found, *_pistons(described, columns)]
+    return [*found, *_pistons(described, columns), *_singular_poses(described, columns)]
 
 
 def _places(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[_GasVolume]:
@@ -167,4 +169,25 @@ def _pistons(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator
             yield (
                 f"{name} leaves its stroke: it is at {1e3 * position[row]:.6g} mm at {when:.4g} s, and its stroke is "
                 f"0 to {1e3 * stroke:g} mm. A piston has no end stops: take a cylinder, or join stops to it"
+            )
+
+
+def _singular_poses(described: Drive | Circuit, columns: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a warning for each platform that passes a singular pose: the determinant of its Jacobian changes sign."""
+    kinds = {name: one.kind for name, one in getattr(described, "components", {}).items()}
+    if not any(kind.startswith("platform/") and kind != "platform/driven" for kind in kinds.values()):
+        return
+    import numpy as np
+
+    for platform in compiled(described.circuit.core_json()).platforms:
+        names = [f"{platform.name}.{key}" + ("" if key.endswith("_m") else "_rad") for key in platform.coordinates]
+        q = coordinates(platform, np.column_stack([np.asarray(columns[name]) for name in names]))
+        signs = np.linalg.slogdet(platform.evaluate(q, np.zeros_like(q))["jacobian"])[0]
+        rows = np.flatnonzero(signs[1:] * signs[:-1] <= 0.0)
+        if rows.size:
+            pose = pose_text(platform, angles(platform, q)[rows[0]])
+            yield (
+                f"{platform.name} passes a singular pose at {columns['time_s'][rows[0]]:.4g} s, near {pose}: its legs "
+                "do not hold it there, and a real platform may continue in another way. Keep away from this pose, or "
+                "move the joints"
             )

@@ -12,6 +12,7 @@ import pytest
 import pneudrive as pn
 from oracle import platform_air
 from pneudrive import _core
+from pneudrive.errors import DescriptionError, PneudriveWarning
 
 TRIPOD = Path(__file__).parents[3] / "examples" / "tripod.toml"
 COMMANDS = {
@@ -144,3 +145,44 @@ def test_the_arrangements_of_published_machines_run_and_mark_every_number(name):
     assert abs(run.attrs["ledger"]["energy_error"]) < 1e-9
     plain = [key for key, value in circuit.origin_of.items() if not value.assumed]
     assert plain == []
+
+
+STAR = pn.Circuit.load(TRIPOD.parent / "published_linear_delta.toml").to_dict()
+
+
+def star(z_mm, **changes):
+    """Return the flat star of the examples, with its platform at this height, mm."""
+    tables = json.loads(json.dumps(STAR))
+    tables["initial"]["delta.z"] = f"{z_mm} mm"
+    tables["components"]["delta"] |= changes
+    return pn.Circuit.model_validate(tables)
+
+
+def test_a_linear_delta_starts_in_the_pose_of_the_file():
+    """Carriages in a star have the same places for a platform above and below them."""
+    above, below = (star(z).simulate(None, "2 ms")["delta.z"] for z in (250.0, -250.0))
+    assert [above[0], below[0]] == pytest.approx([0.25, -0.25], abs=1e-12)
+    assert above[-1] + below[-1] < -1e-7  # both fall
+    with pytest.raises(DescriptionError, match=r"(?s)also at .*z = -250 mm.*near = \{ z = \.\.\. \}"):
+        star(-300.0).simulate(None, "2 ms", initial="delta.z = 250 mm")
+    platform = pn.platform(star(250.0))
+    assert platform.forward(platform.inverse([0.0, 0.0, 0.25])) == pytest.approx([0.0, 0.0, 0.25], abs=1e-9)
+
+
+def test_a_platform_stands_on_guides_that_point_down():
+    """Carriages are ahead of their platform: it is above them."""
+    down = {f"direction_{i}": {"x": 0.0, "y": 0.0, "z": -1.0} for i in (1, 2, 3)}
+    tables = json.loads(json.dumps(STAR))
+    delta = tables["components"]["delta"]
+    tables["components"]["delta"] = {key: delta[key] for key in delta if not key.startswith("direction")} | down
+    circuit = pn.Circuit.model_validate(tables)
+    z = circuit.simulate(None, "2 ms")["delta.z"]
+    arm, across, half = 0.4, 0.1 - 0.06, 0.2
+    assert z[0] == pytest.approx(np.sqrt(arm**2 - across**2) - half, abs=1e-9)
+
+
+def test_a_run_through_a_singular_pose_warns():
+    """The weight pulls a platform above a star through the plane of its arms."""
+    with pytest.warns(PneudriveWarning, match="delta passes a singular pose at .* near x = 0 mm"):
+        run = star(10.0).simulate(None, "0.5 s")
+    assert run["delta.z"][-1] < 0.0 < run["delta.z"][0]

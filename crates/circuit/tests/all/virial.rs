@@ -164,3 +164,26 @@ fn without_a_coefficient_equations_have_the_bits_of_the_ideal_gas() {
         assert_eq!(bits(&rates(&circuit, y)), bits(&rates(&own, y)));
     }
 }
+
+/// The flow law asks for pressure and temperature only. It may not see the state that an ideal gas would have.
+#[test]
+fn the_flow_out_of_a_chamber_follows_from_its_real_pressure_and_temperature() {
+    let tank = |name: &str| one(name, "tank", json!({ "volume": 1e-3 }));
+    let components = json!([tank("full"), fitting("between", 1e-9), tank("half"), fitting("out", 2e-9)]);
+    let joints = json!([["full.1", "between.1"], ["between.2", "half.1", "out.1"], ["out.2", "ambient"]]);
+    let (k, r) = CARBON_DIOXIDE;
+    let ideal = json!({ "heat_capacity_ratio": k, "gas_constant_j_kg_k": r });
+    let start = [
+        ("full.pressure_pa", 1e6),
+        ("full.temperature_k", 260.0),
+        ("half.pressure_pa", 9e5),
+        ("half.temperature_k", 300.0),
+    ];
+    let flows = [ideal, virial_gas(CARBON_DIOXIDE, &carbon_dioxide())].map(|gas| {
+        let (columns, _) = run_columns(&network(&gas, &components, &joints), &[], (1e-3, 1e3), &start);
+        ["between", "out"].map(|name| columns[&format!("{name}.mass_flow_kg_s")][0])
+    });
+    for (ideal, real) in flows[0].iter().zip(flows[1]) {
+        assert_close("flow", real, *ideal, 1e-9);
+    }
+}

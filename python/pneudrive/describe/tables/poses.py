@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from math import degrees
 from typing import TYPE_CHECKING
 
@@ -55,6 +56,18 @@ def angles(platform: Platform, q: Array) -> Array:
 
     lengths = [name.endswith(_METRES) for name in platform.coordinates]
     return np.where(lengths, q, 2.0 * np.arcsin(np.where(lengths, 0.0, q)))
+
+
+def start_place(initial: Mapping[str, object], name: str) -> dict[str, float]:
+    """Return the numbers of the core for the place of a platform in a start table, m; a wrong value is left out."""
+    own = initial.get(name)
+    nested = own if isinstance(own, dict) else {}
+    found = {}
+    for axis in "xyz":
+        value = initial.get(f"{name}.{axis}", nested.get(axis))
+        with suppress(DescriptionError):  # the start itself names a wrong value
+            found |= {} if value is None else {f"near_{axis}": float(_LENGTH.read(value))}
+    return found
 
 
 def pose_text(platform: Platform, pose: Array) -> str:
@@ -211,7 +224,10 @@ class Poses:
                 what = (
                     f"the legs of {platform.name} have the positions of the start also at {pose_text(platform, pose)}"
                 )
-                raise wrong(key, what, rule="a run starts from the positions of the legs", remedy=NEARER)
+                is_delta = platform.coordinates[0] == "x_m" and len(platform.joints[2]) > 0
+                remedy = f"Write the pose into [initial] of the file, or near = {{ z = ... }} at {platform.name}."
+                remedy = remedy if is_delta else NEARER
+                raise wrong(key, what, rule="a run starts from the positions of the legs", remedy=remedy)
             least = float(singular_values(platform, q)[0, -1])
             if not least > SINGULAR:
                 what = f"the start of {platform.name} is singular: {pose_text(platform, pose)}"

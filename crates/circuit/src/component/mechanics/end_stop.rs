@@ -9,6 +9,9 @@ use physics::mechanics::EndStop;
 
 /// Fraction of the dead length (dead volume over area) that a stop may use (assumed).
 const DEPTH_SHARE: f64 = 0.5;
+/// Largest distance by which the driving force alone presses a piston into a stop, m (assumed). Without it, a stop in
+/// front of a large dead volume would add a visible length to the stroke.
+const MOST_PRESSED: f64 = 1e-3;
 /// Largest speed of arrival, relative to the speed that a choked exhaust allows (assumed). A faster piston compresses
 /// its gas, which brakes the piston.
 const FLOW_FACTOR: f64 = 4.0;
@@ -92,7 +95,7 @@ pub(crate) struct Driven<'a, P> {
 ///
 /// They follow from k d^2/2 = M v^2/2 + F d. Over the depth d, the spring absorbs the kinetic energy of the moving mass
 /// and load, M kg, and the work of the largest driving force, F N. The depth d is half of the shorter dead length,
-/// V_dead/A. F is the absolute supply pressure on the larger area, plus the largest values of weight, load force and
+/// V_dead/A, but at most `s + sqrt(s^2 + M v^2 s/F)`, with which F alone presses the piston s = 1 mm into the stop. F is the absolute supply pressure on the larger area, plus the largest values of weight, load force and
 /// load spring. The speed v, m/s, is at least 1 m/s. Otherwise it is the smaller of two values. The first is sqrt(2 F
 /// L/M), from the work of F over the stroke L. The second is four times the piston speed at a choked exhaust, C p_0
 /// sqrt(R T/(R_0 T_0))/A, with p_0, R_0 and T_0 of air at standard conditions.
@@ -117,7 +120,9 @@ pub(crate) fn ends<P: Lane>(driven: &Driven<'_, P>) -> Ends<P> {
     let speed = (c(FLOW_FACTOR) * exhaust).min(by_work).max(c(LEAST_SPEED));
     let rooms = [driven.dead_volumes[0] / area_a, driven.dead_volumes[1] / area_b];
     let room = rooms[0].min(rooms[1]);
-    let depth = c(DEPTH_SHARE) * room;
+    let pressed = c(MOST_PRESSED);
+    let depth = (c(DEPTH_SHARE) * room)
+        .min(pressed + (pressed * pressed + mass * speed * speed * pressed / force).sqrt());
     let holds = |speed: P, depth: P| (mass * speed * speed + c(2.0) * force * depth) / (depth * depth);
     let damping = |stiffness: P| c(2.0 * DAMPING_RATIO) * (stiffness * mass).sqrt();
 
@@ -139,7 +144,7 @@ pub(crate) fn ends<P: Lane>(driven: &Driven<'_, P>) -> Ends<P> {
         law: stop.clone(),
         damped: driven.given[1].is_none(),
         supply: driven.supply_pressure,
-        rise: c(2.0) * large * (stroke + depth) / (depth * depth),
+        rise: (c(2.0) * large * (stroke + depth) / (depth * depth)).max(large / pressed),
         start: driven.supply_pressure,
     });
     Ends { stop, covers, enough, taken: Taken { mass, speed, force, depth }, follows }

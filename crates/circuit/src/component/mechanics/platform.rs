@@ -82,6 +82,20 @@ const LEGS: &[Row] = table! {
     leg_inertia: "kg m2", physics::at_least(0.0), default 0.0, assumed "thin and short", "Moment of inertia of a leg: barrel and rod, each about its own centre of mass";
 };
 
+const BRANCH: [&str; 2] = ["", "the start pose of the file, or behind the carriages"];
+const NEAR: &[Row] = &[
+    row(
+        "near_x",
+        "near",
+        "m",
+        None,
+        BRANCH,
+        "Place near the platform at the start, of two with the same legs: x",
+    ),
+    row("near_y", "near", "m", None, BRANCH, "The same: y"),
+    row("near_z", "near", "m", None, BRANCH, "The same: z"),
+];
+
 macro_rules! joined {
     ($($rows:expr),* $(,)?) => {{
         const PARTS: &[&[Row]] = &[$($rows),*];
@@ -216,6 +230,7 @@ platform! {
         vectors!("platform", "m", 0.0, "Joint in the axes of the platform of leg", ["1", "2", "3"]),
         vectors!("direction", "1", 0.0, "Direction of the carriage of leg", ["1", "2", "3"]),
         numbers!("length", "m", "length", "Length of the arm of leg", ["1", "2", "3"]),
+        NEAR,
     ),
     motion!(["x" "m" "place of the platform: x", "y" "m" "place of the platform: y", "z" "m" "height of the platform"], ["1", "2", "3"]),
     ["1", "2", "3"]
@@ -321,6 +336,7 @@ fn geometry<P: Lane>(own: &Instance<P>, kind: MechanismKind, rods: Vec<P>) -> Ge
         barrel: number(if has("arm_mass") { "arm_mass" } else { "barrel_mass" }),
         barrel_centre: number("barrel_centre"),
         leg_inertia: number("leg_inertia"),
+        near: ["near_x", "near_y", "near_z"].map(|key| if has(key) { own.given(key) } else { None }),
         heavy_legs: weights.iter().any(|key| has(key) && (number(key).get(0) != 0.0 || own.is_free(key))),
     }
 }

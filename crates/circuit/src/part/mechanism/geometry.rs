@@ -38,6 +38,8 @@ pub struct Geometry<P> {
     pub leg_inertia: P,
     /// Whether barrels, arms or moments of inertia of legs are described.
     pub heavy_legs: bool,
+    /// Place near the platform at the start, if described: of two poses with the same positions of the legs, the nearer.
+    pub near: [Option<P>; 3],
 }
 
 impl<P: Copy> Geometry<P> {
@@ -64,6 +66,7 @@ impl<P: Copy> Geometry<P> {
             barrel_centre: f(self.barrel_centre),
             leg_inertia: f(self.leg_inertia),
             heavy_legs: self.heavy_legs,
+            near: self.near.map(|x| x.map(&mut f)),
         }
     }
 }
@@ -170,7 +173,8 @@ fn height<P: Real>(g: &Geometry<P>, x: &[P]) -> P {
 }
 
 /// Three legs with a hinge at the frame and a ball joint at the platform each. Coordinates: height of the origin of
-/// the platform, and the first two numbers of the vector part of its unit quaternion.
+/// the platform, and the first two numbers of the vector part of the unit quaternion of its tilt T. It twists by psi about
+/// its own axis z before it tilts.
 ///
 /// Each hinge keeps its leg in a plane: h_i . (p + R b_i - a_i) = 0, R = T(e_1, e_2) R_z(psi). The axes h_i are
 /// parallel to the plane x, y, so that numbers l_i with sum l_i h_i = 0 exist. Their sum of the three equations is
@@ -285,6 +289,9 @@ impl Mechanism<6> for Ups6 {
     }
 }
 
+/// Length of the mean direction of three carriages below which they form a flat star (assumed).
+const FLAT: f64 = 0.1;
+
 /// Three carriages on straight guides, each with an arm of constant length to the platform, which does not rotate.
 /// The carriage is ahead of the platform in its direction d_i. Coordinates: place of the origin of the platform.
 ///
@@ -318,10 +325,18 @@ impl Mechanism<3> for LinearDelta {
     }
 
     fn near<P: Real>(g: &Geometry<P>, x: &[P; 3]) -> [P; 3] {
-        let mut p =
+        let middle =
             [0, 1, 2].map(|k| mean(3, |i| g.frame[i][k] + x[i] * g.directions[i][k] - g.platform[i][k]));
-        p[2] -= P::c(0.7) * mean(3, |i| g.lengths[i]);
-        p
+        // The carriages are ahead of the platform. In a flat star, it hangs below them.
+        let ahead = [0, 1, 2].map(|k| mean(3, |i| g.directions[i][k]));
+        let size = (ahead[0] * ahead[0] + ahead[1] * ahead[1] + ahead[2] * ahead[2]).sqrt();
+        let is_flat = size.lt(P::c(FLAT));
+        let arm = P::c(0.7) * mean(3, |i| g.lengths[i]);
+        let down = [P::zero(), P::zero(), P::one()];
+        std::array::from_fn(|k| {
+            let behind = P::select(is_flat, down[k], ahead[k] / size.max(P::c(FLAT)));
+            g.near[k].unwrap_or(middle[k] - arm * behind)
+        })
     }
 }
 

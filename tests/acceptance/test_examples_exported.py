@@ -1,0 +1,89 @@
+"""Every shipped example goes through every export of a whole drive, and its FMUs run as the core does."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from fmpy import simulate_fmu
+from fmpy.validation import validate_fmu
+
+import pneudrive as pn
+from pneudrive.cli.main import run as command_line
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FILES = sorted([*EXAMPLES.glob("*.toml"), *(EXAMPLES / "axes").glob("*.toml")])
+DURATION_S = 0.02
+#: The tripod on six legs, three of them at the supply.
+HEXAPOD = (EXAMPLES / "tripod.toml").read_text("utf-8").partition("[initial]")[0]
+HEXAPOD = HEXAPOD.replace('"leg_3"]', '"leg_3", "leg_4", "leg_5", "leg_6"]').replace(
+    '    "leg_3.rod -> tripod.3",\n',
+    "".join(f'    "leg_{i}.rod -> tripod.{i}",\n' for i in range(3, 7))
+    + "".join(f'    "mains -> line_{i}{end} -> leg_{i}.{end}",\n' for i in range(4, 7) for end in "ab"),
+)
+HEXAPOD = (
+    HEXAPOD.replace("3-rps", "6-ups")
+    + f"""base_angle = "10 deg"
+platform_angle = "10 deg"
+[components.line]
+kind = "fitting"
+conductance = "1 dm3/(s bar)"
+critical_pressure_ratio = 0.3
+copies = {[f"line_{i}{end}" for i in range(4, 7) for end in "ab"]}
+"""
+)
+
+
+@pytest.fixture
+def export(monkeypatch):
+    """Export without the compression of the library, which takes most of the time."""
+
+    def exported(*words):
+        with monkeypatch.context() as patch:
+            plain = {"ZipFile": zipfile.ZipFile, "ZipInfo": zipfile.ZipInfo, "ZIP_DEFLATED": zipfile.ZIP_STORED}
+            patch.setattr("pneudrive.fmu.package.zipfile", SimpleNamespace(**plain))
+            assert command_line(["export", *map(str, words)]) == 0
+
+    return exported
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_an_example_is_exported(path, tmp_path, export):
+    circuit = pn.Circuit.load(path)
+    for version in ("2.0", "3.0"):
+        file = tmp_path / f"{version}.fmu"
+        export(path, "--to", "fmu", "--fmi", version, "--out", file)
+        assert validate_fmu(str(file)) == []
+    export(path, "--to", "c", "--out", tmp_path / "c")
+    (plan,) = [json.loads(file.read_text()) for file in (tmp_path / "c").rglob("*.json")]
+    names = [variable["name"] for variable in plan["variables"]]
+    assert len(names) == len(set(names))
+    run = pn.simulate(circuit, None, DURATION_S)
+    outputs = [name for name in run.data_vars if name in names and name.endswith("position")]
+    found = simulate_fmu(str(file), stop_time=DURATION_S, output_interval=DURATION_S, output=outputs)
+    for name in outputs:
+        assert found[name][-1] == pytest.approx(float(run[name][-1]), abs=1e-7)
+
+
+@pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
+def test_a_platform_on_six_legs_runs_as_an_fmu(interface, tmp_path, export):
+    """Its tilts are outputs as angles, and states as parts of a quaternion."""
+    circuit = pn.Circuit.load(HEXAPOD)
+    file = tmp_path / "hexapod.fmu"
+    (tmp_path / "hexapod.toml").write_text(HEXAPOD, encoding="utf-8")
+    export(tmp_path / "hexapod.toml", "--to", "fmu", "--out", file)
+    found = simulate_fmu(
+        str(file),
+        stop_time=DURATION_S,
+        output_interval=DURATION_S,
+        fmi_type=interface,
+        output=["tripod.tilt_1", "state.tripod.tilt_1"],
+    )
+    tilt = float(pn.simulate(circuit, None, DURATION_S)["tripod.tilt_1"][-1])
+    assert abs(tilt) > 1e-4
+    assert found["tripod.tilt_1"][-1] == pytest.approx(tilt, rel=1e-3)
+    assert found["state.tripod.tilt_1"][-1] == pytest.approx(np.sin(0.5 * tilt), rel=1e-3)
