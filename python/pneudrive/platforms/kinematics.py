@@ -91,8 +91,9 @@ class LegDynamics(NamedTuple):
 class Platform(Shown):
     """A platform on legs, in the coordinates of its component: heave, tilt_1, x.
 
-    Places are in m. Tilts are the angles 2 asin(e) in rad, and e is the vector part of the unit quaternion; of a 3-RPS,
-    that of its tilt alone, before which it twists about its own z axis. The position of a leg is that of its cylinder, in m. Rows of an array are poses.
+    Places are in m. Tilts are the angles 2 asin(e) in rad, and e is the vector part of the unit quaternion. For a
+    3-RPS, e is that of its tilt alone, before which it twists about its own z axis. The position of a leg is that of
+    its cylinder, in m. Rows of an array are poses.
 
     Attributes
     ----------
