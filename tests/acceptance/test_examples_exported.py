@@ -1,4 +1,4 @@
-"""Every shipped example goes through every export of a whole drive, and its FMUs run as the core does."""
+"""Every shipped example and drive goes through every export, and the FMUs of circuits run as the core does."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from pneudrive.cli.main import run as command_line
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILES = sorted([*EXAMPLES.glob("*.toml"), *(EXAMPLES / "axes").glob("*.toml")])
+DRIVES = sorted((EXAMPLES.parent / "data/catalogue/drives").glob("*.toml"))
 DURATION_S = 0.02
 #: The tripod on six legs, three of them at the supply.
 HEXAPOD = (EXAMPLES / "tripod.toml").read_text("utf-8").partition("[initial]")[0]
@@ -67,6 +68,19 @@ def test_an_example_is_exported(path, tmp_path, export):
     found = simulate_fmu(str(file), stop_time=DURATION_S, output_interval=DURATION_S, output=outputs)
     for name in outputs:
         assert found[name][-1] == pytest.approx(float(run[name][-1]), abs=1e-7)
+
+
+@pytest.mark.parametrize("path", DRIVES, ids=lambda path: path.stem)
+def test_a_drive_of_the_catalogue_is_exported(path, tmp_path, export, capsys):
+    drive = f"catalogue:{path.stem}"
+    for version in ("2.0", "3.0"):
+        export(drive, "--to", "fmu", "--fmi", version, "--out", tmp_path / "drive.fmu")
+        assert validate_fmu(str(tmp_path / "drive.fmu")) == []
+    export(drive, "--to", "c", "--out", tmp_path / "c")
+    for tool in ("simscape", "modelica", "csv", "st"):
+        export(drive, "--to", tool, "--speeds", "1 mm/s .. 500 mm/s", "--out", tmp_path / tool)
+    assert command_line(["export", str(FILES[0]), "--to", "modelica"]) == 2
+    assert "Export the whole circuit with --to fmu or --to c" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
