@@ -103,9 +103,9 @@ def valve(circuit: pn.Circuit) -> tuple[float, float, float, float]:
     """Return the results of the valve actuator, in the order of `VALVE`."""
     run = pn.simulate(circuit, None, "1.2 s", initial=VALVE_START, sample_rate="2 kHz")
     time, x = run["time"].to_numpy(), run["cyl.position"].to_numpy()
-    start, stroke = np.interp(0.1, time, x), float(vars(circuit.components["cyl"])["stroke_m"])
+    stroke = float(vars(circuit.components["cyl"])["stroke_m"])
     second = [1e-5 * float(np.interp(1.0, time, run[f"cyl.{end}.pressure"])) for end in "ab"]
-    return float(time[np.argmax(x > start + 1e-4)]), float(time[np.argmax(x >= stroke)]), second[0], second[1]
+    return float(time[np.argmax(x > 1e-4)]), float(time[np.argmax(x >= stroke)]), second[0], second[1]
 
 
 def lines() -> list[str]:

@@ -21,9 +21,8 @@ def test_published_results():
 
 def test_a_default_end_stop_does_not_follow_large_dead_volumes():
     """Behind 100 mm of dead length, 45 kN pressed the piston 20 mm through the end: 0.62 s instead of 0.59 s."""
-    tables = pn.Circuit.load(ROOT / "data/published-models/valve_actuator.toml").to_dict()
-    del tables["components"]["cyl"]["end_stop"]
-    circuit = pn.Circuit.model_validate(tables)
+    text = (ROOT / "data/published-models/valve_actuator.toml").read_text("utf-8")
+    circuit = pn.Circuit.load(text.replace('end_stop = { stiffness = "1e9 N/m" }\n', ""))
     published = [value for _, _, value in MODELS["VALVE"]]
     assert MODELS["valve"](circuit) == pytest.approx(published, rel=0.012)
     run = pn.simulate(circuit, None, "1.2 s", initial=MODELS["VALVE_START"], sample_rate="2 kHz")
