@@ -1,4 +1,4 @@
-"""Results of published models, beside those of the same circuits: data/published-models."""
+"""Results of published models, compared with those of the same circuits: data/published-models."""
 
 from __future__ import annotations
 

@@ -96,8 +96,8 @@ pub(crate) struct Driven<'a, P> {
 ///
 /// They follow from k d^2/2 = M v^2/2 + F d. Over the depth d, the spring absorbs the kinetic energy of the moving mass
 /// and load, M kg, and the work of the largest driving force, F N. The depth d is half of the shorter dead length,
-/// V_dead/A, but at most `s + sqrt(s^2 + M v^2 s/F)`, with which F alone presses the piston s = 0.8 mm into the stop. F
-/// is the absolute supply pressure on the larger area, plus the largest values of weight, load force and load spring.
+/// V_dead/A, but at most `s + sqrt(s^2 + M v^2 s/F)`. At this depth F alone presses the piston s = 0.8 mm into the stop.
+/// F is the absolute supply pressure on the larger area, plus the largest values of weight, load force and load spring.
 /// The speed v, m/s, is at least 1 m/s. Otherwise it is the smaller of two values. The first is sqrt(2 F
 /// L/M), from the work of F over the stroke L. The second is four times the piston speed at a choked exhaust, C p_0
 /// sqrt(R T/(R_0 T_0))/A, with p_0, R_0 and T_0 of air at standard conditions.
