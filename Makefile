@@ -24,7 +24,7 @@ PAGE := $(wildcard page/*.json page/*.ts page/index.html page/src/* page/src/*/*
 # More than two cores have: some tests wait for a process that they killed, or for a browser.
 PYTEST_WORKERS ?= 3
 
-.PHONY: help setup demo test test-rust test-python test-page test-extras check real bench docs wheel test-wheel fmt lock
+.PHONY: help setup demo test test-rust test-python test-page trials test-extras check real bench docs wheel test-wheel fmt lock
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## */\1\t/' | awk -F '\t' '{printf "  make %-11s %s\n", $$1, $$2}'
@@ -47,6 +47,11 @@ test-python: setup
 
 test-page: setup $(VENV)/.page  ## the page in a browser: PNEUDRIVE_CHROMIUM, else one on the path, else that of page/browser's lock
 	$(PY) -m pytest -n $(PYTEST_WORKERS) tests/page
+
+COUNT ?= 10000
+SEED ?= 1
+trials: setup  ## random foreign files that hold their truth or are damaged: COUNT of them, from SEED on
+	$(PY) tests/oracle/foreign_trials.py --count $(COUNT) --seed $(SEED)
 
 test-extras: setup $(EXTRAS)/.deps  ## a Dask cluster whose workers are killed, JAX, PyTorch, MuJoCo; in an environment of its own
 	PYTHONPATH=python $(EXTRAS)/bin/python -m pytest --confcutdir=tests/extras tests/extras

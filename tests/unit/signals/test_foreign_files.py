@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from oracle.foreign_files import judge, make
+from oracle.foreign_trials import trials
 from pneudrive.characterise import Layout, characterise_recordings
 from pneudrive.errors import PneudriveWarning, RecordingError
 from pneudrive.signals.drive_recording import read_volume_recordings
@@ -323,7 +324,7 @@ def test_a_workbook_is_named(tmp_path):
 def test_files_of_random_kinds_together(tmp_path):
     """Files of random kinds are read right, refused, or wrong with a flag (`make` and `judge` take any seed)."""
     verdicts = collections.Counter()
-    for seed in range(120):
+    for seed in range(60):
         path, truth = make(seed, tmp_path)
         verdict, how = judge(path, truth)
         assert verdict in ("right", "refused", "flagged"), (seed, how, truth)
@@ -415,3 +416,10 @@ def test_one_row_for_each_value_and_units_inside_the_cells_are_named(table, tmp_
     (tmp_path / "b.csv").write_text(text_of([NAMES], rows))
     with pytest.raises(RecordingError, match=r"units inside the cells(?s:.*)into the header"):
         propose_layout(tmp_path / "b.csv")
+
+
+def test_changed_and_damaged_files_are_read_or_refused(tmp_path):
+    """`make trials` runs as many as one likes."""
+    counts, failures = trials(range(100, 160), tmp_path)
+    assert not failures
+    assert counts["right"] > 0.5 * sum(counts.values())
