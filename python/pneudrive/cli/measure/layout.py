@@ -28,8 +28,8 @@ def layout(
     from pneudrive.errors import RecordingError
     from pneudrive.report.layout_figure import write_layout_figure
     from pneudrive.signals.layout import stem
-    from pneudrive.signals.proposal.guesses import families
     from pneudrive.signals.proposal.propose import propose_layout
+    from pneudrive.signals.proposal.roles import families
     from pneudrive.simulation.trajectory import whole
 
     proposal = propose_layout(file, on_terminal())

@@ -16,8 +16,8 @@ from pneudrive.signals.drive_recording import read_drive_recordings, read_volume
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import load_recording
 from pneudrive.signals.motion import find_strokes
-from pneudrive.signals.proposal.guesses import Guess, Roles, guess_columns
 from pneudrive.signals.proposal.propose_text import layout_text
+from pneudrive.signals.proposal.roles import Guess, RoleSearch
 from pneudrive.signals.tables.raw_table import read_raw_table
 
 if TYPE_CHECKING:
@@ -87,15 +87,15 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     if max((column.size for column in columns), default=0) < 2:
         raise RecordingError("the file holds no samples", where=str(path), value=f"columns: {', '.join(reading.names)}")
     watch.tell(1, STAGES, "looking at the columns")
-    roles = guess_columns(reading, columns)
-    kind = _kind(path, reading, roles)
+    roles = RoleSearch.of(reading, columns)
+    kind = _kind(path, roles)
     if kind == "fixed-volume":
         roles.guesses = _one_pressure(roles.guesses)
     elif kind == "rig":
         roles.ask_chambers()
     else:
         roles.questions = [question for question in roles.questions if question.role != "force"]
-    text = layout_text(path, reading, roles, kind)
+    text = layout_text(path, roles, kind)
     watch.tell(2, STAGES, "reading the file by the proposed layout")
     recording, strokes = None, ()
     problem = "; ".join(question.text for question in roles.questions)
@@ -114,13 +114,13 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     except PneudriveError as error:
         problem = error.what
     watch.tell(STAGES, STAGES, "reading the file by the proposed layout")
-    unused = tuple(str(roles.signals.place(at)) for at in roles.unused)
+    unused = tuple(str(column.place) for column in roles.unused)
     return Proposal(
         path, text, reading, tuple(roles.guesses), tuple(columns), recording, strokes, problem, kind, unused
     )
 
 
-def _kind(path: Path, reading: FileForm, roles: Roles) -> str:
+def _kind(path: Path, roles: RoleSearch) -> str:
     """Return the kind of recording, by the roles that were found or are open questions.
 
     Raises
@@ -137,9 +137,9 @@ def _kind(path: Path, reading: FileForm, roles: Roles) -> str:
         return "rig"
     if "position" not in found and "force" not in found and has_pressure:
         return "fixed-volume"
-    headers = roles.signals.headers
+    reading, headers = roles.form, roles.columns
     tags = [at for at, count in reading.words.items() if 1 < count <= MOST_TAGS]
-    values = [at for at, header in enumerate(headers) if at not in reading.words and header.role != "time"]
+    values = [one.index for one in headers if one.index not in reading.words and one.role != "time"]
     if tags and len(values) == 1 and reading.names:
         time = next((header.name for header in headers if header.role == "time"), "TIME")
         index = f'index="{time}", columns="{headers[tags[0]].name}", values="{headers[values[0]].name}"'

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.describe.files.toml import value_text
-from pneudrive.signals.proposal.guesses import families
-from pneudrive.signals.tables.names import WORDS
+from pneudrive.signals.proposal.roles import families
+from pneudrive.signals.tables.names import ROLES
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.signals.proposal.guesses import Guess, Roles
+    from pneudrive.signals.proposal.columns import FileColumn
+    from pneudrive.signals.proposal.roles import Guess, RoleSearch
     from pneudrive.signals.tables.sniff import FileForm
 
 #: Names of absolute pressures: p_abs, psia, bara.
@@ -28,22 +29,22 @@ MOST_CHOICES = 8  # columns that are listed for a role that is left open
 SIGNALS = {"V": ((0.0, 5.0), (0.0, 10.0), (-5.0, 5.0), (-10.0, 10.0)), "mA": ((0.0, 20.0), (4.0, 20.0))}
 
 
-def layout_text(path: Path, reading: FileForm, roles: Roles, kind: str) -> str:
+def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
     """Return the text of the layout file."""
+    reading, columns, guesses = roles.form, roles.columns, roles.guesses
     lines = _file_lines(path, reading, kind)
     lines += ["", "[columns]"]
     sign, bore, why = _sign_and_bore(roles)
-    columns, guesses = roles.signals.columns, roles.guesses
     lines += [
         _column_line(guess, columns, sign) for guess in guesses if not (kind == "drive" and guess.role == "force")
     ]
     for question in roles.questions:
         lines.append(f"# open: {question.text}")
         lines += [f"# {_column_line(choice, columns, sign)}" for choice in question.choices[:MOST_CHOICES]]
-    if unused := families([str(roles.signals.place(at)) for at in roles.unused]):
+    if unused := families(str(column.place) for column in roles.unused):
         lines.append(f"# not used: {', '.join(unused)}")
     found = {guess.role for guess in guesses}
-    cycle = [name for name in reading.names if re.search(WORDS["cycle"], name.strip().lower())]
+    cycle = [name for name in reading.names if re.search(ROLES["cycle"].words, name.strip().lower())]
     if cycle and reading.format == "parquet":
         lines.append(f"cycle = {{ column = {value_text(cycle[0])} }}  # guess: numbers the cycles of a campaign")
     if kind != "rig":
@@ -63,17 +64,16 @@ def layout_text(path: Path, reading: FileForm, roles: Roles, kind: str) -> str:
     return "\n".join(lines)
 
 
-def _parallel_lines(roles: Roles) -> list[str]:
+def _parallel_lines(roles: RoleSearch) -> list[str]:
     """Return a parallel force as a comment, if two further columns are pressures, which may belong to a ram."""
-    signals = roles.signals
-    spare = [(one.index, unit) for one in signals.candidates("pressure") if (unit := signals.headers[one.index].unit)]
+    spare = [(one.column.place, unit) for one in roles.candidates("pressure") if (unit := one.column.unit)]
     if len(spare) != 2:
         return []
     lines = ["", "# Two more pressures: if they drive a ram in parallel with the force, state its area and direction."]
     lines += ["# [[force]]", '# name = "ram"', '# area = "10 cm2"', '# area_accuracy = "5 %"', '# positive = "+x"']
-    for key, (index, unit) in zip(("pressure", "against"), spare, strict=True):
+    for key, (place, unit) in zip(("pressure", "against"), spare, strict=True):
         form = f"{unit.unit} {'abs' if unit.gauge is False else 'gauge'}"
-        lines.append(f'# {key} = {{ column = {value_text(signals.place(index))}, unit = "{form}" }}')
+        lines.append(f'# {key} = {{ column = {value_text(place)}, unit = "{form}" }}')
     return lines
 
 
@@ -102,14 +102,15 @@ def _file_lines(path: Path, reading: FileForm, kind: str) -> list[str]:
     return lines
 
 
-def _column_line(guess: Guess, columns: list[NDArray[np.float64]], sign: str) -> str:
+def _column_line(guess: Guess, columns: list[FileColumn], sign: str) -> str:
     """Return the line of a column."""
     place = value_text(guess.column)
     if guess.index is None:
         return f"{guess.role} = {{ {guess.keys} }}  # guess: {guess.reason}"
     keys = f", {guess.keys}" if guess.keys else ""
     if guess.role == "command":
-        return f"command = {{ column = {place}{_signal(guess, columns[guess.index])}{keys} }}  # guess: {guess.reason}"
+        signal = _signal(guess, columns[guess.index].values)
+        return f"command = {{ column = {place}{signal}{keys} }}  # guess: {guess.reason}"
     unit, note = guess.unit, ""
     if guess.role.startswith("pressure"):
         is_gauge = guess.gauge
@@ -135,7 +136,7 @@ def _signal(guess: Guess, values: NDArray[np.float64]) -> str:
     return f', unit = "{unit}", range = "{low:.4g} {unit} .. {high:.4g} {unit}"'
 
 
-def _sign_and_bore(roles: Roles) -> tuple[str, float, str]:
+def _sign_and_bore(roles: RoleSearch) -> tuple[str, float, str]:
     """Return the sign of the force, by which friction opposes motion, and the bore that closes the balance."""
     sign = "-x" if roles.sign < 0 else "+x"
     force = next((guess for guess in roles.guesses if guess.role == "force"), None)
@@ -143,10 +144,10 @@ def _sign_and_bore(roles: Roles) -> tuple[str, float, str]:
     is_open = any("pressure" in question.role for question in roles.questions)
     if roles.directions is None or force is None or force.index is None or len(pressures) != 1 or is_open:
         return sign, 0.025, "write the real bore"
-    levels = roles.directions.levels(roles.signals.columns[force.index])
+    levels = roles.directions.levels(roles.columns[force.index].values)
     if levels is None or pressures[0].index is None:
         return sign, 0.025, "write the real bore"
-    mean = float(np.nanmean(roles.signals.columns[pressures[0].index])) * converter(pressures[0].unit, "Pa")[0]
+    mean = float(np.nanmean(roles.columns[pressures[0].index].values)) * converter(pressures[0].unit, "Pa")[0]
     area = abs(sum(levels) / 2 * converter(force.unit, "N")[0] / mean) if mean else 0.0
     if not 1e-6 < area < 1.0:
         return sign, 0.025, "write the real bore"

@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.signals.proposal.evidence import FEWEST, NAME, PHYSICS, UNIT, Candidate
+from pneudrive.signals.proposal.columns import FEWEST, NAME, PHYSICS, UNIT, Candidate
 from pneudrive.signals.tables.date_times import UNIT as DATE
 from pneudrive.signals.tables.names import INDEX, words_of
 from pneudrive.signals.tables.timing import COUNTERS, clocks_of, rate_of_stamps, samples_of_a_stamp, unwrapped
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.signals.proposal.evidence import TableSignals
+    from pneudrive.signals.proposal.columns import FileColumn
+    from pneudrive.signals.tables.sniff import FileForm
 
     Array = NDArray[np.float64]
 
@@ -51,55 +52,56 @@ class Times:
     question: str = ""
 
 
-def find_times(signals: TableSignals) -> Times:
+def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -> Times:
     """Find the time of a table, and take its columns from the others."""
-    count = signals.columns[0].size
-    candidates, dates, numbered = _candidates(signals)
-    signals.taken |= {one.index for one in candidates if one.score >= NAME} | set(dates) | set(numbered)
+    candidates, dates, numbered = _candidates(form, columns, taken)
+    taken |= {one.column.index for one in candidates if one.score >= NAME}
+    taken |= {one.index for one in (*dates, *numbered)}
     if not candidates:
-        return _without_column(signals, count, numbered)
+        return _without_column(form, columns[0].values.size, numbered)
     best = candidates[0]
-    times = _time(signals, best, dates)
+    times = _time(form, best.column, dates)
     if best.score > PHYSICS:
-        times.clocks = _clocks_of(signals, best.index, [one.index for one in candidates if one.score >= best.score])
-    rank = f"next: column {signals.place(candidates[1].index)!r}" if len(candidates) > 1 else "no other candidate"
+        clocks = [one.column for one in candidates if one.score >= best.score]
+        times.clocks = _clocks_of(form, columns, best.column, clocks)
+    rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else "no other candidate"
     times.reason = "; ".join(filter(None, [", ".join(best.evidence), times.reason, rank]))
-    signals.taken.add(best.index)
+    taken.add(best.column.index)
     return times
 
 
-def _candidates(signals: TableSignals) -> tuple[list[Candidate], list[int], list[int]]:
+def _candidates(
+    form: FileForm, columns: Sequence[FileColumn], taken: set[int]
+) -> tuple[list[Candidate], list[FileColumn], list[FileColumn]]:
     """Return the columns that may be the time, the best first. Columns of dates only and row counters are separate."""
     found: list[Candidate] = []
-    dates: list[int] = []
-    numbered: list[int] = []
-    for at, header in enumerate(signals.headers):
-        values = signals.columns[at]
-        is_other = header.unit is not None and header.unit.si != "s"
-        if at in signals.taken or is_other or np.isfinite(values).sum() < FEWEST:
+    dates: list[FileColumn] = []
+    numbered: list[FileColumn] = []
+    for column in columns:
+        values, unit = column.values, column.unit
+        is_other = unit is not None and unit.si != "s"
+        if column.index in taken or is_other or np.isfinite(values).sum() < FEWEST:
             continue
-        is_date = at in signals.reading.dates
-        if is_date and len(signals.reading.dates) > 1 and (values[np.isfinite(values)] % 86400.0 == 0).all():
-            dates.append(at)
+        is_date = column.index in form.dates
+        if is_date and len(form.dates) > 1 and (values[np.isfinite(values)] % 86400.0 == 0).all():
+            dates.append(column)
             continue
-        is_named = header.role == "time"
-        score = NAME * is_named + UNIT * (is_date or header.unit is not None)
-        evidence = ["name"] * is_named + ["unit"] * (is_date or header.unit is not None)
-        if _rises(values, clocks_of(signals.reading.dates[at]) if is_date else COUNTERS):
-            if score == 0 and (_counts(values) or INDEX.match(words_of(header.name))):
-                numbered.append(at)
+        is_named, has_unit = column.role == "time", is_date or unit is not None
+        score = NAME * is_named + UNIT * has_unit
+        evidence = ("name",) * is_named + ("unit",) * has_unit
+        if _rises(values, clocks_of(form.dates[column.index]) if is_date else COUNTERS):
+            if score == 0 and (_counts(values) or INDEX.match(words_of(column.name))):
+                numbered.append(column)
                 continue
             if score == 0 and not _is_even(values):
                 continue
-            score += PHYSICS
-            evidence.append("even steps")
+            score, evidence = score + PHYSICS, (*evidence, "even steps")
         elif score == 0 or not is_named:
             continue
-        if header.role not in (None, "time") and header.unit is None and not is_date:
+        if column.role not in (None, "time") and not has_unit:
             continue
         # Among equal candidates, the finer one is better: fewer samples share a stamp.
-        score -= 0.5 * (samples_of_a_stamp(values) > 1.0)
-        found.append(Candidate(at, score, tuple(evidence)))
+        found.append(Candidate(column, score - 0.5 * (samples_of_a_stamp(values) > 1.0), evidence))
     # A column that only rises is the time if nothing has its name; without names the first one.
     return sorted(found, key=lambda one: -one.score), dates, numbered
 
@@ -127,9 +129,9 @@ def _counts(values: Array) -> bool:
     return steps.size > 1 and bool((steps == 1.0).mean() >= INDEX_SHARE)
 
 
-def _is_same_clock(signals: TableSignals, first: int, second: int) -> bool:
+def _is_same_clock(form: FileForm, first: FileColumn, second: FileColumn) -> bool:
     """Return whether two columns show one clock, perhaps in other units or more coarsely."""
-    a, b = signals.columns[first], signals.columns[second]
+    a, b = first.values, second.values
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < FEWEST or both.sum() < 0.9 * min(np.isfinite(a).sum(), np.isfinite(b).sum()):
         return False
@@ -139,56 +141,46 @@ def _is_same_clock(signals: TableSignals, first: int, second: int) -> bool:
     quantum = max(abs(slope) * quanta[0], quanta[1])
     rest = float(np.abs(b - b[0] - slope * (a - a[0]) - start).max())
     is_shifted = abs(slope - 1.0) < 0.01 and abs(b[0] - a[0]) > 1.01 * quantum
-    is_number = not {first, second} & set(signals.reading.dates)
+    is_number = not {first.index, second.index} & set(form.dates)
     return rest <= 1.01 * quantum and not (is_shifted and is_number)
 
 
-def _clocks_of(signals: TableSignals, best: int, all_clocks: list[int]) -> dict[int, int]:
+def _clocks_of(
+    form: FileForm, columns: Sequence[FileColumn], best: FileColumn, clocks: Sequence[FileColumn]
+) -> dict[int, int]:
     """Return the clock of each column that does not use the best clock: the nearest clock to its left."""
-    other = {at for at in all_clocks if at != best and not _is_same_clock(signals, best, at)}
-    if not other:
-        return {}
-    nearest = {at: max((c for c in all_clocks if c < at), default=best) for at in range(len(signals.columns))}
+    other = {one.index for one in clocks if one is not best and not _is_same_clock(form, best, one)}
+    every = [one.index for one in clocks]
+    nearest = {at: max((c for c in every if c < at), default=best.index) for at in range(len(columns))}
     return {at: clock for at, clock in nearest.items() if clock in other}
 
 
-def _time(signals: TableSignals, best: Candidate, dates: list[int]) -> Times:
+def _time(form: FileForm, column: FileColumn, dates: Sequence[FileColumn]) -> Times:
     """Return the time of a column."""
-    values, header = signals.columns[best.index], signals.headers[best.index]
-    is_date = best.index in signals.reading.dates
-    unit = DATE if is_date else header.unit.unit if header.unit is not None else ""
-    factor = converter(unit, "s")[0] if header.unit is not None and not is_date else 1.0
-    moduli = clocks_of(signals.reading.dates[best.index], factor) if is_date else COUNTERS
-    values, _ = unwrapped(values, moduli, forward=True)
-    times = Times(best.index, values, unit)
-    if is_date and dates:
-        times.date = dates[0]
-        times.values = signals.columns[best.index] + signals.columns[dates[0]]
+    unit, factor, moduli = "", 1.0, COUNTERS
+    if column.index in form.dates:
+        unit, moduli = DATE, clocks_of(form.dates[column.index])
+    elif column.unit is not None:
+        unit, factor = column.unit.unit, converter(column.unit.unit, "s")[0]
+    times = Times(column.index, unwrapped(column.values, moduli, forward=True)[0], unit)
+    if unit == DATE and dates:
+        times.date = dates[0].index
+        times.values = column.values + dates[0].values
     count = samples_of_a_stamp(times.values)
-    if count > 1.0:
-        _spread(signals, times, count, factor)
+    if count > 1.0:  # stamps that many samples share are replaced by the rate of the samples, if it is even
+        shared, rate = f"{count:g} samples share each stamp of column {column.place!r}", rate_of_stamps(times.values)
+        if rate is None or not unit:
+            times.question = f'{shared}: state the rate of the samples, time = {{ rate = "50 Hz" }}'
+        else:
+            times.rate_hz, times.reason = rate / factor, shared
+        times.index = times.date = None
+        times.values = np.arange(times.values.size, dtype=float)
     return times
 
 
-def _spread(signals: TableSignals, times: Times, count: float, factor: float) -> None:
-    """Replace stamps that many samples share by the rate of the samples, if it is even."""
-    place = signals.place(times.index or 0)
-    rate = rate_of_stamps(times.values)
-    if rate is None or not times.unit:
-        times.question = (
-            f"{count:g} samples share each stamp of column {place!r}: state the rate of the samples, "
-            'time = { rate = "50 Hz" }'
-        )
-    else:
-        times.rate_hz = rate / factor
-        times.reason = f"{count:g} samples share each stamp of column {place!r}"
-    times.index, times.date = None, None
-    times.values = np.arange(times.values.size, dtype=float)
-
-
-def _without_column(signals: TableSignals, count: int, numbered: list[int]) -> Times:
+def _without_column(form: FileForm, count: int, numbered: Sequence[FileColumn]) -> Times:
     """Return the time of a table without a column of times: from the rate in the file, otherwise a question."""
-    preamble = signals.reading.preamble
+    preamble = form.preamble
     times = Times(None, np.arange(count, dtype=float))
     if len(set(preamble.steps_s)) > 1:
         shown = ", ".join(f"{step:g} s" for step in sorted(set(preamble.steps_s)))
@@ -197,10 +189,9 @@ def _without_column(signals: TableSignals, count: int, numbered: list[int]) -> T
         times.rate_hz = 1.0 / preamble.step_s
         times.reason = f"the file states it: {' '.join(preamble.source.split())[:40]}"
     else:
-        only = f", column {signals.place(numbered[0])!r} numbers the rows" if numbered else ""
-        times.question = (
-            f'no column increases like a time{only}: state the rate of the samples, time = {{ rate = "50 Hz" }}'
-        )
+        only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""
+        rate = 'state the rate of the samples, time = { rate = "50 Hz" }'
+        times.question = f"no column increases like a time{only}: {rate}"
     return times
 
 

@@ -1,17 +1,49 @@
-"""Names of columns in foreign files: the role and the chamber that they state, in English and German."""
+"""Roles of columns in foreign files: their names, quantities and usual numbers; the chamber that a name states."""
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import dataclass
 
-#: Role -> expression of its names, in words of small letters, without the unit.
-WORDS = {
-    "time": r"^(t\b|x value$)|\btime|zeit|temps|tijd|tiempo|stamp|stempel|elapsed|uhrzeit|clock|micros|millis",
-    "position": r"\b(x|s|pos)\b|posi|weg\b|displ|stroke|laser|travel|\bhub|encoder|\benc\b|lvdt",
-    "force": r"\b(f|fx)\b|force|kraft|\bload|fuerza",
-    "pressure": r"\bp\b|\bp[ab]\b|press|druck",
-    "command": r"\b(u|cmd)\b|command|valve|ventil|voltage|spannung",
-    "cycle": r"^cycle|^episode|zyklus",
+
+@dataclass(frozen=True)
+class Role:
+    """What a column may be.
+
+    Attributes
+    ----------
+    words : str
+        Expression of its names, in words of small letters, without the unit.
+    si : str
+        SI unit of its quantity; a column with the unit of another quantity is not a candidate.
+    by_size : tuple of (float, str)
+        Units of numbers without a unit, each up to a size: of the span for a position, of the numbers for a pressure.
+    scaled : str
+        Unit of a layout for volts and counts, which need a scale.
+    """
+
+    words: str
+    si: str | None = None
+    by_size: tuple[tuple[float, str], ...] = ()
+    scaled: str = ""
+
+
+#: Names are in English and German.
+ROLES = {
+    "time": Role(
+        r"^(t\b|x value$)|\btime|zeit|temps|tijd|tiempo|stamp|stempel|elapsed|uhrzeit|clock|micros|millis", "s"
+    ),
+    "position": Role(
+        r"\b(x|s|pos)\b|posi|weg\b|displ|stroke|laser|travel|\bhub|encoder|\benc\b|lvdt",
+        "m",
+        ((2.0, "m"), (math.inf, "mm")),
+        "mm",
+    ),
+    "force": Role(r"\b(f|fx)\b|force|kraft|\bload|fuerza", "N", ((math.inf, "N"),), "N"),
+    "pressure": Role(r"\bp\b|\bp[ab]\b|press|druck", "Pa", ((30.0, "bar"), (3000.0, "kPa"), (math.inf, "Pa")), "bar"),
+    "command": Role(r"\b(u|cmd)\b|command|valve|ventil|voltage|spannung"),
+    "cycle": Role(r"^cycle|^episode|zyklus"),
 }
 #: Words that make another column of a role the likelier one: a set value, a limit, an error, another place.
 SECONDARY = re.compile(
@@ -41,7 +73,7 @@ def words_of(name: str) -> str:
 def role_of(name: str) -> str | None:
     """Return the role that a name states, None for no role."""
     words = words_of(name)
-    return next((role for role, pattern in WORDS.items() if re.search(pattern, words)), None)
+    return next((name for name, role in ROLES.items() if re.search(role.words, words)), None)
 
 
 def side_of(name: str) -> str | None:

@@ -1,17 +1,19 @@
-"""Evidence for the roles of columns: names, units, and properties of the numbers."""
+"""Columns of a foreign table as evidence: what a header states, and properties of the numbers."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pneudrive.signals.motion import local_slope, noise_level, turning_points
 from pneudrive.signals.tables.column_units import HeaderUnit, header_unit, split_name
-from pneudrive.signals.tables.names import NUMBERING, SECONDARY, role_of, words_of
+from pneudrive.signals.tables.names import NUMBERING, role_of, words_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from pneudrive.signals.tables.sniff import FileForm
@@ -19,27 +21,43 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 GROUPED = ("tdms", "mf4")  # formats with names group/channel
-#: Role -> SI unit of its quantity; a column with the unit of another quantity is not a candidate.
-QUANTITIES = {"time": "s", "position": "m", "force": "N", "pressure": "Pa"}
-ELECTRICAL = ("V", "A")
 RAW = ("V", "mV", "mA", "count")  # units of sensors whose scale the file does not state
-NAME, SECOND_NAME, UNIT, PHYSICS = 2, 1, 2, 1  # weights of the evidence (assumed): any two beat one
 ONCE = 1.0  # added to the unevenness of a signal that moves in one direction only
 HELD_SHARE = 0.9  # share of samples equal to the previous one: a held command, not a measured force
 SAME_SIGNAL = 0.98  # least correlation of columns that may be one signal in two units
 BINS = 20  # of the travel, in which both directions are compared
 MOST_BINS = 0.75  # least share of them that agree on a direction
+NAME, SECOND_NAME, UNIT, PHYSICS = 2, 1, 2, 1  # weights of the evidence (assumed): any two beat one
 FEWEST = 3  # least number of values for a guess
 
 
-@dataclass(frozen=True)
-class Header:
-    """Name of a column without its unit, the unit, and an unknown stated unit."""
+@dataclass
+class FileColumn:
+    """A column of a foreign table.
 
+    Attributes
+    ----------
+    index : int
+        Number in the file.
+    place : int or str
+        Name or number by which a layout names it.
+    name, bare : str
+        Name in the header, and without its unit.
+    unit : HeaderUnit or None
+        Stated unit.
+    unknown : str
+        Stated unit that is not known.
+    values : ndarray
+        Numbers at the times of the table, after slow channels were filled and wraps of counters removed.
+    """
+
+    index: int
+    place: int | str
     name: str
     bare: str
     unit: HeaderUnit | None
-    unknown: str = ""
+    unknown: str
+    values: Array
 
     @property
     def role(self) -> str | None:
@@ -51,94 +69,43 @@ class Header:
         """Whether the numbers are volts, milliamperes or counts of a sensor."""
         return self.unit is not None and self.unit.unit in RAW
 
+    @property
+    def may_be_pressure(self) -> bool:
+        """Whether neither name nor unit exclude a pressure, and the numbers change."""
+        fits = self.unit is None or self.unit.si == "Pa" or self.is_raw
+        is_signal = np.nanmax(self.values) > np.nanmin(self.values) and not NUMBERING.search(words_of(self.name))
+        return fits and self.role in (None, "pressure") and bool(is_signal)
 
-@dataclass(frozen=True)
-class Candidate:
+
+class Candidate(NamedTuple):
     """A column that may have a role, with the weight of its evidence."""
 
-    index: int
+    column: FileColumn
     score: float
     evidence: tuple[str, ...]
 
-
-@dataclass
-class TableSignals:
-    """The columns of a table with their headers, after slow channels were filled and wraps of counters removed.
-
-    ``taken`` has the columns whose role is decided, including those without a role.
-    """
-
-    reading: FileForm
-    columns: list[Array]
-    headers: list[Header]
-    taken: set[int] = field(default_factory=set)
-
-    @classmethod
-    def of(cls, reading: FileForm, columns: list[Array]) -> TableSignals:
-        """Read the headers of a table."""
-        headers = [_header(reading, at) for at in range(len(columns))]
-        return cls(reading, columns, headers, {*reading.words})
-
-    def place(self, index: int) -> int | str:
-        """Return how a layout names a column."""
-        names = self.reading.names
-        is_unique = bool(names) and names.count(names[index]) == 1 and bool(names[index])
-        return names[index] if is_unique and (self.reading.form.header or self.reading.format != "csv") else index
-
-    def candidates(self, role: str) -> list[Candidate]:
-        """Return the columns that may have a role by name or unit, the best first."""
-        quantity = QUANTITIES.get(role)
-        found = []
-        for index, header in enumerate(self.headers):
-            if index in self.taken:
-                continue
-            score, evidence = 0.0, []
-            if header.role == role:
-                is_second = SECONDARY.search(words_of(header.bare)) is not None
-                score, evidence = (SECOND_NAME if is_second else NAME), ["name"]
-            if header.unit is not None:
-                fits = header.unit.si in ELECTRICAL if role == "command" else header.unit.si == quantity
-                is_raw = quantity is not None and header.is_raw
-                if not (fits or is_raw or (role == "command" and header.unit.unit == "-")):
-                    continue
-                score += UNIT if (fits and quantity) or (fits and score) else 0
-                evidence += ["unit"] if fits else []
-            if score:
-                found.append(Candidate(index, score, tuple(evidence)))
-        return sorted(found, key=lambda one: -one.score)
-
-    def may_be_pressure(self, at: int) -> bool:
-        """Return whether neither name nor unit of a column exclude a pressure, and its numbers change."""
-        header, values = self.headers[at], self.columns[at]
-        fits = header.unit is None or header.unit.si == "Pa" or header.is_raw
-        is_signal = np.nanmax(values) > np.nanmin(values) and not NUMBERING.search(words_of(header.name))
-        return fits and header.role in (None, "pressure") and bool(is_signal)
-
-    def without_role(self) -> list[int]:
-        """Return the columns whose headers state no role and no quantity."""
-        return [
-            at
-            for at, header in enumerate(self.headers)
-            if at not in self.taken and header.role is None and (header.unit is None or header.unit.si == "count")
-        ]
+    def with_evidence(self, text: str) -> Candidate:
+        """Return the candidate with evidence from the numbers."""
+        return Candidate(self.column, self.score + PHYSICS, (*self.evidence, text))
 
 
-def _header(reading: FileForm, at: int) -> Header:
-    name = reading.names[at] if at < len(reading.names) else ""
-    own = name.rpartition("/")[2] if reading.format in GROUPED else name
-    bare, unit = split_name(own)
-    cell = reading.units[at].strip() if at < len(reading.units) else ""
+def file_column(form: FileForm, index: int, values: Array) -> FileColumn:
+    """Read the header of a column."""
+    names = form.names
+    name = names[index] if index < len(names) else ""
+    short = name.rpartition("/")[2] if form.format in GROUPED else name
+    bare, unit = split_name(short)
+    cell = form.units[index].strip() if index < len(form.units) else ""
+    opened = short.rpartition("[")[2].partition("]")
+    is_unit = opened[1] and not opened[2].strip() and not opened[0].isdigit()
+    unknown = opened[0] if unit is None and is_unit else ""
     if cell.strip("[]()- "):
-        return Header(name, own if unit is None else bare, header_unit(cell), "" if header_unit(cell) else cell)
-    if unit is None and reading.format in GROUPED and own == "time":
+        bare, unit = (short if unit is None else bare), header_unit(cell)
+        unknown = "" if unit else cell
+    elif unit is None and form.format in GROUPED and short == "time":
         unit = HeaderUnit("s", "s")
-    opened = own.rpartition("[")[2].partition("]")
-    return Header(
-        name,
-        bare,
-        unit,
-        opened[0] if unit is None and opened[1] and not (opened[2].strip() or opened[0].isdigit()) else "",
-    )
+    is_unique = bool(name) and names.count(name) == 1 and (form.form.header or form.format != "csv")
+    return FileColumn(index, name if is_unique else index, name, bare, unit, unknown, values)
 
 
 def is_held(values: Array) -> bool:
@@ -147,19 +114,18 @@ def is_held(values: Array) -> bool:
     return bool(steps.size and steps.any() and (steps == 0).mean() > HELD_SHARE)
 
 
-def groups_of(signals: TableSignals, indices: list[int]) -> list[list[int]]:
-    """Group columns that hold one signal, such as volts and newtons of one sensor."""
-    groups: list[list[int]] = []
-    for index in indices:
-        values = signals.columns[index]
-        if not np.isfinite(values).all() or np.ptp(values) == 0:
+def different_signals(columns: Iterable[FileColumn]) -> list[FileColumn]:
+    """Return the last column of each signal, of columns such as volts and newtons of one sensor."""
+    groups: list[list[FileColumn]] = []
+    for column in columns:
+        if not np.isfinite(column.values).all() or np.ptp(column.values) == 0:
             continue
-        group = next((g for g in groups if same_signal(signals.columns[g[0]], values)), None)
+        group = next((group for group in groups if same_signal(group[0].values, column.values)), None)
         if group is None:
-            groups.append([index])
+            groups.append([column])
         else:
-            group.append(index)
-    return groups
+            group.append(column)
+    return [group[-1] for group in groups]
 
 
 def same_signal(first: Array, second: Array) -> bool:
@@ -248,3 +214,15 @@ class Directions:
         if levels is None or self.sign(values) == 0:
             return 0.0
         return abs(levels[0] - levels[1]) / max(abs(levels[0]) + abs(levels[1]), 1e-300)
+
+    def correlation(self, force: Array, pressure: Array) -> float:
+        """Return the correlation of force and pressure within one direction, where friction does not change sign."""
+        parts: list[tuple[Array, Array]] = []
+        for moving in (self.up, self.down):
+            there = moving & np.isfinite(force) & np.isfinite(pressure)
+            if there.sum() >= FEWEST:
+                parts.append((force[there] - force[there].mean(), pressure[there] - pressure[there].mean()))
+        if not parts:
+            return 0.0
+        first, second = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
+        return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0
