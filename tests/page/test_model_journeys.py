@@ -83,6 +83,7 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     page.click("text=Show the validation results/friday")
 
     page.wait_for_selector("[data-verdict=position][data-met=no]")
+    page.wait_for_selector("b.badge:text-is('held out')")  # the values of the drive are those of monday
     drive = pn.Drive.load(server.folder / "axis.toml")
     found = pn.validate(drive, server.folder / "friday.parquet")
     settled(tab)
@@ -147,6 +148,13 @@ def test_does_my_model_hold(server: Server, open_tab: Open) -> None:
     assert page.inner_text("[data-copy=command]") == "pneudrive compare axis.toml axis-identified.toml"
     assert violations(tab) == []
     tab.picture("studies")
+
+    shutil.copytree(server.folder / "results/friday", server.folder / "results/validation")
+    page.click("text=Read the folder again")
+    page.wait_for_selector("a[title='results/validation/validation.toml']")
+    page.click(".tree >> text=Validations")
+    page.wait_for_selector("label:has-text('Into results/') input")
+    assert page.input_value("label:has-text('Into results/') input") == "validation-2"
     tab.check()
 
 

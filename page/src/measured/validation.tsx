@@ -31,6 +31,7 @@ interface Channel {
 }
 
 interface Recorded {
+  badge?: string; // "made the fit", "held out", or empty
   name: string;
   file: string;
   sha256: string;
@@ -192,7 +193,7 @@ function Result({ now }: { now: Validation }) {
         {now.drive && <>Drive: {now.drive.startsWith("catalogue:") ? now.drive : <a href={link("drive", now.drive)}>{now.drive}</a>}. </>}
         Recordings:{" "}
         {now.record.map((each) => (
-          <span key={each.name}>{each.file ? <a href={link("recording", each.file)}>{each.name}</a> : each.name} </span>
+          <span key={each.name}>{each.file ? <a href={link("recording", each.file)}>{each.name}</a> : each.name}{each.badge && <> <b class="badge">{each.badge}</b></>} </span>
         ))}
       </p>
       <ul class="verdicts">
@@ -218,7 +219,7 @@ function Why({ now }: { now: Validation }) {
   const { culprit = [], clean, left, residual_over_noise: sizes } = now.diagnosis;
   return (
     <section aria-label="Why the model is off">
-      <h2>Why the model is off</h2>
+      <h2>{clean && !culprit.length ? "The model at the measured states" : "Why the model is off"}</h2>
       <p>
         Residual of the balances at the measured states, as a multiple of noise and 1 % of the terms:{" "}
         {Object.entries(sizes).map(([balance, size]) => `${balance.replace("_", " ")} ${digits(size, 2)}`).join(", ")}.

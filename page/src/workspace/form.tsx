@@ -44,9 +44,11 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
   const form = forms.value[kind];
   useEffect(() => {
     void follow();
-    if (!forms.value[kind]) void attempt(async () => void (forms.value = await read("/api/forms")));
   }, []);
-  useEffect(() => ((wrong.value = []), put(kind, start)), [kind, JSON.stringify(start)]);
+  // The offered recordings change with the folder.
+  useEffect(() => void attempt(async () => void (forms.value = await read("/api/forms"))), [studies.value]);
+  const free = typeof start["name"] === "string" ? { ...start, name: freeName(start["name"]) } : start;
+  useEffect(() => ((wrong.value = []), put(kind, free)), [kind, JSON.stringify(free)]);
   const request = requestOf(kind, given);
   const needed = (form?.fields ?? []).find((one) => ["drive", "model", "map", "fit", "task"].includes(one.kind) && !request[one.key]);
   const [copy, copied] = useCopied(form && isReady && !needed ? request : null, attempt);
@@ -76,10 +78,18 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
 
 
 
+/** Return a name of a result that is not in use: the name itself, or with the next number. */
+function freeName(name: string): string {
+  const used = new Set((studies.value?.files ?? []).map(({ path }) => path.match(/^results\/([^/]+)/)?.[1]?.replace(/\.(toml|fmu)$/, "")));
+  if (!used.has(name)) return name;
+  const base = name.replace(/-\d+$/, "");
+  for (let number = 2; ; number++) if (!used.has(`${base}-${number}`)) return `${base}-${number}`;
+}
+
 function FormField({ field, value, put: change }: { field: Field; value: unknown; put: (value: unknown) => void }) {
   const { label, kind, suffix, hint } = field;
   const files = KINDS[kind];
-  if (kind === "recordings") return <Recordings label={label} chosen={(value as string[] | undefined) ?? []} put={change} />;
+  if (kind === "recordings") return <Recordings label={label} paths={field.choices.map(([path]) => path)} chosen={(value as string[] | undefined) ?? []} put={change} />;
   if (kind === "flag") return <label class="tick"><input type="checkbox" checked={value === true} onChange={(event) => change(event.currentTarget.checked)} /> {label}</label>;
   if (files || kind === "choice") {
     const paths = files ? [...filesOf(...files), ...(kind === "drive" || kind === "model" ? studies.value?.catalogue ?? [] : [])].map((one): [string, string] => [one.path, one.path]) : field.choices;
@@ -103,12 +113,15 @@ function FormField({ field, value, put: change }: { field: Field; value: unknown
   );
 }
 
-function Recordings({ label, chosen, put: change }: { label: string; chosen: string[]; put: (value: string[]) => void }) {
-  const files = filesOf("recording");
+function Recordings({ label, paths, chosen, put: change }: { label: string; paths: string[]; chosen: string[]; put: (value: string[]) => void }) {
+  const offered = new Set([...paths, ...chosen]);
+  const files = filesOf("recording").filter(({ path }) => offered.has(path));
+  const others = filesOf("recording").length - files.length;
   return (
     <fieldset>
       <legend>{label}</legend>
-      {!files.length && <p>There is no recording in the folder.</p>}
+      {!files.length && <p>There is no such recording in the folder.</p>}
+      {others > 0 && <p class="note">Not offered: {others} recordings without these channels or without a layout.</p>}
       {files.length > MOST_LISTED && <p class="note">The first {MOST_LISTED} of {files.length}; the command takes any.</p>}
       {files.slice(0, MOST_LISTED).map(({ path }) => (
         <label key={path} class="tick">
