@@ -214,7 +214,7 @@ def test_what_is_wrong_is_one_message_before_anything_runs(tmp_path, capsys, mor
 
 
 def test_members_without_a_value_are_counted_beside_the_quantiles(tmp_path, capsys):
-    head = ["sweep", "catalogue:parker-osp-p25-sy5000", "--command", "1", "--duration", "0.1 s"]
+    head = ["sweep", "catalogue:parker-osp-p25-sy5000", "--command", "1", "--duration", "0.13 s"]
     rows = ["--vary", "load.mass = 0.5 kg, 1 kg, 8 kg, 9 kg"]
     assert run([*head, *rows, "--output", "stroke_time", "--out", str(tmp_path / "a.csv")]) == 0
     times = pl.read_csv(tmp_path / "a.csv")["stroke_time_s"].to_numpy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 
@@ -36,18 +37,55 @@ REST = {
 
 # What a trajectory calls its drive: another hash means that runs of before are of another drive.
 HASHES = {
-    "festo-dsbg-32-100-sy3000": "35cc3a295bb5cf91f1c5647a1d75cd700a302ab6e80855f2ae578375c30dedc7",
+    "festo-dsbg-32-100-sy3000": "7c1b1622e66a0e7d317cc6796f30d84407f57b78da772f17952d95eae234af8d",
     "parker-osp-p25-mpye": "62cc2f6a8d8ef90912c052bcbd31c2ec7f1f9621d8a97ef27c3d730858aa0ae8",
-    "parker-osp-p25-sy5000": "88fe96511a2f242b1339a0244d1c4743ee0ea469c0c6e8e357c3cb75744ac4a0",
-    "parker-osp-p40-sy7000": "601ad1483eb0fe786677f1f5065cc2af60fdc84315f65b1579befa52df9e3e4a",
+    "parker-osp-p25-sy5000": "bd43d62106e17102ad191c3eb19cc9685bbf572bc9e96f18abf5c9444d8a3a18",
+    "parker-osp-p40-sy7000": "3f81ca68525f2433988fc3d0a47edd9b354fb90272c3ef9e43dd454bf3b1aa70",
     "reference": "6dd42b38838bd530334e75ffcda9d794a940c8a1734304a60ebb3537f6798480",
-    "smc-cm2y-25-sy3000": "743dc9905513c8ca5c2aa5df26d258b964f296f1f766a1d08ff429ea0572fc84",
+    "smc-cm2y-25-sy3000": "6917a232bee6e900d86c9e220efe2467069a9c5ace87c826d61e9d6f3b0ca2b0",
     "starter": "fd82bc649a38af3cdb2eb1868a575099429b48a2370cf129256091f7b5ae20a1",
 }
 
 
 def test_a_description_keeps_its_hash():
     assert {name: pn.Drive.load(f"catalogue:{name}").description_hash for name in DRIVES} == HASHES
+
+
+def test_no_entry_is_on_or_off_and_proportional_and_no_note_is_stale():
+    for entry in catalogue.entries().values():
+        said = " ".join([entry.title, entry.note, *(str(one.value) for one in entry.printed)])
+        assert not (entry.kind.startswith("valve/proportional") and re.search("switch|solenoid|on/off", said)), (
+            entry.name
+        )
+        assert "not part of the model" not in entry.note
+
+
+def test_the_catalogues_on_off_valves_refuse_fractions_everywhere(tmp_path, capsys):
+    name = "catalogue:parker-osp-p25-sy5000"
+    assert run(["simulate", name, "--command", "0.3", "--duration", "0.1 s"]) == 2
+    message = capsys.readouterr().err
+    assert all(words in message for words in ("command = 0.3 at 0 s", "-1, 0 or 1", "Take a proportional valve"))
+    text = CIRCUIT.replace('[components.left]\nuse = "catalogue:ours"', OWN_CYLINDER)
+    (tmp_path / "old.toml").write_text(text.replace('law = "coulomb"', 'law = "coulomb", coulomb = "9 N"'))
+    old = pn.Circuit.load(tmp_path / "old.toml")
+    drive = pn.Drive.load(name)
+    for call in (
+        lambda: pn.simulate(drive, lambda t: 0.5, "10 ms"),
+        lambda: pn.simulate_many(drive, [1.0, 0.3], "10 ms", vary={"supply.pressure": ["5 bar gauge"] * 2}),
+        lambda: pn.Differentiable(drive, 0.6, "10 ms", vary=["friction.coulomb"], outputs=["final(position)"]),
+        lambda: pn.simulate(old, {"valve": 0.3}, "10 ms"),
+        lambda: pn.linearise(drive),
+    ):
+        with pytest.raises(pn.PneudriveError) as refused:
+            call()
+        assert all((refused.value.rule, refused.value.remedy)), refused.value
+    with pytest.raises(pn.PneudriveError, match=r"valve\.overlap belongs to a proportional valve"):
+        drive.replace({"valve.overlap": 0.02})
+    delayed = (tmp_path / "old.toml").read_text().replace("nominal_flow", 'delay = "5 ms"\nnominal_flow')
+    (tmp_path / "delayed.toml").write_text(delayed)
+    with pytest.raises(pn.PneudriveError, match=r"valve\.delay is not a known key") as refused:
+        pn.Circuit.load(tmp_path / "delayed.toml")
+    assert "time_on" in str(refused.value.remedy)
 
 
 @pytest.mark.parametrize("name", DRIVES)
@@ -149,6 +187,11 @@ stroke = "90 mm"
 friction = { law = "coulomb" }
 """
 
+OWN_CYLINDER = """[components.left]
+kind = "cylinder/rodless"
+bore = "20 mm"
+dead_volume = { a = "5 cm3", b = "5 cm3" }"""
+
 
 @pytest.fixture
 def shelf(tmp_path):
@@ -171,9 +214,11 @@ def test_a_component_uses_a_part_and_own_keys_override(shelf, tmp_path, capsys):
     left = circuit.components["left"]
     assert (left.bore_m, left.stroke_m, left.dead_volume_b_m3, left.friction.coulomb) == (0.02, 0.09, 5e-6, 9.0)
     assert circuit.components["valve"].plain() == {
-        "kind": "valve/proportional-5/3",
+        "kind": "valve/switching-5/3",
         "critical_pressure_ratio": 0.28,
         "nominal_flow": "200 l/min ANR",
+        "time_on": "0.02 s",
+        "time_off": "0.03 s",
     }
     sheet = "Our sheet, drawer 3, 2026-11-02"
     assert set(circuit.sources()) == {
@@ -199,7 +244,7 @@ def test_a_part_of_ones_own_takes_the_place_of_another(shelf):
     )
     with pn.catalogue_folders(shelf), pytest.warns(PneudriveWarning, match="smc-sy3000 of .* replaces"):
         assert catalogue.entry("smc-sy3000").kind == "fitting"
-    assert catalogue.entry("smc-sy3000").kind == "valve/proportional-5/3"
+    assert catalogue.entry("smc-sy3000").kind == "valve/switching-5/3"
 
 
 SHELF_FAULTS = {

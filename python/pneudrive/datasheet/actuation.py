@@ -153,3 +153,15 @@ def positions_of(kind: str, table: Mapping[str, Any]) -> dict[float, float]:
         return {1.0: 1.0, -1.0: -1.0}
     on, off = (1.0, 0.0) if kind == "valve/switching-2/2" else (1.0, -1.0)
     return {0.0: on, 1.0: off} if table.get("normally") == "open" else {0.0: off, 1.0: on}
+
+
+def shut_up_to(valve: Any, side: float) -> tuple[float, bool]:  # noqa: ANN401 - a component
+    """Return the size of the command up to which a proportional valve is shut on a side, 1 or -1.
+
+    The second value states whether its flow begins there without slope, as that of a smooth table does.
+    """
+    core = valve.core(0.0)
+    points = core.get("points", ())
+    shut = (side * point[0] for point in points if not any(point[1::2]))
+    is_smooth = bool(len(points)) and core["choices"].get("flow_shape") == "smooth"
+    return max(core["numbers"].get("overlap", 0.0), 0.0, *shut), is_smooth

@@ -34,6 +34,7 @@ LEAST = (
     1e-13  # of a singular value: what does not act on the rates keeps its start (the temperature of gas that leaves)
 )
 SLOWEST = 1e-5  # m/s: a piston that does not get faster rests
+FAST = 0.5  # m/s: another start of the search
 HIGHEST = 50.0  # times the supply: no steady state has such a pressure
 
 
@@ -171,10 +172,18 @@ def under_load(plant: HeldDrive, command: float, position: float, load: float) -
 
     The velocity is 0 if it does not move.
     """
-    search = _SteadySearch(plant, command, position, load, free=True)
-    gas = search.settle(search.toward * SLOWEST)
-    velocity = 0.0 if search.rests else search.velocity
+    gas, velocity = gas_under_load(plant, command, position, load)
     return state_at(plant, command, position, velocity, gas)
+
+
+def gas_under_load(plant: HeldDrive, command: float, position: float, load: float = 0.0) -> tuple[Array, float]:
+    """Return pressures and temperatures of all nodes, shape (nodes, 2), and the velocity; see `under_load`."""
+    search = _SteadySearch(plant, command, position, load, free=True)
+    try:
+        gas = search.settle(search.toward * SLOWEST)
+    except SimulationError:  # near rest, friction that falls with speed leads away from the steady motion
+        gas = search.settle(search.toward * FAST)
+    return gas, 0.0 if search.rests else search.velocity
 
 
 class _SteadySearch:

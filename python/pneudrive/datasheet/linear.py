@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 FRICTIONS = ("presliding", "sliding", "none")
 OPENINGS = {"+": 1.0, "-": -1.0}
 SIDE = 1e-9  # of the command: one side of a shut valve
+SMALL = 0.05  # of the command: beyond the edge of a valve whose flow begins without slope, and of slow motion
 MOVING = 1e-9  # m/s: a contact that slips
 STEP = 1e-3  # share of a velocity over which the slope of sliding friction is taken
 
@@ -56,9 +57,9 @@ def linearise(
     pressures : pair of str or float, or one for both, optional
         Absolute pressures of chambers a and b, ``"3 bar abs"`` or in Pa; by default those between supply and ambient.
     command : float
-        At which the valve stands.
+        At which the valve stands. The default, 0, is the edge at which the valve opens: the end of its overlap.
     opening : {"+", "-"}
-        Side from which a shut valve is seen: its flow has another slope to each side. Only for ``command = 0``.
+        Side of that edge: the flow has another slope to each side. Only for ``command = 0``.
     friction : {"presliding", "sliding", "none"}
         ``"presliding"``: the contact at rest, with bristles as springs. A contact that sticks does not move.
         ``"sliding"``: the slope of the steady friction over velocity, at `velocity`, or at rest its viscous part far
@@ -75,7 +76,7 @@ def linearise(
     Raises
     ------
     CommandError
-        A value is not valid, or python-control is not installed.
+        A value is not valid, the valve is shut at the command, or python-control is not installed.
 
     Examples
     --------
@@ -89,14 +90,19 @@ def linearise(
     except ImportError:
         raise CommandError("python-control is not installed", remedy="pip install pneudrive[linear]") from None
     whole = HeldDrive(drive)
-    whole.actuation.commands(command)  # a switching valve has no commands between its positions
+    if whole.actuation.is_switched:
+        raise CommandError(
+            f"{whole.name}: {' and '.join(whole.actuation.held)} is on or off",
+            rule="a linear model is about small commands, which a switching valve does not have",
+            remedy="Simulate the drive, or use drive.start() and session.linearise().",
+        )
     plant = whole.static
     x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
     v = number_of(velocity, "m/s", "velocity")
     if opening not in OPENINGS:
         raise CommandError(f'opening = "{opening}" is not known', remedy='"+" or "-"')
-    side = command if command else OPENINGS[opening] * SIDE
-    found = linear_model(plant, side, x, gas_at(plant, pressures), v, friction)
+    at = open_command(plant, command, OPENINGS[opening])
+    found = linear_model(plant, at, x, gas_at(plant, pressures), v, friction)
     short = {name: _short(name, plant) for name in (*found.states, *found.inputs, *found.outputs)}
     keep = [k for k, name in enumerate(found.outputs) if short[name] in _SHOWN or name.endswith("pressure_pa")]
     return control.StateSpace(
@@ -106,6 +112,24 @@ def linearise(
         outputs=[short[found.outputs[k]] for k in keep],
         name=_label(plant.name),
     )
+
+
+def open_command(plant: HeldDrive, command: float, side: float = 1.0) -> float:
+    """Return a command, or for 0 the edge at which the valve opens to a side.
+
+    Raises
+    ------
+    CommandError
+        The valve is shut at the command.
+    """
+    edge, is_smooth = plant.edge(command or side)
+    if 0.0 < abs(command) <= edge:
+        raise CommandError(
+            f"command = {command:g}: the valve is shut up to {edge:g}",
+            rule="a linear model needs a valve that is open",
+            remedy=f"Set command = {math.copysign(edge + SMALL, command):.2g}, or leave it out for the edge.",
+        )
+    return command or side * (edge + (SMALL if is_smooth else SIDE))
 
 
 _SHOWN = ("position_m", "velocity_m_s")
@@ -157,10 +181,13 @@ def linear_model(
         raise CommandError(f'friction = "{friction}" is not known', remedy=" or ".join(f'"{one}"' for one in FRICTIONS))
     if friction == "presliding":
         return _linear(plant, plant.session(command, position, velocity, gas), command)
-    bare = _linear(plant, plant.frictionless.session(command, position, velocity or MOVING, gas), command)
-    if friction == "sliding":
-        row = bare.states.index(f"{plant.piston}.velocity_m_s")
-        bare.A[row, row] -= bare.B[row, 1] * friction_slope(plant, gas, position, velocity)
+    lags = {name: math.copysign(lag, command * lag) for name, lag in plant.lags.items()}
+    session = plant.frictionless.session(command, position, velocity or MOVING, gas, lags=lags)
+    bare = _linear(plant, session, command)
+    for name in lags if friction == "sliding" else ():
+        row = bare.states.index(f"{name}.velocity_m_s")
+        by_load = bare.B[row, 1] if name == plant.piston else 1.0 / plant.masses[name]
+        bare.A[row, row] -= by_load * friction_slope(plant, name, gas, position, velocity)
     return bare
 
 
@@ -176,13 +203,13 @@ def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
     return replace(found, B=b, D=d, inputs=(plant.commands[0], *found.inputs[count:]))
 
 
-def friction_slope(plant: HeldDrive, gas: Array, position: float, velocity: float) -> float:
-    """Return the slope of the steady friction over velocity, N s/m.
+def friction_slope(plant: HeldDrive, name: str, gas: Array, position: float, velocity: float) -> float:
+    """Return the slope of a component's steady friction over velocity, N s/m.
 
     At zero velocity, the slope far above the Stribeck velocity.
     """
-    fast = abs(velocity) or FAST
-    low, high = (plant.sliding(fast * (1.0 + sign * STEP), plant.pressures(gas), position) for sign in (-1.0, 1.0))
+    fast, pressures = abs(velocity) or FAST, plant.pressures(gas)
+    low, high = (plant.sliding_of(name, fast * (1.0 + sign * STEP), pressures, position) for sign in (-1.0, 1.0))
     return (high - low) / (2.0 * STEP * fast)
 
 

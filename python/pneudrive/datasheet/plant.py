@@ -8,21 +8,22 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
-from pneudrive.datasheet.actuation import HELD, LOCK, Actuation, held_tables, positions_of
+from pneudrive.datasheet.actuation import HELD, LOCK, Actuation, held_tables, positions_of, shut_up_to
+from pneudrive.describe.drive import Drive
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.static.friction_curve import steady_friction
 from pneudrive.simulation.session import Session
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
     from pneudrive.simulation.session import Linear
 
     Array = NDArray[np.float64]
@@ -31,6 +32,8 @@ RTOL = 1e-6  # of sessions that are not advanced
 PINNED_N, LASTING_S = 1e9, 600.0  # friction that holds any piston, and a time in which chambers fill and empty
 MOST_VALVES, CLOSE = 4, 1e-6  # whose positions are tried; forces whose difference is below this part are equal
 NO_FRICTION_N = 1e-9  # a law of friction has a level above 0
+CONTACT_N, LEAST_LAG_M, MOST_LAG = 1e-3, 1e-7, 0.1  # force on a coupling; its lags: least, most over the stroke
+LEAST_VELOCITY = 1e-5  # m/s: the contact just slides; its steady friction is the breakaway force
 #: What does not act on a steady state away from the ends, but has states of its own: of the valve, of the piston.
 _ENDS = ("tank", "reservoir")
 _LAGS, _CUSHIONS = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis"), ("cushion_",)
@@ -82,7 +85,7 @@ class HeldDrive:
                 rule="characteristics are those of one piston under valves",
             )
         self.piston, self.valve = pistons[0], self.valves[0]
-        if actuation is None and described.system.names:
+        if actuation is None and isinstance(described, Drive) and not described.valve.is_switching:
             actuation = Actuation({self.valve: 1.0}, {self.valve: -1.0})
         self.actuation = actuation_of(self.circuit) if actuation is None else actuation
         self.load = f"{self.piston}.load_force_n"
@@ -206,6 +209,12 @@ class HeldDrive:
             return False
         return True
 
+    def edge(self, direction: float) -> tuple[float, bool]:
+        """Return the signal up to which a valve is shut in a direction, and whether flow begins there without slope."""
+        full = self.actuation.out if direction >= 0.0 else self.actuation.back
+        parts = {name: self.circuit.components[name] for name, value in full.items() if value}
+        return max((shut_up_to(part, full[name]) for name, part in parts.items()), default=(0.0, False))
+
     def is_at_b(self, node: str) -> bool:
         """Return whether the gas of a node belongs to the line of chamber b."""
         if self.described.system.names:
@@ -261,11 +270,6 @@ class HeldDrive:
         """Ambient pressure, Pa, and temperature, K."""
         return float(self.circuit.ambient.pressure_pa), float(self.circuit.ambient.temperature_k)
 
-    @property
-    def friction(self):  # noqa: ANN201 - of a drive or a component
-        """Friction of the piston."""
-        return self._cylinder("friction")
-
     def _cylinder(self, key: str):  # noqa: ANN202 - any field
         return getattr(self.circuit.components[self.piston], key)
 
@@ -273,8 +277,47 @@ class HeldDrive:
     def frictionless(self) -> HeldDrive:
         """The same drive with negligible friction (the core's simplest law, with a force too small to matter)."""
         tables = self.circuit.to_dict()
-        tables["components"][self.piston]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
+        for name in self.slides:
+            if self._friction(name) is not None:
+                tables["components"][name]["friction"] = {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}
         return self.varied(tables)
+
+    def _friction(self, name: str) -> Any:  # noqa: ANN401 - of a drive or a component
+        return getattr(self.circuit.components[name], "friction", None)
+
+    @cached_property
+    def slides(self) -> tuple[str, ...]:
+        """The piston, then the other components with a position, a velocity and a load."""
+        loads = [name.removesuffix(".load_force_n") for name, *_ in self.core.inputs if name.endswith(".load_force_n")]
+        moved = (name for name in loads if name != self.piston and f"{name}.velocity_m_s" in self.core.start_names)
+        return (self.piston, *moved)
+
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """The piston and what couplings move with it."""
+        return tuple(self.lags) if len(self.slides) > 1 else self.slides
+
+    @cached_property
+    def lags(self) -> dict[str, float]:
+        """Components that couplings move with the piston -> lag of each behind the piston in slow motion in +x, m.
+
+        A coupling carries weight and friction of what it moves, and acts only at the end of its play.
+        """
+        plant, lags = self.frictionless, {self.piston: 0.0}  # the same masses and couplings
+        middle, least = 0.5 * self.stroke_m, LEAST_LAG_M
+        for name in self.slides[1:]:
+            carried = self.sliding_of(name, LEAST_VELOCITY, (self.ambient[0], self.ambient[0]), middle) + CONTACT_N
+
+            def missing(lag: float, name: str = name, carried: float = carried) -> float:
+                session = plant.session(1.0, middle, lags={**lags, name: lag})
+                return carried - self.masses[name] * session.read(f"{name}.acceleration_m_s2")
+
+            at, sign = 0.0, math.copysign(1.0, missing(0.0))
+            while sign * missing(at) > 0.0 and abs(at) < MOST_LAG * self.stroke_m:
+                at = sign * max(2.0 * abs(at), least)
+            if sign * missing(at) <= 0.0:
+                lags[name] = float(np.asarray(brentq(missing, 0.5 * at, at, xtol=1e-3 * least)))
+        return lags
 
     @cached_property
     def heatless(self) -> HeldDrive:
@@ -291,8 +334,9 @@ class HeldDrive:
         gas: Array | None = None,
         load: float = 0.0,
         rtol: float = RTOL,
+        lags: Mapping[str, float] | None = None,
     ) -> Session:
-        """Return a session at a state.
+        """Return a session at a state; other components move at the velocity of the piston.
 
         Parameters
         ----------
@@ -302,11 +346,16 @@ class HeldDrive:
             Shape (nodes, 2): absolute pressure, Pa, and temperature, K, at `nodes`.
         rtol : float
             Relative tolerance of the solver.
+        lags : mapping, optional
+            Components -> distance behind the piston, m; otherwise that of the start.
         """
         if not 0.0 <= position <= self.stroke_m:
             rule = f"0 to the stroke, {self.stroke_m:g} m"
             raise CommandError(f"position = {position:g} m is out of bounds", rule=rule)
-        start = dict(self.start_values)
+        start, moved = dict(self.start_values), position - self.start_values[f"{self.piston}.position_m"]
+        for name in self.slides[1:]:
+            start |= {f"{name}.position_m": start[f"{name}.position_m"] + moved, f"{name}.velocity_m_s": velocity}
+        start |= {f"{name}.position_m": position - lag for name, lag in (lags or {}).items()}
         start |= {f"{self.piston}.position_m": position, f"{self.piston}.velocity_m_s": velocity}
         if gas is not None:
             for node, (pressure, temperature) in zip(self.nodes, gas, strict=True):
@@ -330,30 +379,50 @@ class HeldDrive:
         return Rates(p, t, self.force(linear))
 
     def force(self, linear: Linear) -> float:
-        """Return the force of gas, weight, springs and load on the piston, in +x, N: all but its friction."""
+        """Return the force on the piston and what it moves, of all but friction, in +x, N."""
         row = {name: k for k, name in enumerate(linear.outputs)}
-        acceleration, friction, stop = (
-            linear.output[row[f"{self.piston}.{what}"]]
-            for what in ("acceleration_m_s2", "friction_force_n", "end_stop_force_n")
-        )
-        return float(acceleration * self.mass + friction + stop)
+        force = 0.0
+        for name in self.moved:
+            friction, stop = (
+                linear.output[row[key]] if (key := f"{name}.{what}") in row else 0.0
+                for what in ("friction_force_n", "end_stop_force_n")
+            )
+            force += float(linear.output[row[f"{name}.acceleration_m_s2"]] * self.masses[name] + friction + stop)
+        return force
+
+    @property
+    def mass(self) -> float:
+        """Moving mass of the piston, kg."""
+        return self.masses[self.piston]
 
     @cached_property
-    def mass(self) -> float:
-        """Moving mass, kg: the inverse of the core's derivative of the acceleration by the load."""
+    def masses(self) -> dict[str, float]:
+        """Mass that moves with each of `slides`, kg: the inverse of the core's derivative of acceleration by load."""
         pressure, temperature = self.ambient
         gas, half = np.tile([pressure, temperature], (len(self.nodes), 1)), 1.0 if self.actuation.is_switched else 0.5
-        linear = self.session(half, 0.5 * self.stroke_m, 0.0, gas).linearise([self.load])
-        rate = linear.B[linear.states.index(f"{self.piston}.velocity_m_s"), 0]
-        if rate == 0.0:  # sticking: the contact takes the load
-            linear = self.session(half, 0.5 * self.stroke_m, 1.0, gas).linearise([self.load])
-            rate = linear.B[linear.states.index(f"{self.piston}.velocity_m_s"), 0]
-        return float(1.0 / rate)
+        loads = [f"{name}.load_force_n" for name in self.slides]
+        found = {}
+        for velocity in (0.0, 1.0):  # sticking: the contact takes the load
+            linear = self.session(half, 0.5 * self.stroke_m, velocity, gas).linearise(loads)
+            for k, name in enumerate(self.slides):
+                rate = linear.B[linear.states.index(f"{name}.velocity_m_s"), k]
+                if rate != 0.0:
+                    found.setdefault(name, float(1.0 / rate))
+            if len(found) == len(self.slides):
+                break
+        return found
 
     def sliding(self, velocity: float, pressures: tuple[float, float], position: float) -> float:
-        """Return the steady friction at a velocity and absolute pressures of a and b, N, with the velocity's sign."""
+        """Return the steady friction of the piston and what it moves, N, at absolute pressures of a and b."""
+        return sum(self.sliding_of(name, velocity, pressures, position) for name in self.moved)
+
+    def sliding_of(self, name: str, velocity: float, pressures: tuple[float, float], position: float) -> float:
+        """Return the steady friction of a component at a velocity, N, with the velocity's sign."""
+        friction = self._friction(name)
+        if friction is None:
+            return 0.0
         gauges = [pressure - self.ambient[0] for pressure in pressures]
-        size = steady_friction(self.friction, np.array([velocity]), gauges[0], gauges[1], position)[0]
+        size = steady_friction(friction, np.array([velocity]), gauges[0], gauges[1], position)[0]
         return float(np.copysign(size, velocity))
 
     def pressures(self, gas: Array) -> tuple[float, float]:

@@ -105,10 +105,7 @@ def found_under(
     **settings: Any,  # noqa: ANN401
 ) -> xr.Dataset:
     """Return a characteristic like `characteristic`, under a watch."""
-    known = characteristics()
-    if name not in known:
-        raise CommandError(f"there is no characteristic {name!r}", remedy=nearest(name, known))
-    one = known[name]
+    one = characteristic_named(name)
     for setting in settings:
         if setting not in one.settings:
             raise CommandError(f"{name} has no setting {setting!r}", remedy=nearest(setting, one.settings))
@@ -118,6 +115,22 @@ def found_under(
     if not intervals:
         return plain
     return with_intervals(drive, plain, lambda other: _seen(other, one, settings), watch)
+
+
+def characteristic_named(name: str) -> Characteristic:
+    """Return a characteristic by its name.
+
+    Raises
+    ------
+    CommandError
+        It does not exist; the message gives the nearest name or title.
+    """
+    known = characteristics()
+    if name in known:
+        return known[name]
+    titled = {one.title.lower().replace(" ", "-"): one.name for one in known.values()}
+    remedy = f"Did you mean '{titled[name]}'?" if name in titled else nearest(name, known)
+    raise CommandError(f"there is no characteristic {name!r}", remedy=remedy)
 
 
 #: Settings that are quantities, and their unit.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.constants import IMPACT_ENERGY_J_M2
+from pneudrive.datasheet.characteristics.air import FULL_S
 from pneudrive.datasheet.measured import MeasuredBeside, beside
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.published import parts_of
@@ -97,12 +98,17 @@ class Datasheet(Shown):
             if "none" in (time.out, time.back):
                 lines.append(f"{stroke}: the piston does not go from end to end and back.")
             else:
-                lines.append(f"{stroke}: {time.out} out, {time.back} back.")
+                half = shown(self.results["square-response"], "half_period", {})
+                lines.append(
+                    f"{stroke}: {time.out} out, {time.back} back in a periodic cycle of 2 x {half}{self._rest()}."
+                )
         if "end energy" in at and "none" not in (at["end energy"].out, at["end energy"].back):
             energy, speed = at["end energy"], at["end speed"]
             lines.append(f"Impact: {energy.out} at {speed.out} out, {energy.back} at {speed.back} back.")
         if "air per full cycle" in at:
-            lines.append(f"Air: {at['air per full cycle'].out} per cycle that fills and vents the chambers.")
+            fast = f"{at['air per fast cycle'].out} in a cycle of 2 x {shown(self.results['air'], 'half_period', {})}"
+            full = f"{at['air per full cycle'].out} per cycle that fills and vents the chambers"
+            lines.append(f"Air: {full} (2 x {FULL_S:g} s), {fast}.")
         if self.measured is None:
             lines.append("No recording confirms these numbers: they are simulated from the values below.")
         else:
@@ -111,6 +117,13 @@ class Datasheet(Shown):
                 for met, text in self.measured.verdicts
             ]
         return lines
+
+    def _rest(self) -> str:
+        """Return the stroke times of single strokes from rest at full command, in words."""
+        if "impact" not in self.results:
+            return ""
+        times = [shown(self.results["impact"], "stroke_time", {"command": -1, "direction": k}) for k in (0, 1)]
+        return f"; from rest {times[0]} out, {times[1]} back"
 
 
 #: Name in the table, characteristic, result, and the axis out and back lie along; empty for a single number.
@@ -220,7 +233,7 @@ def _try(
 def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
     out = []
     for title, name, result, along in _NUMBERS:
-        if name in results:
+        if name in results and result in results[name]:
             found, standard = results[name], characteristics()[name].standard
             out_back = [shown(found, result, {along: k} if along else {}) for k in ((0, 1) if along else (0,))]
             out.append(SheetNumber(title, out_back[0], out_back[1] if along else "", standard))

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.describe.files.sourced import Value
-    from pneudrive.describe.tables.signal import Signal
+    from pneudrive.describe.tables.signal import Positions, Signal
     from pneudrive.errors import PneudriveError
     from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
@@ -212,12 +212,12 @@ class Circuit(Described):
         return Wiring(parts, self.connections, self.plugged, {}, Problems())
 
     @property
-    def commandable(self) -> dict[str, Signal | None]:
-        """Components with a command, each with its electrical input if one is described."""
+    def commandable(self) -> dict[str, Signal | Positions | None]:
+        """Components with a command, each with its positions, or its electrical input if one is described."""
         taking = {
             name for name, one in self.components.items() if any(i["name"] == COMMAND for i in one.entry["inputs"])
         }
-        return {name: getattr(one, COMMAND) for name, one in self.components.items() if name in taking}
+        return {name: one.command_input for name, one in self.components.items() if name in taking}
 
     @property
     def movers(self) -> list[tuple[str, float, float]]:

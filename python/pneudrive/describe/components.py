@@ -21,7 +21,7 @@ from pneudrive.describe.quantities import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import FlowCoefficient
-from pneudrive.describe.tables.signal import Signal, SignalRange
+from pneudrive.describe.tables.signal import Positions, Signal, SignalRange
 from pneudrive.errors import DescriptionError, nearest, together
 
 if TYPE_CHECKING:
@@ -201,6 +201,13 @@ class Component(Described):
             **({} if formula is None else {"formula": formula.core()}),
             **({} if points is None else {"points": points}),
         }
+
+    @property
+    def command_input(self) -> Signal | Positions | None:
+        """Commands of a component that switches, or the electrical input if one is described."""
+        if self.kind in SWITCHED and _PULSES not in self.plain():
+            return Positions(SWITCHED[self.kind], getattr(self, COMMAND))
+        return getattr(self, COMMAND)
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table, values with their origin if it is known."""
@@ -417,7 +424,23 @@ def _class_of(entry: Mapping[str, Any]) -> type[Component]:
         if p["was"]
     )
     made.renamed = MappingProxyType({before: key for pairs in old for before, key in pairs})
+    made.elsewhere = dict.fromkeys(_SPOOL if kind in SWITCHED else (), _SWITCHES)
     return made
+
+
+#: Kinds of components that switch -> their commands. Some take pulses, whose width is any fraction.
+SWITCHED: dict[str, tuple[float, ...]] = {
+    "valve/switching-2/2": (0.0, 1.0),
+    "valve/switching-3/2": (0.0, 1.0),
+    "valve/switching-5/2": (0.0, 1.0),
+    "valve/switching-5/3": (-1.0, 0.0, 1.0),
+    "valve/impulse-5/2": (-1.0, 0.0, 1.0),
+    "rod-lock": (0.0, 1.0),
+}
+_PULSES = "pwm_frequency"
+#: Keys of a spool.
+_SPOOL = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis", "overlap", "leakage")
+_SWITCHES = 'The valve switches, after time_on and time_off. A spool belongs to kind = "valve/proportional-5/3".'
 
 
 #: Alternative sizes of a flow path beside its conductance, by the last word of their key.

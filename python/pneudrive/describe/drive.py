@@ -23,6 +23,7 @@ from pneudrive.describe.tables import end_stops
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.describe.tables.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve
+from pneudrive.describe.tables.signal import Positions
 from pneudrive.describe.tables.starts import read_initial, start_state
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import Problems
@@ -220,15 +221,16 @@ class Drive(Described):
 
     @property
     def is_plain(self) -> bool:
-        """Whether it consists only of supply, valve and cylinder, and the valve has neither overlap nor leakage."""
-        return not self.lines and not self.valve.has_shape
+        """Whether it has no lines, and a proportional valve without overlap and leakage."""
+        return not (self.lines or self.valve.has_shape or self.valve.is_switching)
 
     @property
     def plain(self) -> Drive:
-        """The drive without lines, overlap and leakage."""
+        """The drive without lines, overlap, leakage and switching times."""
         if self.is_plain:
             return self
-        valve = self.valve.model_copy(update={"overlap": None, "leakage": None})
+        shape = {"kind": "proportional-5/3", **dict.fromkeys(("overlap", "leakage", "time_on_s", "time_off_s"))}
+        valve = self.valve.model_copy(update=shape)
         return self.model_copy(update={"tubing": {}, "flow_control": {}, "valve": valve})
 
     @cached_property
@@ -239,6 +241,8 @@ class Drive(Described):
         tables = self.to_dict()
         about = {key: tables[key] for key in ("gas", "ambient", "labels") if key in tables}
         parts = {key: tables[key] for key in TABLES if key in tables}
+        if self.valve.is_switching:  # its load can be varied; a drive with lines keeps its hash
+            parts.setdefault("load", {"mass": "0 kg"})
         # Friction is passed as an object: a custom law from a file has no complete text.
         return Circuit.model_validate({"name": self.name} | about | parts | {"friction": self.friction})
 
@@ -260,9 +264,9 @@ class Drive(Described):
         return [("cylinder.moving_mass", mass, self.cylinder.area_a_m2)]
 
     @property
-    def commandable(self) -> dict[str, Signal | None]:
-        """The valve (without a name, because a drive has only one) and its electrical input, if described."""
-        return {"": self.valve.command}
+    def commandable(self) -> dict[str, Signal | Positions | None]:
+        """The valve, without a name, and its positions or electrical input, if described."""
+        return {"": Positions((-1.0, 0.0, 1.0)) if self.valve.is_switching else self.valve.command}
 
     @property
     def meanings(self) -> dict[str, str]:

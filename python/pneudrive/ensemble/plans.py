@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.describe.tables.signal import Signal
-    from pneudrive.simulation.command import Steps
+    from pneudrive.simulation.command import CommandInput, Steps
 
     Array = NDArray[np.float64]
     #: Of an input of the core: its steps, one for all members or one for each.
@@ -138,7 +137,7 @@ def _digest(given: Any) -> dict[str, Any]:  # noqa: ANN401 - plain data
     return {"members": len(given), "sha256": hashlib.sha256(json.dumps(given).encode()).hexdigest()}
 
 
-def member_plans(command: Any, duration: Any, commandable: Mapping[str, Signal | None]) -> MemberPlans:  # noqa: ANN401
+def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandInput]) -> MemberPlans:  # noqa: ANN401
     """Read the commands of the members of a drive or a circuit.
 
     Parameters
@@ -172,7 +171,7 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, Signal |
     return MemberPlans({commands.input_of(name): each for name, each in rows.items()}, _durations(duration))
 
 
-def read_rows(given: Any, signal: Signal | None) -> EachSteps:  # noqa: ANN401
+def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
     """Read one command for all members, or a list of commands, one for each.
 
     Raises

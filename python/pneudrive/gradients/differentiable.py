@@ -67,7 +67,7 @@ class Differentiable:
     Examples
     --------
     >>> import pneudrive as pn
-    >>> drive = pn.Drive.load("catalogue:parker-osp-p25-sy5000")
+    >>> drive = pn.Drive.load("catalogue:parker-osp-p25-mpye")
     >>> of = pn.Differentiable(drive, "0.6", "0.2 s", vary=["friction.coulomb"], outputs=["final(position)"])
     >>> of(of.start).shape, of.jacobian(of.start).shape
     ((1,), (1, 1))

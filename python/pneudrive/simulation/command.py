@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from pneudrive import units
+from pneudrive.describe.tables.signal import Positions
 from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.files.content import exists, read_text
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pneudrive.describe.tables.signal import Signal
+
+    CommandInput: TypeAlias = Signal | Positions | None
 
 Pairs: TypeAlias = Sequence[tuple[float | str, float | str]]
 Steps: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
@@ -29,7 +32,7 @@ Commands: TypeAlias = "Command | Mapping[str, Command] | Sequence[str] | None"
 FORMS = 'a number (0.5), "0 s: 0.6, 1 s: -0.6", pairs [(0.0, 0.6), (1.0, -0.6)], a CSV file or a function of time'
 
 
-def steps(command: Command, times: Sequence[float] | None = None, signal: Signal | None = None) -> Steps:
+def steps(command: Command, times: Sequence[float] | None = None, signal: CommandInput = None) -> Steps:
     """Read a command.
 
     Parameters
@@ -59,14 +62,15 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Signal
     ((0.0, 1.0), (0.6, -0.6))
     """
     if isinstance(command, Path):
-        return _from_file(command)
+        return _from_file(command, signal)
     if isinstance(command, str):
         is_file = command.lower().endswith(".csv") or (":" not in command and _is_file(command))
-        return _from_file(Path(command)) if is_file else _from_text(command, signal)
+        return _from_file(Path(command), signal) if is_file else _from_text(command, signal)
     if isinstance(command, Real):
-        return _checked([(0.0, _number(command, "command"))])
+        return _checked([(0.0, _number(command, "command"))], signal)
     if callable(command):
-        return _checked([(time, _number(command(time), f"command at {time:g} s:")) for time in times or (0.0,)])
+        pairs = [(time, _number(command(time), f"command at {time:g} s:")) for time in times or (0.0,)]
+        return _checked(pairs, signal)
     if not isinstance(command, Iterable):
         raise CommandError(f"the command is a {type(command).__name__}", remedy=f"Give {FORMS}.")
     pairs = []
@@ -80,11 +84,11 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Signal
                 remedy=f"Give {FORMS}.",
             ) from None
         pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _opening(value, signal)))
-    return _checked(pairs)
+    return _checked(pairs, signal)
 
 
 def plans(
-    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
+    given: Commands, commandable: Mapping[str, CommandInput], times: Sequence[float] | None = None
 ) -> list[tuple[str, Steps]]:
     """Read the commands of a circuit.
 
@@ -137,7 +141,7 @@ def plans(
 
 
 def inputs(
-    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
+    given: Commands, commandable: Mapping[str, CommandInput], times: Sequence[float] | None = None
 ) -> list[tuple[str, Steps]]:
     """Read the commands of a drive or a circuit like `plans`, by the names of the inputs.
 
@@ -174,7 +178,7 @@ def _named(given: Command) -> tuple[str, Command]:
     return (found[1], found[2].strip()) if found else ("", given)
 
 
-def _one_of(name: str, commandable: Mapping[str, Signal | None]) -> str:
+def _one_of(name: str, commandable: Mapping[str, CommandInput]) -> str:
     known = list(commandable)
     if not known:
         raise CommandError("no component of the circuit takes a command", remedy="Leave the command out.")
@@ -187,13 +191,13 @@ def _one_of(name: str, commandable: Mapping[str, Signal | None]) -> str:
 
 
 @lru_cache(maxsize=64)
-def _from_text(text: str, signal: Signal | None) -> Steps:
+def _from_text(text: str, signal: CommandInput) -> Steps:
     entries = [entry.strip() for entry in text.split(",")]
     if not text.strip():
         raise CommandError("the command is empty", remedy='Write for instance "0 s: 0.6, 1 s: -0.6".')
     pairs = []
     if len(entries) == 1 and ":" not in text:
-        return _checked([(0.0, _opening(text.strip(), signal))])
+        return _checked([(0.0, _opening(text.strip(), signal))], signal)
     for entry in entries:
         time, colon, value = entry.rpartition(":")
         if not colon or not time.strip():
@@ -203,7 +207,7 @@ def _from_text(text: str, signal: Signal | None) -> Steps:
                 remedy='For instance "0 s: 0.6".',
             )
         pairs.append((_time(time.strip()), _opening(value.strip(), signal)))
-    return _checked(pairs)
+    return _checked(pairs, signal)
 
 
 def _is_file(text: str) -> bool:
@@ -213,7 +217,7 @@ def _is_file(text: str) -> bool:
         return False
 
 
-def _from_file(path: Path) -> Steps:
+def _from_file(path: Path, signal: CommandInput) -> Steps:
     if not exists(path):
         raise CommandError(f"there is no command file {path}")
     text = read_text(path, CommandError)
@@ -235,10 +239,10 @@ def _from_file(path: Path) -> Steps:
         places.append(where)
     if not pairs:
         raise CommandError(f"{path} holds no entries", rule="the first entry is at 0 s")
-    return _checked(pairs, places)
+    return _checked(pairs, signal, places)
 
 
-def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str] | None = None) -> Steps:
+def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places: Sequence[str] | None = None) -> Steps:
     if not pairs:
         raise CommandError("the command is empty", rule="the first entry is at 0 s")
 
@@ -257,6 +261,8 @@ def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str] | None 
                 where=place(i),
                 rule="-1 <= command <= 1: the fraction of full opening",
             )
+        if isinstance(signal, Positions):
+            signal.check(value, f"command = {value:g} at {time:g} s", place(i))
         before = time
     times, values = zip(*pairs, strict=True)
     return times, values
@@ -269,11 +275,13 @@ def _time(text: str) -> float:
         raise CommandError(f"a time of the command: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
 
-def _opening(given: object, signal: Signal | None) -> float:
+def _opening(given: object, signal: CommandInput) -> float:
     """Read one command: a number, or a voltage or current if the valve describes its electrical input."""
     unit = given.split()[1:] if isinstance(given, str) else []
     if not unit:
         return _number(given, "command")
+    if isinstance(signal, Positions):
+        signal = signal.signal
     if signal is None:
         what = f'command "{given}" has a unit, but the valve describes no electrical input'
         remedy = 'Write command = "0 V .. 10 V" under [valve], or give a fraction of full opening, -1 .. 1.'

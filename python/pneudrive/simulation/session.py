@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pneudrive.progress import Flag
 
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
-_RULE, _ENDED = ": it must be ", "the session cannot continue"
+_RULE, _REMEDY, _ENDED = ": it must be ", ". Take ", "the session cannot continue"
 
 
 class Variable(NamedTuple):
@@ -82,7 +82,7 @@ class Session:
     Examples
     --------
     >>> import pneudrive as pn
-    >>> session = pn.Drive.load("catalogue:parker-osp-p25-sy5000").start({"position": "50 mm"})
+    >>> session = pn.Drive.load("catalogue:parker-osp-p25-mpye").start({"position": "50 mm"})
     >>> session.set("command", 0.4)
     >>> session.advance(0.05)
     >>> before = session.save()
@@ -313,8 +313,15 @@ class Session:
             raise CommandError(
                 f"{names[0] if names else 'until'} = {value!r} is a {type(value).__name__}", rule="a number"
             ) from None
-        what, _, rule = str(error).partition(_RULE)
-        if what.startswith(_ENDED):
-            raise SimulationError(what, remedy="Restore a saved state, or start another session.") from None
-        kind: type[PneudriveError] = CommandError if isinstance(error, ValueError) else SimulationError
-        raise kind(what, rule=rule or None) from None
+        if str(error).startswith(_ENDED):
+            raise SimulationError(str(error), remedy="Restore a saved state, or start another session.") from None
+        raise core_error(error, CommandError if isinstance(error, ValueError) else SimulationError) from None
+
+
+def core_error(error: Exception, kind: type[PneudriveError]) -> PneudriveError:
+    """Return an error of the core with its rule and remedy; one with a rule is about an input."""
+    what, _, rest = str(error).partition(_RULE)
+    rule, _, remedy = rest.partition(_REMEDY)
+    if not rule:
+        return kind(what)
+    return CommandError(what, rule=rule, remedy=f"{_REMEDY[2:]}{remedy}." if remedy else None)

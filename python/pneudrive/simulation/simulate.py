@@ -16,6 +16,7 @@ from pneudrive.references import bibtex
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation import command as commands
 from pneudrive.simulation import humidity, run_limits
+from pneudrive.simulation.session import core_error
 from pneudrive.simulation.start import check_tolerance, ready
 from pneudrive.simulation.trajectory import meaning
 
@@ -242,7 +243,7 @@ def run(
             **({} if arrays or drive.gas.dew_point_k is not None else {"arrays": False}),
         )
     except (ValueError, RuntimeError) as error:
-        raise SimulationError(str(error)) from None
+        raise core_error(error, SimulationError) from None
     result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.warnings(drive, result["columns"])
     result["warnings"] += run_limits.warnings(drive, result["columns"])
     for message in result["warnings"]:

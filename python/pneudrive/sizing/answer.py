@@ -9,6 +9,7 @@ from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import NOT_READY
 from pneudrive.numbers import plain as three
 from pneudrive.sizing.choices import WITHOUT
+from pneudrive.sizing.strokes import cycle_s
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -70,7 +71,7 @@ def sentence(
     if best is not None:
         figures = [f"{three(best.time_out)} s of {three(task.outward_s)} s out"]
         figures.append(f"{three(best.time_back)} s of {three(task.back_s)} s back")
-        figures.append(f"{three(best.air_litres_anr)} l ANR a cycle")
+        figures.append(f"{three(best.air_litres_anr)} l ANR a cycle of {three(cycle_s(task))} s")
         if task.end_speed_m_s is not None:
             figures.append(f"end speed {three(best.end_speed)} of {three(task.end_speed_m_s)} m/s")
         figures.append(f"impact {three(best.energy)} of {three(best.worst['energy out'][1])} J")
@@ -86,7 +87,8 @@ def sentence(
         times = " s and ".join(map(three, one.times))
         air = three(one.air * ANR_LITRES_PER_KG)
         return (
-            f"Provisional, by nominal runs: {in_words(one.parts)}: {times} s out and back, {air} l ANR a cycle, "
+            f"Provisional, by nominal runs: {in_words(one.parts)}: {times} s out and back, "
+            f"{air} l ANR a cycle of {three(cycle_s(task))} s, "
             f"margin {three(100.0 * one.margin)} %."
         )
     return "Nothing in the catalogue meets the task."

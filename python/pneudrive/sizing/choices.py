@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 CYLINDERS = ("cylinder/rodless", "cylinder/single-rod", "cylinder/through-rod")
 PROPORTIONAL = "valve/proportional-5/3"
-#: Printed figure of a valve that is described as proportional, but switches.
-SWITCHES = "operation"
 VALVES = ("valve/switching-5/2", "valve/switching-5/3", PROPORTIONAL)
 TUBE, FLOW_CONTROL = "tube", "flow-control"
 #: Slots of a drive -> kinds of components for it.
@@ -186,7 +184,7 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
     for slot, kinds in SLOTS.items():
         chosen = [one for one in known if one.kind in kinds and not task.excludes(one.name, one.kind)]
         if not task.servo_valves:
-            chosen = [one for one in chosen if not is_servo(one)]
+            chosen = [one for one in chosen if one.kind != PROPORTIONAL]
         found[slot] = [_MAKERS[slot](one, task) for one in sorted(chosen, key=lambda one: one.name)]
     for slot, parts in found.items():
         if not parts and slot != "flow_control":
@@ -194,11 +192,6 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
     if not task.excludes(WITHOUT, FLOW_CONTROL) or not found["flow_control"]:
         found["flow_control"].append(NO_FLOW_CONTROL)
     return found
-
-
-def is_servo(entry: Entry) -> bool:
-    """Return whether a part is a proportional valve. A closed-centre valve may be described as a switching valve."""
-    return entry.kind == PROPORTIONAL and all(one.key != SWITCHES for one in entry.printed)
 
 
 def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:

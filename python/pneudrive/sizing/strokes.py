@@ -193,7 +193,7 @@ class DriveStrokes:
         travel is used.
         """
         valve, factors = self.choice.valve, self._factors(draws)
-        if valve.kind == PROPORTIONAL:
+        if valve.kind == PROPORTIONAL:  # a servo valve
             lag = valve.numbers.get("frequency", 0.0)
             lag = valve.numbers["damping_ratio"] / (math.pi * lag) if lag else 0.0
             return valve.numbers["delay"] * factors["valve.delay"] + lag
@@ -340,7 +340,7 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
         name: np.concatenate([one.starts[name] for one in each]) for name in each[0].starts
     }
     members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
-    plans = MemberPlans({}, np.array([LONGEST * limit + LONGER_S]))
+    plans = MemberPlans({}, np.array([held_s(limit)]))
     system, reductions = first.template(outward).system, _reductions(first.task.stroke_m, outward)
     kept = engine.run(system, members, plans, rtol, reductions, first.threads)
     arrived, near, before, *peaks, air, force = kept.values
@@ -358,6 +358,16 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     whole = StrokeResults(time, speed, 0.5 * mass * speed**2, np.maximum(*peaks), np.abs(air), force)
     ends = np.cumsum([0, *(len(one.draws) for one in asked)])
     return [StrokeResults(*(values[low:high] for values in whole)) for low, high in pairwise(ends)]
+
+
+def held_s(limit: float) -> float:
+    """Return the time for which a command is held, s, from the longest time that the task allows for the stroke."""
+    return LONGEST * limit + LONGER_S
+
+
+def cycle_s(task: SizingTask) -> float:
+    """Return the period of the cycle to which the air belongs, s."""
+    return held_s(task.outward_s) + held_s(task.back_s)
 
 
 def _reductions(stroke: float, outward: bool) -> list[Reduction]:

@@ -50,15 +50,12 @@ def characteristic(
         rows = [(one.name, one.title, one.standard or "-") for one in characteristics().values()]
         return show_table(("characteristic", "<title", "<standard"), rows)
     from pneudrive.cli.progress import on_terminal
-    from pneudrive.datasheet.registry import found_under
+    from pneudrive.datasheet.registry import characteristic_named, found_under
     from pneudrive.describe.files.load import load_described
     from pneudrive.report.datasheet.figures import plot_characteristic
 
     check_outputs(out, TABLES, plot)
-    known = characteristics()
-    if name not in known:
-        raise CommandError(f"there is no characteristic {name!r}", remedy=nearest(name, known))
-    settings = dict(_setting(text, known[name]) for text in setting or [])
+    settings = dict(_setting(text, characteristic_named(name)) for text in setting or [])
     found = found_under(load_described(drive), name, on_terminal(), intervals=intervals, **settings)
     _show(found)
     write_outputs((out, partial(_save, found)), (plot, partial(plot_characteristic, found)))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
-from pneudrive.datasheet.characteristics.frequency import moving_pressures
+from pneudrive.datasheet.characteristics.frequency import moving_gas
 from pneudrive.datasheet.characteristics.motion import simulate_plant
 from pneudrive.errors import CommandError
 
@@ -95,7 +95,7 @@ def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
     toward = 1.0 if side == "b" else -1.0
     length = float(getattr(plant.circuit.components[plant.piston], f"cushion_{side}_length_m"))
     x = plant.stroke_m - length - BEFORE_M if side == "b" else length + BEFORE_M
-    a, b = moving_pressures(plant.static, 0.5 * plant.stroke_m)
+    a, b = plant.pressures(moving_gas(plant.static, 0.5 * plant.stroke_m))
     a, b = (a, b) if side == "b" else (b, a)
     own = plant.piston
     start = {f"{own}.position": f"{x!r} m", f"{own}.velocity": f"{toward * speed!r} m/s"}

@@ -9,8 +9,8 @@ import numpy as np
 
 from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
 from pneudrive.datasheet.characteristics.motion import short_columns, simulate_plant, start_of
-from pneudrive.datasheet.equilibrium import under_load
-from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
+from pneudrive.datasheet.equilibrium import gas_under_load
+from pneudrive.datasheet.linear import SMALL, gas_at, linear_model, open_command
 from pneudrive.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -24,17 +24,18 @@ if TYPE_CHECKING:
 
 FREQUENCIES = tuple(float(f) for f in np.geomspace(0.1, 100.0, 91))  # Hz
 SLOW = 1e-4  # of the linear model's slowest pole that counts: where the velocity gain is read, Hz
-SMALL = 0.05  # command whose steady motion gives the pressures of the operating point
 SINE_HZ, AMPLITUDES = (1.0, 2.0, 4.0, 8.0), (0.05, 0.1, 0.2, 0.4)
 STEPS, SETTLING, COUNTED = 200, 4, 2  # of the command in a period; periods before, and looked at
 HARMONICS = 10
 LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a load
 
 
-def moving_pressures(plant: HeldDrive, position: float) -> tuple[float, float]:
-    """Return the pressures of slow steady motion, Pa: the usual operating point of a drive in motion."""
-    found = under_load(plant, plant.sizes((SMALL,))[0], position, 0.0)
-    return found.pressure_a_pa, found.pressure_b_pa
+def moving_gas(plant: HeldDrive, position: float) -> Array:
+    """Return pressures of slow steady motion at ambient temperature, shape (nodes, 2): the usual operating point."""
+    command = plant.sizes((plant.edge(1.0)[0] + SMALL,))[0]
+    gas, _ = gas_under_load(plant, command, position)
+    gas[:, 1] = plant.ambient[1]
+    return gas
 
 
 def response(linear: Linear, output: str, frequencies: Array) -> Array:
@@ -48,7 +49,7 @@ def response(linear: Linear, output: str, frequencies: Array) -> Array:
     "bode",
     algorithm="exact linearisation by the core, evaluated at frequencies",
     x="frequency",
-    y="velocity_response",
+    y="velocity_magnitude velocity_phase",
     needs_shares=True,
 )
 def _bode(
@@ -61,12 +62,12 @@ def _bode(
     """Frequency response.
 
     Response of velocity, position and pressures to a small command about an operating point. It is mid stroke with
-    the pressures of slow steady motion, the slopes of the valve for small positive commands, and viscous friction.
+    the pressures of slow steady motion, the edge at which the valve opens to positive commands, and viscous friction.
 
     Settings
     --------
     command
-        command at the operating point
+        command at the operating point; 0: the edge at which the valve opens
     position
         m; default: mid stroke
     pressures
@@ -75,8 +76,8 @@ def _bode(
         presliding, sliding or none
     """
     x = 0.5 * plant.stroke_m if position is None else position
-    at = moving_pressures(plant, x) if pressures is None else pressures
-    linear = linear_model(plant, command or SIDE, x, gas_at(plant, at), 0.0, friction)
+    gas = moving_gas(plant, x) if pressures is None else gas_at(plant, pressures)
+    linear = linear_model(plant, open_command(plant, command), x, gas, 0.0, friction)
     f = np.array(FREQUENCIES)
     velocity = response(linear, f"{plant.piston}.velocity_m_s", f)
     a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
@@ -85,6 +86,7 @@ def _bode(
     over = ("frequency",)
     return axes, {
         "velocity_response": ResultValue(over, np.abs(velocity), "m/s", "velocity over command, size"),
+        "velocity_magnitude": ResultValue(over, 20.0 * np.log10(np.abs(velocity)), "dB", "the same, in dB re 1 m/s"),
         "velocity_phase": ResultValue(over, np.unwrap(np.angle(velocity)) * 180.0 / math.pi, "deg", "its phase"),
         "position_response": ResultValue(
             over, np.abs(velocity) / (2.0 * math.pi * f), "m", "position over command, size"

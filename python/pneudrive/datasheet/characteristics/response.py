@@ -133,6 +133,7 @@ def _impact(plant: HeldDrive) -> Found:
                     one["peak_force_n"],
                     one["depth_m"],
                     stroke.mean_speed,
+                    stroke.stroke_time,
                 )
                 for one, stroke in row
             ]
@@ -146,6 +147,7 @@ def _impact(plant: HeldDrive) -> Found:
         ("peak_force", "N", "largest force of the end stop"),
         ("depth", "m", "into the end stop"),
         ("mean_speed", "m/s", "stroke over stroke time"),
+        ("stroke_time", "s", "from the command, from rest, to the first contact with the end"),
     )
     over = ("command", "direction")
     found = {name: ResultValue(over, values[:, :, k], unit, what) for k, (name, unit, what) in enumerate(said)}

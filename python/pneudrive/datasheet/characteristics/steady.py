@@ -9,18 +9,18 @@ import numpy as np
 
 from pneudrive.datasheet.characteristic import DIRECTIONS, Axis, ResultValue, characteristic, number
 from pneudrive.datasheet.equilibrium import at_velocity, under_load
+from pneudrive.datasheet.plant import LEAST_VELOCITY
 from pneudrive.errors import SimulationError
 
 if TYPE_CHECKING:
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
 
-SMALL = (0.05, 0.1)  # commands between which the velocity gain is taken
+SMALL = (0.05, 0.1)  # commands beyond the overlap between which the velocity gain is taken
 SHARES = (0.0, 0.25, 0.5)  # of the stall force: loads against the motion
 COMMANDS = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
 BLOCKED = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1)
 TINY = 1e-8  # command at whose both sides the slope of a leaking valve is taken: far below any leak
-LEAST_VELOCITY = 1e-5  # m/s: the contact just slides; its steady friction is the breakaway force
 
 
 def full_force(plant: HeldDrive, direction: float) -> tuple[float, float]:
@@ -47,7 +47,7 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
     """Steady velocity against command and load.
 
     Velocity at which pressures, temperatures and velocity are constant, at mid stroke; load against the motion.
-    Velocity gain and dead zone: line through commands 0.05 and 0.1 without load.
+    Velocity gain and dead zone: line through commands 0.05 and 0.1 beyond the overlap, without load.
 
     Settings
     --------
@@ -57,30 +57,31 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
     x = 0.5 * plant.stroke_m
     sizes = plant.sizes(COMMANDS)
     commands = np.array([*(-u for u in reversed(sizes)), *sizes])
-    stall = max(min(full_force(plant, direction)[1] for direction in (1.0, -1.0)), 0.0)
-    against = np.array([share * stall for share in SHARES] if loads is None else list(loads), dtype=float)
+    try:
+        stall = max(min(full_force(plant, direction)[1] for direction in (1.0, -1.0)), 0.0)
+    except SimulationError:  # a blocked piston has no steady state, as behind a quick exhaust valve
+        stall = math.nan
+    usual = [share * stall for share in SHARES] if stall == stall else [0.0]
+    against = np.array(usual if loads is None else list(loads), dtype=float)
     found = np.array([[_moving(plant, u, x, -math.copysign(1.0, u) * load) for load in against] for u in commands])
-    has_shares = len(sizes) > 1
-    gains = [velocity_gain(plant, u, x) if has_shares else (math.nan, math.nan) for u in (1.0, -1.0)]
     axes = {
         "command": Axis(commands, "1", "command of the valve"),
         "load_force": Axis(against, "N", "constant force against the motion"),
         "direction": DIRECTIONS,
     }
     over = ("command", "load_force")
-    return axes, {
+    values = {
         "velocity": ResultValue(over, found[:, :, 0], "m/s", "steady velocity of the piston"),
         "pressure_a": ResultValue(over, found[:, :, 1], "Pa", "absolute pressure in chamber a"),
         "pressure_b": ResultValue(over, found[:, :, 2], "Pa", "absolute pressure in chamber b"),
-        "velocity_gain": ResultValue(
-            ("direction",),
-            [gain for gain, _ in gains],
-            "m/s",
-            "slope of velocity over command, for small commands without load",
-        ),
-        "dead_zone": ResultValue(
-            ("direction",), [zone for _, zone in gains], "1", "command at which that line crosses zero velocity"
-        ),
+    }
+    if len(sizes) == 1:  # a switching valve has no small commands
+        return axes, values
+    gains, zones = zip(*(velocity_gain(plant, u, x) for u in (1.0, -1.0)), strict=True)
+    meaning = "slope of velocity over command, for small commands without load"
+    return axes, values | {
+        "velocity_gain": ResultValue(("direction",), gains, "m/s", meaning),
+        "dead_zone": ResultValue(("direction",), zones, "1", "command at which that line crosses zero velocity"),
     }
 
 
@@ -94,7 +95,8 @@ def _moving(plant: HeldDrive, command: float, position: float, load: float) -> t
 
 def velocity_gain(plant: HeldDrive, direction: float, position: float) -> tuple[float, float]:
     """Return slope and dead zone of the line through two small commands at which the piston moves."""
-    (low, slow), (high, fast) = ((u, abs(_moving(plant, direction * u, position, 0.0)[0])) for u in SMALL)
+    commands = [plant.edge(direction)[0] + small for small in SMALL]
+    (low, slow), (high, fast) = ((u, abs(_moving(plant, direction * u, position, 0.0)[0])) for u in commands)
     if not slow > 0.0:
         return math.nan, math.nan
     slope = (fast - slow) / (high - low)

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.datasheet.characteristic import DIRECTIONS, ResultValue, characteristic
-from pneudrive.datasheet.characteristics.steady import LEAST_VELOCITY
-from pneudrive.datasheet.plant import RTOL
+from pneudrive.datasheet.plant import LEAST_VELOCITY, RTOL
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
 

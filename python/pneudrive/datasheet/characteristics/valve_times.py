@@ -48,7 +48,7 @@ def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) ->
         raise CommandError(
             f"{plant.valve} is a {table['kind']}",
             rule="times are those of a switching valve, with time_on and time_off",
-            remedy="For a proportional valve, use the characteristic of its frequency response.",
+            remedy="For a proportional valve, use bode.",
         )
     time, pressure = _run(plant, table, volume)
     on, off = time < REST_S, time >= REST_S

@@ -217,13 +217,16 @@ class EndStop(Described):
 
 
 #: Keys that a circuit has and a drive has not: the remedy of each.
-_OPENED = "To convert it to a circuit, use *Edit the circuit* of the page, or pn.Drive.load(FILE).circuit.to_toml()."
+_OPENED = (
+    "Without this key, *Edit the circuit* of the page and pn.Drive.load(FILE).circuit.to_toml() turn the file into one."
+)
 _PART = 'A part of the catalogue belongs to a circuit: use = "catalogue:NAME" in [components.{}]. ' + _OPENED
 _DYNAMICS = "In a circuit, [components.valve] has {}. " + _OPENED
 _OF_A_CIRCUIT = {
     "use": _PART.format("valve"),
     **dict.fromkeys(("bandwidth", "frequency", "natural_frequency"), _DYNAMICS.format("frequency and damping_ratio")),
     **dict.fromkeys(("stroke_time", "delay", "hysteresis"), _DYNAMICS.format("stroke_time, delay and hysteresis")),
+    **dict.fromkeys(("travel_share", "centre"), _DYNAMICS.format("travel_share and centre of a switching valve")),
     **dict.fromkeys(("dead_zone", "deadband"), "A dead zone is a positive overlap, as a fraction of the command."),
     **dict.fromkeys(("voltage", "current"), 'The electrical input is the range command = "0 V .. 10 V".'),
 }
@@ -305,20 +308,27 @@ class FlowCoefficient(Quantity):
         return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
 
 
+SWITCHING = "switching-5/3"
+#: Keys of a switching valve, and keys of a proportional valve.
+_TIMES, _SHARES = ("time_on", "time_off"), ("overlap", "leakage", "command")
+
+
 class Valve(Described):
-    """Proportional 5/3 valve.
+    """5/3 valve, proportional or switching.
 
     A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance. u < 0 opens supply -> b
-    and a -> exhaust. `command` is the range of the electrical input, for commands in V or mA; its ends are u = -1 and
-    1. `overlap` is the fraction of the command up to which an edge stays shut, negative for an edge that is open in the
-    centre. `leakage` is the fraction of the conductance that leaks past each edge in the centre. The size is given in
-    exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv.
+    and a -> exhaust. A valve of kind "switching-5/3" has the commands -1, 0 and 1 only. `time_on` and `time_off` are
+    its times from the command to the middle of the travel. `command` is the range of the electrical input, for commands
+    in V or mA; its ends are u = -1 and 1. `overlap` is the fraction of the command up to which an edge stays shut,
+    negative for an edge that is open in the centre. `leakage` is the fraction of the conductance that leaks past each
+    edge in the centre. The size is given in exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge),
+    kv or cv.
     `pneudrive.describe.tables.valve_flow` states the assumptions of each conversion.
     """
 
     table_name: ClassVar[str] = "valve"
     elsewhere: ClassVar[Mapping[str, str]] = _OF_A_CIRCUIT
-    kind: Literal["proportional-5/3"]
+    kind: Literal["proportional-5/3", "switching-5/3"]
     conductance_given: Annotated[float | None, Quantity("m^3/(s Pa)", "dm3/(s bar)", Bounds(above=0.0))] = Field(
         default=None, alias="conductance"
     )
@@ -331,6 +341,8 @@ class Valve(Described):
     overlap: Annotated[float | None, Quantity("", bounds=Bounds(above=-1.0, below=1.0))] = None
     leakage: Annotated[float | None, Quantity("", bounds=Bounds(at_least=0.0, at_most=1.0))] = None
     command: Annotated[Signal | None, SignalRange("")] = None
+    time_on_s: Annotated[float | None, Quantity("s", "ms", Bounds(above=0.0))] = None
+    time_off_s: Annotated[float | None, Quantity("s", "ms", Bounds(above=0.0))] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -348,6 +360,26 @@ class Valve(Described):
             b = self.critical_pressure_ratio
             raise wrong(key, f"{key} = {self.linear_above:g} must exceed valve.critical_pressure_ratio = {b:g}")
         return self
+
+    @model_validator(mode="after")
+    def _keys_of_its_kind(self) -> Valve:
+        own, others = (_TIMES, _SHARES) if self.is_switching else ((), _TIMES)
+        given = self.to_dict()
+        for key in others:
+            if key in given:
+                other = "proportional" if self.is_switching else "switching"
+                what = f'valve.{key} belongs to a {other} valve, but valve.kind = "{self.kind}"'
+                raise wrong(f"valve.{key}", what, remedy=f'Leave it out, or write kind = "{other}-5/3".')
+        for key in own:
+            if key not in given:
+                rule = "a switching valve has the times from a command to the middle of its travel, on and off"
+                raise wrong(f"valve.{key}", f"valve.{key} is missing", rule=rule, remedy=f'Write {key} = "20 ms".')
+        return self
+
+    @property
+    def is_switching(self) -> bool:
+        """Whether it has the commands -1, 0 and 1 only."""
+        return self.kind == SWITCHING
 
     @property
     def has_shape(self) -> bool:

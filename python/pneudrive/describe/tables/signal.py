@@ -51,6 +51,30 @@ class Signal(NamedTuple):
         return (2.0 * value - self.low - self.high) / (self.high - self.low)
 
 
+class Positions(NamedTuple):
+    """Commands of a component that switches, and its electrical input if one is described."""
+
+    values: tuple[float, ...]
+    signal: Signal | None = None
+
+    def check(self, value: float, what: str, where: str | None = None) -> None:
+        """Refuse a command between the positions.
+
+        Raises
+        ------
+        CommandError
+            It is none of them.
+        """
+        if value not in self.values:
+            *first, last = (f"{one:g}" for one in self.values)
+            raise CommandError(
+                what,
+                where=where,
+                rule=f"{', '.join(first)} or {last}, because it switches",
+                remedy="Take a proportional valve for fractions, or 2/2 or 3/2 valves with pwm_frequency.",
+            )
+
+
 @dataclass(frozen=True)
 class SignalRange(Quantity):
     """Annotation of a field for a range of voltage or current, stored as a `Signal`."""

@@ -66,10 +66,15 @@ def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> Fi
 def panel(axis: Axes, found: xr.Dataset, name: str = "", title: str = "") -> None:
     """Draw one result of a characteristic into a panel."""
     one = characteristics()[found.attrs["characteristic"]]
-    name = name or one.y.split()[0]
+    name, *others = [name] if name else one.y.split()
     axis.set_title(title or one.title, loc="left")
     if found[one.x].dtype.kind in "US":
         return _bars(axis, found, one.x, name)
+    for other in others:  # its own axis on the right, dashed
+        right, look = axis.twinx(), style.look(1)
+        for _, x, y, *_ in _curves(found, one.x, other):
+            right.plot(x, y, ls="--", color=look.color)
+        right.set_ylabel(_label(found, other), color=look.color)
     for index, (label, x, y, low, high) in enumerate(_curves(found, one.x, name)):
         look = style.look(index)
         axis.plot(x, y, ls=look.linestyle, color=look.color, label=label or None)

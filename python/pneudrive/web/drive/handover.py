@@ -15,8 +15,8 @@ from pneudrive.web.workspace import FMUS
 if TYPE_CHECKING:
     from pneudrive.web.workspace import Workspace
 
-#: An input that commands a valve; half open moves every drive.
-_COMMAND, _OPENING = re.compile(r"(?:.+\.)?command"), 0.5
+#: An input that commands a valve; every valve takes full opening, also one that switches.
+_COMMAND, _OPENING = re.compile(r"(?:.+\.)?command"), 1.0
 
 
 def shown_fmu(workspace: Workspace, name: str) -> dict[str, Any]:

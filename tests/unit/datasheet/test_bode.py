@@ -1,0 +1,104 @@
+"""The frequency response and the steady velocity are two views of one drive: at low frequency they agree.
+
+A valve with overlap is shut at command 0: its response is that of the edge, not that of its leak or none at all.
+A slide behind a coupling moves with the piston: a model in which it stands still has no response.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneudrive as pn
+from pneudrive.datasheet.characteristics.steady import velocity_gain
+from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.describe.files.load import load_described
+from pneudrive.errors import CommandError
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+#: All with one piston under proportional valves. Those of the starter and of lines share their code, and are slow.
+ONE_PISTON = ("controlled_axis", "cushioned_axis", "axes/bench", "axes/starter", "axes/tubes", "axes/upright")
+
+
+@pytest.mark.parametrize("name", ONE_PISTON)
+def test_both_characteristics_agree_for_every_example(name):
+    drive = load_described(str(EXAMPLES / f"{name}.toml"))
+    plant = HeldDrive(drive).static
+    by_response = float(pn.drive_characteristic(drive, "bode", intervals=False).velocity_gain)
+    assert by_response == pytest.approx(velocity_gain(plant, 1.0, 0.5 * plant.stroke_m)[0], rel=0.02)
+
+
+def overlapped(overlap):
+    axis = pn.Circuit.load(EXAMPLES / "controlled_axis.toml")
+    tables = axis.to_dict()
+    tables["components"]["valve"] |= {"overlap": overlap}
+    del tables["components"]["valve"]["leakage"]
+    return pn.Circuit.model_validate(tables)
+
+
+@pytest.mark.parametrize("overlap", [0.02, 0.04, 0.1])
+def test_a_shut_valve_is_seen_at_the_edge_of_its_overlap(overlap):
+    axis = overlapped(overlap)
+    gain = float(pn.drive_characteristic(axis, "bode", intervals=False).velocity_gain)
+    # The edge opens from 0 to 1 over the rest of the travel: the slope of the same valve without overlap, steeper.
+    open_gain = float(pn.drive_characteristic(overlapped(0.0), "bode", intervals=False).velocity_gain)
+    assert gain == pytest.approx(open_gain / (1.0 - overlap), rel=0.02)
+    zone = pn.drive_characteristic(axis, "velocity", loads=[0.0], intervals=False).dead_zone
+    assert zone.values == pytest.approx([overlap, overlap], abs=1e-3)
+    linear, beyond = pn.linearise(axis, opening="-"), pn.linearise(axis, command=-overlap - 0.01)
+    row = linear.state_labels.index("mass_a_kg")
+    mass_a, mass_beyond = (np.asarray(one.B)[row, 0] for one in (linear, beyond))
+    assert mass_a > 0.0  # more command: less gas out of a
+    assert mass_a == pytest.approx(mass_beyond, rel=0.05)
+
+
+def test_a_command_within_the_overlap_is_refused_with_the_one_that_opens_the_valve():
+    for call in (
+        lambda: pn.drive_characteristic(overlapped(0.04), "bode", command=0.03),
+        lambda: pn.linearise(overlapped(0.04), command=-0.03),
+    ):
+        with pytest.raises(CommandError, match=r"shut up to 0\.04") as refused:
+            call()
+        assert "0.09" in str(refused.value.remedy)
+        assert refused.value.rule
+
+
+def test_a_slide_behind_a_coupling_moves_with_the_piston():
+    axis = pn.Circuit.load(EXAMPLES / "cushioned_axis.toml")
+    gain = float(pn.drive_characteristic(axis, "bode", intervals=False).velocity_gain)
+    rest = pn.equilibrium(axis, 0.02, load=0.0)
+    start = {f"axis.{side}": f"{getattr(rest, f'pressure_{side}_pa')} Pa abs" for side in "ab"}
+    run = axis.simulate(0.02, "4 s", initial={"axis.position": "40 mm", **start}, sample_rate="1 Hz")
+    way = float(run["slide.position"][4] - run["slide.position"][1])
+    assert gain == pytest.approx(way / 3.0 / 0.02, rel=0.03)
+    # Piston and slide swing as one mass behind the closed play: lower than the piston alone.
+    alone = axis.to_dict()
+    alone["connections"] = [line for line in alone["connections"] if "coupling" not in line and "slide" not in line]
+    alone["components"] = {key: one for key, one in alone["components"].items() if key in ("mains", "valve", "axis")}
+    found = [pn.drive_characteristic(of, "bode", intervals=False) for of in (axis, pn.Circuit.model_validate(alone))]
+    assert float(found[0].resonance) < 0.7 * float(found[1].resonance)
+
+
+def test_the_panel_is_a_bode_plot_in_decibels_with_its_phase_over_a_logarithmic_axis():
+    from matplotlib.figure import Figure
+
+    from pneudrive.report.datasheet.figures import panel
+
+    found = pn.drive_characteristic(pn.Drive.load("catalogue:reference"), "bode", intervals=False)
+    assert found.velocity_magnitude.attrs["units"] == "dB"
+    assert np.allclose(10.0 ** (found.velocity_magnitude / 20.0), found.velocity_response)
+    axis = Figure().subplots()
+    panel(axis, found)
+    right = axis.figure.axes[1]
+    assert axis.get_xscale() == "log"
+    assert "dB" in axis.get_ylabel()
+    assert "deg" in right.get_ylabel()
+    assert np.allclose(right.lines[0].get_ydata(), found.velocity_phase)
+
+
+def test_the_title_of_a_characteristic_leads_to_its_name():
+    with pytest.raises(CommandError) as refused:
+        pn.drive_characteristic(pn.Drive.load("catalogue:reference"), "frequency-response")
+    assert refused.value.remedy == "Did you mean 'bode'?"
