@@ -147,13 +147,13 @@ def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
     if task.held_by == "machine":
         return MachineCheck(name, hangs, None, "N", True, f'{rule}; held_by = "machine"')
     holds, is_known = task.clamp_force_n, True
-    rule += "; a clamp holds it" if task.held_by else "; without a clamp only friction holds the load"
+    rule += "; held by the clamp of the task" if task.held_by else "; without a clamp only friction holds the load"
     if holds is None:
         holds = numbers["friction.parameters.coulomb"] * task.spread.friction[0]
         is_known = holds < hangs or "friction.coulomb" not in choice.cylinder.assumed
         rule += "" if is_known else ", and this friction is assumed"
     remedies = (
-        f'a clamp: held_by = "clamp", clamp_force = "{three(hangs)} N" or more',
+        f'a clamp: held_by = "clamp", clamp_force = "{math.ceil(hangs)} N" or more',
         'held_by = "machine", if a lock or brake of the machine holds the load',
     )
     return MachineCheck(name, hangs, holds, "N", hangs <= holds if is_known else None, rule, remedies)
