@@ -13,9 +13,7 @@ import numpy as np
 
 from pneudrive.errors import CommandError, DescriptionError, LayoutError, RecordingError
 from pneudrive.files.tables import open_table
-from pneudrive.signals.load import read_table
-from pneudrive.signals.tables.formats import TEXT_KINDS, names_of
-from pneudrive.signals.tables.raw_table import read_raw_table
+from pneudrive.signals.importer import TEXT_KINDS, names_of, read_foreign, read_table
 from pneudrive.signals.tables.sniff import sniff_format
 from pneudrive.simulation.trajectory import meaning, save_columns
 from pneudrive.units import converter, is_unit
@@ -308,7 +306,7 @@ def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], d
         roles = dict(zip(found.names, said.columns, strict=False))
         units = dict(zip(found.names, found.units, strict=True))
         return dict(zip(found.names, found.columns, strict=True)), {"units": units, "roles": roles}
-    form, columns = read_raw_table(path)
+    form, columns = read_foreign(path)
     names = form.names if len(set(form.names)) == len(columns) else [f"column {at}" for at in range(len(columns))]
     numbers = {name: one for at, (name, one) in enumerate(zip(names, columns, strict=True)) if at not in form.words}
     units = dict(zip(names, form.units, strict=False))

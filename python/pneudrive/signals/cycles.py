@@ -17,8 +17,9 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.files.tables import open_table
+from pneudrive.signals.importer import read_rows
 from pneudrive.signals.layout import Layout, stem
-from pneudrive.signals.load import read_rows, to_recording
+from pneudrive.signals.load import to_recording
 from pneudrive.signals.tables.text_table import column_number
 
 if TYPE_CHECKING:

@@ -14,9 +14,10 @@ from pneudrive.errors import RecordingError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
 from pneudrive.repr_tables import Shown
+from pneudrive.signals.importer import read_raw, si_columns
 from pneudrive.signals.impossible import refuse_pressure
 from pneudrive.signals.layout import FileLayout, Layout, stem
-from pneudrive.signals.load import find_layout, layout_beside, read_raw, si_columns
+from pneudrive.signals.load import find_layout, layout_beside
 from pneudrive.signals.trajectories import is_run
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,16 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.errors import DescriptionError, RecordingError, warn
+from pneudrive.errors import RecordingError
 from pneudrive.files.tables import open_table
+from pneudrive.signals.importer import SI_NAMES, read_raw, read_rows, si_columns
 from pneudrive.signals.layout import FileLayout, Layout, stem
-from pneudrive.signals.layout_tables import CHANNEL_UNITS, UNITS
+from pneudrive.signals.layout_tables import CHANNEL_UNITS
 from pneudrive.signals.recording import CHANNELS, ParallelForce, Recording
-from pneudrive.signals.tables.column_units import ColumnUnit, split_name
-from pneudrive.signals.tables.formats import read_columns
-from pneudrive.signals.tables.names import SECONDARY, role_of, side_of, words_of
-from pneudrive.signals.tables.text_table import read_bytes, read_text
-from pneudrive.signals.tables.timing import overlap, timed
+from pneudrive.signals.tables.text_table import read_bytes
 from pneudrive.signals.trajectories import (
     COLUMNS,
     MEASURED,
@@ -30,7 +26,6 @@ from pneudrive.signals.trajectories import (
     recording_of,
 )
 from pneudrive.simulation.trajectory import read_columns as read_trajectory_columns
-from pneudrive.units import converter
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -39,18 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.files.tables import Table
-    from pneudrive.signals.tables.text_table import NumberTable
 
-#: Channel of a layout -> name of its column in SI.
-SI_NAMES = {
-    "time": "time_s",
-    "position": "position_m",
-    "force": "force_n",
-    "velocity": "velocity_m_s",
-    **{name: f"{name}_pa" for name in ("pressure", "inlet_pressure", "pressure_a", "pressure_b")},
-    **{name: f"{name}_k" for name in ("temperature_a", "temperature_b")},
-}
-SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
 HASHED_ROWS, HASHED_BYTES = 1 << 18, 1 << 20  # of a long file at a time
 NO_RECORDING = frozenset({"", ".toml", ".md", ".json", ".html"})  # suffixes of texts beside recordings
 MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
@@ -177,11 +161,6 @@ def load_drive_motion(path: Path, layout: Layout) -> Recording:
     return to_recording(stem(path), path, said, *read_raw(path, said))
 
 
-def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
-    """Read some rows of the raw columns that a layout names, by channel, from a Parquet file."""
-    return dict(zip(said.columns, read_columns(said.format, path, said.places, said.dates, rows).columns, strict=True))
-
-
 @dataclass(frozen=True)
 class LongFile:
     """A Parquet file of many rows that is read part by part.
@@ -248,96 +227,6 @@ def find_long(file: RecordingFile, least: int) -> LongFile | None:
     return LongFile(file, said, count, table) if count is not None and count > least else None
 
 
-def read_raw(path: Path, said: FileLayout) -> tuple[dict[str, NDArray[np.float64]], dict[str, int], str]:
-    """Read the raw columns that a layout names, by channel, the flags of reading, and the hash of the file.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be read so, or no sample is left.
-    """
-    data = read_bytes(path)
-    for doubt in unit_doubts(said):
-        warn(f"{path.name}: {doubt}")
-    table = read_table(path, said, data)
-    if unread := unread_pressures(said, table.unread):
-        shown = ", ".join(f"'{name}'" for name in unread)
-        warn(
-            f"{path.name}: the layout takes a chamber as open to ambient and does not use {shown}: "
-            "name it as pressure_a or pressure_b if it is the pressure of a chamber"
-        )
-    raw = {channel: values[said.skip_samples :] for channel, values in zip(said.columns, table.columns, strict=True)}
-    if raw["time"].size == 0:
-        raise RecordingError(
-            "no sample is left",
-            where=str(path),
-            value=f"{table.columns[0].size} rows, skip_samples = {said.skip_samples}",
-            remedy="lower skip_samples in the layout",
-        )
-    guessed = sum(column.guessed for column in said.columns.values())
-    return raw, table.flags | ({"unit_guessed": guessed} if guessed else {}), hashlib.sha256(data).hexdigest()
-
-
-def unit_doubts(said: FileLayout) -> list[str]:
-    """Return differences between the unit in a column's name and the layout: sizes, and gauge or absolute."""
-    doubts = []
-    for channel, column in said.columns.items():
-        _, named = split_name(column.column) if isinstance(column.column, str) else ("", None)
-        if named is None or not named.si or not isinstance(unit := column.unit, ColumnUnit):
-            continue
-        where = f'the column "{column.column}" of {channel}'
-        try:
-            factor = converter(named.unit, UNITS.get(channel, "Pa"))[0]
-        except DescriptionError:
-            doubts.append(f"{where} is in {named.unit} by its name, which is not a unit of {channel}: check the column")
-            continue
-        is_other = not math.isclose(factor, unit.factor, rel_tol=1e-3) and column.scale == 1.0
-        turned = None not in (named.gauge, unit.gauge) and named.gauge is not unit.gauge
-        if is_other or turned:
-            sort = "" if named.gauge is None else " gauge" if named.gauge else " abs"
-            doubts.append(f"{where} is in {named.unit}{sort} by its name, but in {unit.text} by the layout")
-    return doubts
-
-
-def unread_pressures(said: FileLayout, unread: Iterable[str]) -> list[str]:
-    """Return columns that are not read, and whose names say that they are pressures of a chamber open to ambient."""
-    stated = said.rig.chamber_pressures().items()
-    sides = {channel[-1] for channel, pressure in stated if pressure == said.ambient_pressure_pa}
-    names = {name: split_name(name)[0] for name in unread if sides}
-    return [
-        name
-        for name, bare in names.items()
-        if role_of(bare) == "pressure"
-        and not SECONDARY.search(words_of(bare))
-        and {"1": "a", "2": "b"}.get(side := side_of(bare) or "", side) in {*sides, ""}
-    ]
-
-
-def read_table(path: Path, said: FileLayout, data: bytes | None = None, *, others: bool = False) -> NumberTable:
-    """Read the raw columns that a layout names, in its order, of all rows.
-
-    Parameters
-    ----------
-    path : Path
-    said : FileLayout
-    data : bytes, optional
-        Content of the file, if it is known.
-    others : bool
-        Every other column of numbers too, behind them.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be read so.
-    """
-    if said.format == "csv":
-        form = said.tables.text_form
-        table = read_text(path, data or read_bytes(path), form, said.places, said.dates, others=others)
-    else:
-        table = read_columns(said.format, path, said.places, said.dates, others=others)
-    return timed(table, said.columns, said.places, str(path))
-
-
 def to_recording(
     name: str,
     path: Path,
@@ -388,43 +277,3 @@ def _parallel_forces(said: FileLayout, values: dict[str, NDArray[np.float64]]) -
         yield ParallelForce(
             force.name, force.area_m2, force.area_accuracy, area * (values[f"force {number}: pressure"] - against)
         )
-
-
-def si_columns(said: FileLayout, raw: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
-    """Return raw columns in SI on one time base, by the names of `SI_NAMES`; pressures absolute."""
-    values = aligned(said, {channel: convert(said, channel, column) for channel, column in raw.items()})
-    return {SI_NAMES.get(channel, channel): column for channel, column in values.items()}
-
-
-def convert(said: FileLayout, channel: str, raw: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the raw values of one channel in SI, pressures absolute."""
-    column = said.columns[channel]
-    unit, curve = column.conversion, said.tables.force_calibration
-    value = column.in_unit(raw)
-    value = value if unit.factor == 1.0 else unit.factor * value
-    value = value + unit.shift  # always: the result is never the raw column, and has no zero with a sign
-    if channel == "force" and curve is not None:  # of the sensor, before the sign
-        sign = 1 if column.positive == "+x" else -1
-        value = sign * curve.force_n(sign * value)
-    if channel == "command" and column.range is not None:  # noise of the measured signal at full opening
-        value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
-    return value + said.ambient_pressure_pa if unit.gauge else value
-
-
-def aligned(said: FileLayout, values: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
-    """Return all channels on the time base, without the ends at which a delayed channel has no values."""
-    time = values["time"]
-    delays = {channel: said.columns[channel].delay_s - said.columns["time"].delay_s for channel in values}
-    late = {channel: shifted(time, values[channel], delay) for channel, delay in delays.items() if delay}
-    if not late:
-        return values
-    part = overlap(late.values(), time.size)
-    return {channel: column[part] for channel, column in (values | late).items()}
-
-
-def shifted(time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float) -> NDArray[np.float64]:
-    """Return the values of a channel with the delay ``delay_s``, on the common time base. NaN for missing values."""
-    order = np.isfinite(time_s)
-    if not order.any() or (np.diff(time_s[order]) < 0).any():
-        return values  # the recording refuses such times with its own message
-    return np.interp(time_s, time_s[order] - delay_s, values[order], left=np.nan, right=np.nan)

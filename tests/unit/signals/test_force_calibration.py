@@ -15,8 +15,8 @@ from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError, LayoutError
 from pneudrive.friction.budget import systematic_budget
 from pneudrive.signals.force_calibration import ForceCalibration
+from pneudrive.signals.importer import convert
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import convert
 from pneudrive.signals.recording import Recording
 
 REFERENCE = (-200.0, -60.0, -20.0, 0.0, 20.0, 60.0, 200.0)

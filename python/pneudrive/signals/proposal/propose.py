@@ -13,12 +13,12 @@ from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.progress import UNWATCHED
 from pneudrive.signals.cycles import find_cycles, read_cycles
 from pneudrive.signals.drive_recording import read_drive_recordings, read_volume_recordings
+from pneudrive.signals.importer import read_foreign
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import load_recording
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.proposal.propose_text import layout_text
 from pneudrive.signals.proposal.roles import Guess, RoleSearch
-from pneudrive.signals.tables.raw_table import read_raw_table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -83,7 +83,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     """
     path = Path(path)
     watch.tell(0, STAGES, "reading the file")
-    reading, columns = read_raw_table(path)
+    reading, columns = read_foreign(path)
     if max((column.size for column in columns), default=0) < 2:
         raise RecordingError("the file holds no samples", where=str(path), value=f"columns: {', '.join(reading.names)}")
     watch.tell(1, STAGES, "looking at the columns")

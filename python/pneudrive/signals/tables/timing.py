@@ -8,14 +8,11 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.signals.tables.date_times import is_of_minutes
-from pneudrive.signals.tables.text_table import NumberTable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable
 
     from numpy.typing import NDArray
-
-    from pneudrive.signals.layout_tables import ColumnTable, TimeTable
 
     Array = NDArray[np.float64]
 
@@ -154,82 +151,3 @@ def overlap(columns: Iterable[Array], size: int) -> slice:
         if there.size:
             first, last = max(first, int(there[0])), min(last, int(there[-1]) + 1)
     return slice(first, max(last, first))
-
-
-def timed(
-    table: NumberTable, columns: Mapping[str, ColumnTable], places: Sequence[int | str], where: str
-) -> NumberTable:
-    """Return the columns of the channels, in their order, each with one value for each time.
-
-    Parameters
-    ----------
-    table : NumberTable
-        The columns of `places`, then others.
-    columns : mapping
-        Channel -> how its column is read.
-    places : sequence of int or str
-    where : str
-        File, for messages.
-
-    Raises
-    ------
-    RecordingError
-        Many samples share a stamp, or the time restarts in a segment.
-    """
-    read: dict[int | str | None, Array] = dict(zip(places, table.columns, strict=False))
-    flags = dict(table.flags)
-    size = table.columns[0].size
-    time, wraps = _time_of(columns["time"], read, size, table, where)  # type: ignore[arg-type]
-    found: dict[str, Array] = {}
-    completed = []
-    for channel, column in columns.items():
-        if channel == "time":
-            found[channel] = time
-            continue
-        raw = read[column.column]
-        if column.wraps is not None or channel == "position":
-            raw, count = unwrapped(raw, COUNTERS if column.wraps is None else (column.wraps,))
-            wraps += count if column.wraps is None else 0
-        full = filled(time, raw, held=channel == "command")
-        if column.clock is not None:
-            full = on_clock(time, read[column.clock], raw)
-        if full is not raw:
-            completed.append(full)
-        found[channel] = full
-    part = overlap(completed, size)
-    others = slice(len(places), None)
-    known = dict(zip(places, zip(table.names, table.units or [""] * len(table.names), strict=True), strict=False))
-    own = [known.get(column.column, ("time at a rate", "")) for column in columns.values()]  # type: ignore[arg-type]
-    return NumberTable(
-        [*(name for name, _ in own), *table.names[others]],
-        [column[part] for column in (*found.values(), *table.columns[others])],
-        flags | ({"counter_wrap": wraps} if wraps else {}),
-        [*(unit for _, unit in own), *table.units[others]],
-        unread=table.unread,
-    )
-
-
-def _time_of(
-    column: TimeTable, read: Mapping[int | str | None, Array], size: int, table: NumberTable, where: str
-) -> tuple[Array, int]:
-    """Return the times in the unit of their column, and the number of wraps of a counter."""
-    if column.rate_hz is not None:
-        return np.arange(size) / column.rate_hz, 0
-    time = read[column.column]
-    if column.date is not None:
-        return time + read[column.date], 0
-    refuse_equal_stamps(time, column.column, where)
-    clocks = clocks_of(column.format if column.is_date else None, column.conversion.factor)
-    time, midnights = unwrapped(time, clocks, forward=True)
-    counters = COUNTERS if column.wraps is None else (column.wraps,)
-    time, wraps = (time, 0) if midnights else unwrapped(time, counters, forward=True)
-    for number, row in enumerate(table.segments, 2):
-        if 0 < row < size and time[row] < time[row - 1]:
-            raise RecordingError(
-                f"the time begins again in segment {number}",
-                where=f"{where}, row {row + 1}",
-                value=f"{time[row]:g} after {time[row - 1]:g}",
-                remedy="save each segment as a separate file; if they follow each other without a gap, "
-                'give the rate: time = { rate = "50 Hz" }',
-            )
-    return time, 0 if column.wraps is not None else wraps
