@@ -98,10 +98,11 @@ def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
     import polars as pl
 
     schema = table.collect_schema()
-    lists = [name for name, kind in schema.items() if isinstance(kind, pl.List | pl.Array) and kind.inner.is_numeric()]
+    inner = {name: kind.inner for name, kind in schema.items() if isinstance(kind, pl.List | pl.Array)}
+    lists = [name for name, kind in inner.items() if pl.Series(dtype=kind).dtype.is_numeric()]
     if not lists:
         return table
-    short = table.with_columns(pl.col(name).cast(pl.List(schema[name].inner)) for name in lists)
+    short = table.with_columns(pl.col(name).cast(pl.List(inner[name])) for name in lists)
     widths = short.head(1).select(pl.col(lists).list.len().max()).collect().row(0, named=True)
     return short.with_columns(
         pl.col(name).list.get(at, null_on_oob=True).alias(f"{name}[{at}]")
