@@ -138,6 +138,7 @@ def _figure_class() -> type[Figure]:
         def draw(self, renderer: Any) -> None:  # noqa: ANN401 - of matplotlib
             """Draw it. Labels of ticks are made here, also for a user who saves the figure later."""
             with applied():
+                no_formulas(self)
                 super().draw(renderer)
 
         def _repr_png_(self) -> bytes:
@@ -147,6 +148,14 @@ def _figure_class() -> type[Figure]:
                 return memory.getvalue()
 
     return Drawn
+
+
+def no_formulas(figure: Figure) -> None:
+    """Read no text of a figure as a formula, also where it was made outside this style."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)  # pyright: ignore[reportAttributeAccessIssue] - found by its class
 
 
 def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
@@ -198,6 +207,7 @@ def lay_out(figure: Figure) -> None:
     layout, dpi = figure.get_layout_engine(), figure.dpi
     if layout is not None:
         figure.dpi = PNG_DPI
+        no_formulas(figure)
         layout.execute(figure)
         figure.dpi = dpi
     figure.set_layout_engine(None)
