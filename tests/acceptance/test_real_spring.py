@@ -5,6 +5,7 @@ samples. The ambient air presses on the rod, which leaves through chamber b.
 """
 
 import runpy
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +29,7 @@ def found():
 
 @pytest.fixture(scope="module")
 def independent():
+    sys.path.insert(0, str(ROOT / "tools"))  # of the modules beside the tool
     balance = runpy.run_path(str(ROOT / "tools" / "real_drives.py"))["independent_balance"]
     return {name: np.array(balance(path)) for name, path in FILES.items()}
 

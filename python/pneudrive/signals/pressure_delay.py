@@ -6,6 +6,9 @@ energy balance is linear in p. The factor V^gamma makes it a first-order lag, wh
     dp/dt = -gamma p (dV/dt)/V - k (p - c/V)      k = (gamma - 1) H / (m R)      c = m R T_wall
     y = p V^gamma      dy/dt = k (c V^(gamma - 1) - y)
 
+The error of this model changes slowly. Differences of residuals from sample to sample are therefore fitted: reversals
+and stops then tell the delay, and the slow heat exchange does not bias it.
+
 Areas cancel, because only the ratio of volumes counts: V/A = distance of the piston from its reversal + L. The free
 numbers of each chamber are L, k, the first pressure, the first temperature and the delay.
 """
@@ -135,7 +138,7 @@ def _chamber_delay(time_s: Array, distance_m: Array, pressure_pa: Array) -> tupl
     scale = np.array([1.0, 1.0, unit, kelvin / ANR_TEMPERATURE_K, 0.1])
 
     def residual(point: Array) -> Array:
-        rest = (pressure_pa - _simulated(time_s, distance_m, point)) / unit
+        rest = np.diff(pressure_pa - _simulated(time_s, distance_m, point)) / unit
         return np.r_[rest, MODEL_RMS * np.sqrt(rest.size) * 0.05 * point[3] * ANR_TEMPERATURE_K / kelvin]
 
     low = np.array([np.log(1e-3 * travel), np.log(1e-6), 0.0, -0.3, -LARGEST_S])
@@ -143,7 +146,8 @@ def _chamber_delay(time_s: Array, distance_m: Array, pressure_pa: Array) -> tupl
     begin = np.array([np.log(travel), np.log(0.1), first, 0.0, 0.0])
     found = least_squares(residual, begin, bounds=(low, high), x_scale=scale)
     rest, jacobian = found.fun[:-1], found.jac
-    if np.sqrt(np.mean(rest**2)) > LARGEST_RMS or found.active_mask[[0, 4]].any():
+    level = (pressure_pa - _simulated(time_s, distance_m, found.x)) / unit
+    if level.std() > LARGEST_RMS or found.active_mask[[0, 4]].any():
         return None
     jacobian = jacobian * scale
     blocks = max(int(time_s[-1] / BLOCK_S), LEAST_BLOCKS)

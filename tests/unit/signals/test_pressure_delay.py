@@ -45,6 +45,7 @@ def test_a_delay_that_is_added_to_a_real_recording_is_found():
     charged, vented = load_recordings([DATA / "charged.exp.xz", DATA / "vented.exp.xz"], DATA / "layout.toml")
     before = pressure_delay(charged)
     assert not before.is_clear
+    assert abs(before.value_s) < 0.02  # the delay of the recording itself, within the error of the model
     for seconds in (0.3, -0.3):
         after = pressure_delay(late(charged, seconds))
         assert after.value_s - before.value_s == pytest.approx(seconds, abs=0.01)
