@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from pneudrive.fmu.package import export_fmu as export_fmu
     from pneudrive.friction.campaign.characteristics import campaign_friction as campaign_friction
     from pneudrive.friction.campaign.characteristics import characterise as characterise
-    from pneudrive.friction.campaign.compare.comparison import compare_campaigns as compare_campaigns
+    from pneudrive.friction.campaign.compare import compare_campaigns as compare_campaigns
     from pneudrive.gradients.differentiable import Differentiable as Differentiable
     from pneudrive.identify import fit_any_law as fit_any_law
     from pneudrive.identify import fit_friction as fit_friction
@@ -93,7 +93,7 @@ _HOME = {
     "size": "pneudrive.sizing.search",
     "save": "pneudrive.simulation.trajectory",
     **dict.fromkeys(["characterise", "campaign_friction"], "pneudrive.friction.campaign.characteristics"),
-    "compare_campaigns": "pneudrive.friction.campaign.compare.comparison",
+    "compare_campaigns": "pneudrive.friction.campaign.compare",
     "drive_characteristic": "pneudrive.datasheet.registry",
     "energy_balance": "pneudrive.datasheet.characteristics.energy",
     "equilibrium": "pneudrive.datasheet.equilibrium",

@@ -19,7 +19,7 @@ from pneudrive.batching import in_advance
 from pneudrive.errors import RecordingError
 from pneudrive.friction.bins import MIDDLE
 from pneudrive.friction.level import RecordingResult, level_of
-from pneudrive.friction.motion import Motion
+from pneudrive.friction.motion import RecordedMotion
 from pneudrive.friction.strokes import Strokes, stroke_grid, stroke_use
 from pneudrive.progress import UNWATCHED
 from pneudrive.signals.levels import speed_levels
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
-    Part = tuple[Motion, tuple[Stroke, ...]]
+    Part = tuple[RecordedMotion, tuple[Stroke, ...]]
 
 LONG_SAMPLES = 4_000_000  # samples above which a recording is read part by part
 PART_SAMPLES = 1_000_000
@@ -57,7 +57,7 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     delay = pressure_delay(recording)
     if delay is not None and delay.is_clear:
         recording = delay.removed(recording)
-    motion = Motion.of(recording, choice, delay=delay)
+    motion = RecordedMotion.of(recording, choice, delay=delay)
     window = window_of(motion, choice)
     position, classes = motion.position_m, speed_levels(list(motion.strokes))
     tables = [Strokes.of(motion, members, window, stroke_grid(position, members, window)) for members in classes]
@@ -104,9 +104,9 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED)
 
 def _all_parts(
     file: LongFile, choice: SampleChoice, watch: Watch
-) -> tuple[Motion, list[Stroke], list[Strokes], tuple[float, float]]:
+) -> tuple[RecordedMotion, list[Stroke], list[Strokes], tuple[float, float]]:
     """Read the parts: the one with the largest force, all counted strokes, their frames, and the window."""
-    kept: Motion | None = None
+    kept: RecordedMotion | None = None
     window: tuple[float, float] | None = None
     strokes: list[Stroke] = []
     tables: list[Strokes] = []
@@ -127,12 +127,12 @@ def _all_parts(
     return replace(kept, recording=replace(kept.recording, flags=flags)), strokes, tables, window
 
 
-def _largest_n(motion: Motion) -> float:
+def _largest_n(motion: RecordedMotion) -> float:
     return float(max(motion.recording.force_n.max(), -motion.recording.force_n.min()))
 
 
 def _result(
-    motion: Motion,
+    motion: RecordedMotion,
     strokes: Sequence[Stroke],
     tables: list[Strokes],
     window: tuple[float, float],
@@ -165,7 +165,7 @@ def _result(
     return RecordingResult(**vars(motion), levels=tuple(levels), stroke_use=use)
 
 
-def window_of(motion: Motion, choice: SampleChoice) -> tuple[float, float]:
+def window_of(motion: RecordedMotion, choice: SampleChoice) -> tuple[float, float]:
     """Return the positions between which friction is averaged: those of the layout, or the middle of the strokes.
 
     Raises
@@ -201,7 +201,7 @@ def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[Part]
         watch.tell(block[0], count, f"rows of {name}")
         raw = {channel: np.concatenate((left[channel], new)) if left else new for channel, new in read.items()}
         recording = file.recording(raw)
-        motion = Motion.of(clean(recording), choice)
+        motion = RecordedMotion.of(clean(recording), choice)
         is_last, n = block is blocks[-1], len(motion.strokes)
         if not is_last and n < LEAST_STROKES:
             if len(recording) >= LARGEST_PART * PART_SAMPLES:

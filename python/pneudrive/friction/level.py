@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.friction.bins import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.budget import (
     BudgetEntry,
     chance_n,
@@ -17,12 +18,12 @@ from pneudrive.friction.budget import (
     window_entry,
 )
 from pneudrive.friction.conditions import group_of
-from pneudrive.friction.motion import Motion
-from pneudrive.friction.plausible import doubts_of
-from pneudrive.friction.spread import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
+from pneudrive.friction.motion import RecordedMotion
+from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
 from pneudrive.friction.strokes import row_of
 from pneudrive.repr_tables import Shown
+from pneudrive.signals.impossible import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S
 from pneudrive.signals.levels import speeds_differ
 from pneudrive.signals.motion import Stroke, middle, straight_line
 
@@ -35,6 +36,10 @@ if TYPE_CHECKING:
     from pneudrive.friction.strokes import Side, Strokes, StrokeUse
 
 NO_STROKES = spread_of(np.zeros(0))
+BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
+UNFOLLOWED = 0.25  # of pressure times area: least unexplained part of the force
+SMALLEST_N = 1e-3  # friction below the resolution of force sensors of piston drives
+FULL_PRESSURE_PA = 10e5  # friction above the force of this pressure on the piston would stop any drive
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -226,7 +231,7 @@ class Level(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
-class RecordingResult(Motion, Shown):
+class RecordingResult(RecordedMotion, Shown):
     """The result of one recording. ``recording`` is the cleaned one, with its counts of flags."""
 
     levels: tuple[Level, ...]
@@ -234,13 +239,13 @@ class RecordingResult(Motion, Shown):
 
 
 def level_of(
-    motion: Motion, index: int, table: Strokes, window_m: tuple[float, float], *, uses_window: bool
+    motion: RecordedMotion, index: int, table: Strokes, window_m: tuple[float, float], *, uses_window: bool
 ) -> Level | None:
     """Return one speed class. None if no stroke counts, or the directions have no common bin.
 
     Parameters
     ----------
-    motion : Motion
+    motion : RecordedMotion
         Samples that are kept.
     index : int
     table : Strokes
@@ -270,7 +275,9 @@ def level_of(
     )
 
 
-def _budget(motion: Motion, table: Strokes, sides: dict[int, Side], bins: NDArray[np.bool_]) -> tuple[BudgetEntry, ...]:
+def _budget(
+    motion: RecordedMotion, table: Strokes, sides: dict[int, Side], bins: NDArray[np.bool_]
+) -> tuple[BudgetEntry, ...]:
     """Return the systematic sources; a missing direction is taken to be equal to the other one."""
     only, profile = next(iter(sides.values())), table.profile
     up, down = (sides.get(way, only) for way in (1, -1))
@@ -303,3 +310,34 @@ def level_flags(level: Level) -> list[str]:
         "mixed_speeds": any(speeds_differ(side.used) for side in sides),
     }
     return [name for name, is_so in seen.items() if is_so]
+
+
+def doubts_of(level: Level) -> dict[str, str]:
+    """Return the doubtful values of a speed class: flag -> sentence with a check.
+
+    A recording with zero areas has no pressure force, so its force is the friction.
+    """
+    ambient, areas, gauge = level.ambient_pressure_pa, level.areas_m2, level.gauge_pa
+    lowest, highest = min(gauge.values()) + ambient, max(gauge.values()) + ambient
+    pushed = gauge["b"] * areas[1] - gauge["a"] * areas[0] + level.weight_n
+    speed = level.speed_m_s
+    friction, missed = abs(level.friction_n), abs(level.offset_n)  # the offset is NaN if one direction is missing
+    unfollowed = missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * level.u_offset_n) and abs(pushed) > friction
+    full = FULL_PRESSURE_PA * max(areas)
+    seen = {
+        "below_ambient": lowest < (1.0 - BELOW_AMBIENT) * ambient,
+        "beyond_usual": highest > PRESSURES_PA[1] or not SLOWEST_M_S <= speed <= SPEEDS_M_S[1],
+        "force_not_pressure": any(areas) and unfollowed,
+        "friction_beyond_piston": any(areas) and friction > full,
+        "no_friction": any(areas) and friction < SMALLEST_N,
+    }
+    values = {
+        "lowest": lowest / 1e5,
+        "highest": highest / 1e5,
+        "speed_m_s": speed,
+        "force_n": pushed + level.offset_n,
+        "pushed_n": pushed,
+        "friction_n": friction,
+        "full_n": full,
+    }
+    return {flag: sentence(f"doubt.{flag}", **values) for flag, is_so in seen.items() if is_so}

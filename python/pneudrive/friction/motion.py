@@ -49,13 +49,13 @@ class SampleChoice(Protocol):
         """
         ...
 
-    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], Array]:
+    def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], Array]:
         """Return the mask of chosen samples, shape (n,), and the balance to average, shape (n,)."""
         ...
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion:
+class RecordedMotion:
     """A cleaned recording with its strokes, its force balance and its settled samples.
 
     Attributes
@@ -83,7 +83,7 @@ class Motion:
     @classmethod
     def of(
         cls, recording: Recording, choice: SampleChoice, *, inertia: bool = True, delay: PressureDelay | None = None
-    ) -> Motion:
+    ) -> RecordedMotion:
         """Find strokes, balance and settled samples of a cleaned recording.
 
         Parameters
@@ -163,7 +163,7 @@ class Settled:
     name: str = "settled"
     uses_window: bool = True
 
-    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], Array]:
+    def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], Array]:
         """Return the mask of settled samples and the unchanged balance."""
         position_m, balance_n, swings = motion.position_m, motion.balance_n, _swings(motion)
         mask = np.zeros(position_m.size, dtype=bool)
@@ -198,7 +198,7 @@ class SourcePaper:
     name: str = "source-paper"
     uses_window: bool = False
 
-    def choose(self, motion: Motion) -> tuple[NDArray[np.bool_], Array]:
+    def choose(self, motion: RecordedMotion) -> tuple[NDArray[np.bool_], Array]:
         """Return the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()
@@ -230,7 +230,7 @@ class Swing:
     intercept_n: float
 
     @classmethod
-    def of(cls, motion: Motion, strokes: Sequence[Stroke]) -> Swing | None:
+    def of(cls, motion: RecordedMotion, strokes: Sequence[Stroke]) -> Swing | None:
         """Return the swing of some strokes over the travel of all; None if a direction is missing, or no change."""
         ends = [value for stroke in motion.strokes for value in (stroke.from_m, stroke.to_m)]
         low, high = min(ends), max(ends)
@@ -254,7 +254,7 @@ class Swing:
         return direction * (balance_n - start) / (self.middle_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))
 
 
-def _swings(motion: Motion) -> dict[int, Swing | None]:
+def _swings(motion: RecordedMotion) -> dict[int, Swing | None]:
     """Return for each stroke the swing of its speed class, or that of all strokes if it is smaller.
 
     A direction without strokes in the class has those of all strokes.

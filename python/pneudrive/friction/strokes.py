@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
-from pneudrive.friction.bins import Grid, Profile, bin_means, grid_over, pair, stroke_means
+from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, grid_over, pair, spread_of, stroke_means
 from pneudrive.friction.breakaway import find_reversal_peaks, median
 from pneudrive.friction.sentences import sentence
-from pneudrive.friction.spread import Spread, spread_of
 from pneudrive.friction.stick_slip import sliding_of, stroke_slip
 from pneudrive.signals.motion import thinned
 
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.breakaway import ReversalPeak
-    from pneudrive.friction.motion import Motion
+    from pneudrive.friction.motion import RecordedMotion
     from pneudrive.friction.stick_slip import StickSlip
     from pneudrive.signals.motion import Stroke
 
@@ -73,7 +72,7 @@ class Strokes:
     peaks: tuple[ReversalPeak | None, ...]
 
     @classmethod
-    def of(cls, motion: Motion, strokes: Sequence[Stroke], window: tuple[float, float], grid: Grid) -> Strokes:
+    def of(cls, motion: RecordedMotion, strokes: Sequence[Stroke], window: tuple[float, float], grid: Grid) -> Strokes:
         """Measure the strokes of one speed class or cycle between two positions, m."""
         rows, balance = [], stroke_rows(motion, strokes, grid)
         covered = np.isfinite(balance[:, grid.is_in_window]).mean(axis=1) >= COVERED_SHARE
@@ -86,7 +85,7 @@ class Strokes:
         table = cls(grid, tuple(strokes), frame, balance, slips, (None,) * len(strokes))
         return replace(table, peaks=table._find_peaks(motion)) if len(table.directions) == 2 else table
 
-    def _find_peaks(self, motion: Motion) -> tuple[ReversalPeak | None, ...]:
+    def _find_peaks(self, motion: RecordedMotion) -> tuple[ReversalPeak | None, ...]:
         found = find_reversal_peaks(motion.recording, self.strokes, motion.raw_balance_n, self.profile)
         peaks = {peak.stroke: peak for peak in found}
         return tuple(peaks.get(stroke.index) for stroke in self.strokes)
@@ -227,7 +226,7 @@ class Side:
     late_n: float = 0.0
 
 
-def _means(motion: Motion, stroke: Stroke, window: tuple[float, float]) -> dict[str, float]:
+def _means(motion: RecordedMotion, stroke: Stroke, window: tuple[float, float]) -> dict[str, float]:
     """Average the settled samples of a stroke between two positions; return nothing without any."""
     recording, part = motion.recording, stroke.samples
     settled, position = motion.settled[part], motion.position_m[part]
@@ -267,7 +266,7 @@ def stroke_grid(
     return grid_over(window, ends, float(np.median(inside)), bins)
 
 
-def stroke_rows(motion: Motion, strokes: Sequence[Stroke], grid: Grid) -> Array:
+def stroke_rows(motion: RecordedMotion, strokes: Sequence[Stroke], grid: Grid) -> Array:
     """Average the balance of the settled samples of each stroke in each bin; NaN in bins that do not count."""
     edges, slack = grid.edges_m, CUT_SHARE * grid.width_m
     rows = np.empty((len(strokes), edges.size - 1))

@@ -4,7 +4,7 @@ import inspect
 import re
 from pathlib import Path
 
-from pneudrive.friction import level, plausible
+from pneudrive.friction import level
 from pneudrive.report.topics import Topic
 from pneudrive.signals import samples
 from pneudrive.signals.tables import text_table
@@ -20,7 +20,7 @@ def test_the_guide_explains_the_flags_of_the_report():
 
 def test_what_the_code_raises_is_explained():
     of_levels = set(re.findall(r'"(\w+)":', inspect.getsource(level.level_flags)))
-    of_levels |= set(re.findall(r'"(\w+)": .*(?:[<>]|any)', inspect.getsource(plausible.doubts_of)))
+    of_levels |= set(re.findall(r'"(\w+)": .*(?:[<>]|any)', inspect.getsource(level.doubts_of)))
     of_samples = set(re.findall(r'_count\(counts, "(\w+)"', inspect.getsource(samples.clean)))
     of_samples |= set(
         re.findall(r'"(\w+)"', inspect.getsource(samples._bad_samples).split("masks = ")[1].split("}")[0])

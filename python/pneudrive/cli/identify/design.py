@@ -144,7 +144,7 @@ def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: st
 
 
 def _stops(form: str, scale_s: float, points: int, fit: FrictionFit) -> tuple[str, str]:
-    from pneudrive.friction.campaign.stops.dwell_design import design_stops
+    from pneudrive.friction.campaign.stops.dwell_models import design_stops
 
     plan = design_stops(form, scale_s, stops=points or 12, noise_n=fit.statistics["rms_n"])
     return plan.protocol(), str(plan)

@@ -10,7 +10,7 @@ from pneudrive.cli.output import show_lines, show_statements, show_table, tell, 
 from pneudrive.cli.progress import on_terminal
 
 if TYPE_CHECKING:
-    from pneudrive.friction.campaign.compare.comparison import Comparison
+    from pneudrive.friction.campaign.compare import Comparison
     from pneudrive.identify.static.result import FrictionFit
 
 SPEEDS = 5  # at which curves are compared
@@ -37,7 +37,7 @@ def compare(
     """
     from pneudrive.errors import CommandError
     from pneudrive.friction.campaign.characteristics import campaign_friction
-    from pneudrive.friction.campaign.compare.comparison import compare_campaigns as compared
+    from pneudrive.friction.campaign.compare import compare_campaigns as compared
     from pneudrive.friction.campaign.files import write_comparison
     from pneudrive.friction.motion import SAMPLE_CHOICES
     from pneudrive.report.campaign.compare import write_comparison_report

@@ -12,25 +12,33 @@ import numpy as np
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.threads import one_thread
-from pneudrive.friction.campaign.curves.curves import bands_of, curves_of, cycle_terms, fit_points
-from pneudrive.friction.campaign.curves.points import Points, condensed, points_of
-from pneudrive.friction.campaign.effects.air import air_shares
-from pneudrive.friction.campaign.effects.budget import sources
-from pneudrive.friction.campaign.effects.drift import causes, drift_of, pure_scatter, repeatability
-from pneudrive.friction.campaign.effects.position import position_dependence
-from pneudrive.friction.campaign.effects.pressure import pressure_effects
-from pneudrive.friction.campaign.effects.stick_slip import stick_slip_points, thresholds
-from pneudrive.friction.campaign.effects.zero import asymmetries, sensor_zero
-from pneudrive.friction.campaign.reading import CampaignData, read_campaign
-from pneudrive.friction.campaign.recorded import reading_of
+from pneudrive.friction.campaign.curves import bands_of, curves_of, cycle_terms, fit_points
+from pneudrive.friction.campaign.effects import (
+    air_shares,
+    asymmetries,
+    sensor_zero,
+    sources,
+    stick_slip_points,
+    thresholds,
+)
+from pneudrive.friction.campaign.files import friction_map
+from pneudrive.friction.campaign.plausible import suspicions
+from pneudrive.friction.campaign.points import Points, condensed, points_of
+from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
 from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.stop import find_stops
-from pneudrive.friction.campaign.table import friction_map
-from pneudrive.friction.loop import SHOWN_CONDITIONS, Loop
+from pneudrive.friction.campaign.trends import (
+    causes,
+    drift_of,
+    position_dependence,
+    pressure_effects,
+    pure_scatter,
+    repeatability,
+)
+from pneudrive.friction.cycle import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.motion import SAMPLE_CHOICES, Settled
-from pneudrive.friction.plausible import suspicions
 from pneudrive.progress import Watch
 from pneudrive.signals.load import recordings_in
 

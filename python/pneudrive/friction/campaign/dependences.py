@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import Estimate, mean_estimate
-from pneudrive.friction.campaign.stops.contact import ASSUMED_DISTANCE_M, FEWEST_STOPS, ContactAge, fit_contact_age
+from pneudrive.friction.campaign.stops.dwell_law import ASSUMED_DISTANCE_M, FEWEST_STOPS, ContactAge, fit_contact_age
 from pneudrive.friction.conditions import BOTH
 from pneudrive.identify.dependences import Dependences
 
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.effects.effect import Asymmetry
-    from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
+    from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristics
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.conditions import Condition
 

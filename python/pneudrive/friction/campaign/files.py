@@ -1,4 +1,4 @@
-"""Characteristics as files: map, curves, effects."""
+"""Characteristics as files: friction map with 95 % band and levels of the plan, curves, effects, stops."""
 
 from __future__ import annotations
 
@@ -9,13 +9,135 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.describe.files.toml import key_text, value_text
-from pneudrive.friction.campaign.stops.files import STOPS_FILE, dwell_tables, write_stops
-from pneudrive.friction.friction_map import write_map
+from pneudrive.friction.campaign.stops.stop import Stop
+from pneudrive.friction.conditions import LEVELS
+from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
+from pneudrive.friction.friction_map import Row, columns_to_dataset, write_map
+from pneudrive.friction.strokes import row_of
 from pneudrive.simulation.trajectory import check_target, whole, write_frame
 
 if TYPE_CHECKING:
-    from pneudrive.friction.campaign.compare.comparison import Comparison
+    from collections.abc import Iterable, Iterator
+
+    import xarray as xr
+
+    from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.budget import CycleTerms
+    from pneudrive.friction.campaign.compare import Comparison
+    from pneudrive.friction.campaign.curves import Fits
+    from pneudrive.friction.campaign.points import Points
+    from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
+    from pneudrive.friction.cycle import CycleData
+
+STOPS_FILE = "stops.parquet"
+NESTED = {"condition", "relaxation", "recovery", "trace", "flags"}  # fields that are not columns
+#: Further columns -> (unit, meaning), after those of every friction map.
+LEVEL_COLUMNS: dict[str, tuple[str, str]] = {
+    "friction_low_n": ("N", "lower end of the 95 % band of the curve from this cycle alone"),
+    "friction_high_n": ("N", "upper end of the 95 % band of the curve from this cycle alone"),
+    "friction_direction_n": ("N", "friction of this direction alone, without the zero of the sensor if tares show it"),
+    "friction_direction_low_n": ("N", "lower end of its 95 % band"),
+    "friction_direction_high_n": ("N", "upper end of its 95 % band"),
+    "air_n": ("N", "force of the air against the motion, half the difference of both directions"),
+    "kind": ("", "kind of the cycle"),
+    "mounting": ("", "level of the factor"),
+    "seal": ("", "level of the factor"),
+    "drive": ("", "level of the factor"),
+    "block": ("1", "block of the plan"),
+    "repeat": ("1", "repeat of the plan"),
+    "began_s": ("s", "beginning of the cycle by the rig's clock"),
+    "temperature_k": ("K", "mean temperature"),
+}
+COLUMNS = {**MAP_COLUMNS, **LEVEL_COLUMNS}
+BANDS = tuple(name for name in LEVEL_COLUMNS if name.endswith("_n"))
+
+
+def friction_map(
+    reading: CampaignData, points: Points | None, fits: Fits | None, terms: CycleTerms | None, protocol: str
+) -> xr.Dataset:
+    """Return the map, one row per cycle and direction, in the order of the campaign."""
+    paired = [] if points is None or terms is None else _paired(points, fits, terms, reading)
+    single = reading.sliding if points is None else points.unpaired
+    parts = [*paired, *_unpaired(single, reading)]
+    rows = [_row(reading, *part) for part in parts]
+    rows.sort(key=lambda row: (row["began_s"], row["recording"], -int(str(row["direction"]))))
+    found = columns_to_dataset({name: [row[name] for row in rows] for name in COLUMNS}, COLUMNS)
+    found.attrs |= {
+        "title": "friction map of a campaign",
+        "protocol": protocol,
+        "ambient_pressure_pa": reading.identity.ambient_pressure_pa,
+        "synthetic": reading.identity.synthetic,
+    }
+    return found
+
+
+def _offsets(points: Points, fits: Fits) -> np.ndarray:
+    """Return half the sum of each cycle minus the zero of the sensor, which is 0 without zero runs."""
+    if not fits.has_zero:
+        return np.zeros(len(points))
+    zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))
+    known = fits.offset.data
+    at = np.argsort(known.order, kind="stable")
+    drift = np.interp(points.order, known.order[at], fits.offset.drift[at])
+    return points.reduced.offset_n - zero - drift
+
+
+_Part = tuple["CycleData", int, tuple[float, float], str, dict[str, float]]
+"""Cycle, direction, window, reason for which it is no point of F(v), and friction with its uncertainty and band."""
+VALUES = ("balance_n", "friction_n", "offset_n", "stderr_n", "u_systematic_n")
+
+
+def _paired(points: Points, fits: Fits | None, terms: CycleTerms, reading: CampaignData) -> Iterator[_Part]:
+    reduced = points.reduced
+    offsets = np.full(len(points), np.nan) if fits is None else _offsets(points, fits)
+    known = np.flatnonzero(reduced.common)
+    width = reading.edges_m[1] - reading.edges_m[0]
+    window = (float(reduced.position_m[known[0]] - width / 2.0), float(reduced.position_m[known[-1]] + width / 2.0))
+    columns = (reduced.friction_n, reduced.offset_n, terms.stderr_n, terms.u_systematic_n)
+    bands = (terms.half_n, terms.half_direction_n, offsets, reduced.air_n)
+    for d, reason, *numbers in zip(reduced.data, points.reasons, *columns, *bands, strict=True):
+        friction, offset, stderr, u, half, half_direction, asymmetry, air = map(float, numbers)
+        for direction in (1, -1):
+            own = friction + direction * asymmetry
+            ends = (friction - half, friction + half, own, own - half_direction, own + half_direction, air)
+            values = (direction * friction + offset, friction, offset, stderr, u, *ends)
+            yield d, direction, window, reason, dict(zip((*VALUES, *BANDS), values, strict=True))
+
+
+def _unpaired(data: Iterable[CycleData], reading: CampaignData) -> Iterator[_Part]:
+    nothing = float("nan")
+    for d in data:
+        for direction, side in d.sides.items():
+            balance, known = float(np.nanmean(side.balance_n)), np.flatnonzero(np.isfinite(side.balance_n))
+            values = dict.fromkeys((*VALUES, *BANDS), nothing) | {
+                "balance_n": balance,
+                "friction_n": direction * balance,
+            }
+            window = (float(reading.edges_m[known[0]]), float(reading.edges_m[known[-1] + 1]))
+            yield d, direction, window, "unpaired", values
+
+
+def _row(
+    reading: CampaignData,
+    d: CycleData,
+    direction: int,
+    window_m: tuple[float, float],
+    reason: str,
+    values: dict[str, float],
+) -> Row:
+    """Return the row of every friction map, its band, and the place of the cycle in the plan."""
+    cycle, ambient = d.plan, reading.identity.ambient_pressure_pa
+    flags = ",".join(dict.fromkeys([*d.flags, *([reason.replace("-", "_").replace(" ", "_")] if reason else [])]))
+    plan = {name: getattr(cycle, name) for name in ("kind", "block", "repeat", "began_s")}
+    levels = {name: getattr(d.condition, name) for name in LEVELS}
+    others = {**plan, **levels, "temperature_k": d.temperature_k}
+    return row_of(
+        cycle.key, direction, d.sides[direction], window_m, flags=flags, ambient_pressure_pa=ambient, **values, **others
+    )
+
 
 MAP_FILES = ("map.parquet", "map.csv")
 CURVES_FILE, EFFECTS_FILE = "curves.parquet", "effects.toml"
@@ -174,3 +296,84 @@ def _lines(table: dict[str, Any], name: tuple[str, ...]) -> list[str]:
 
 def _fields(value: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the results' dataclasses
     return value if isinstance(value, dict) else {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def dwell_tables(found: CampaignCharacteristics) -> list[dict[str, Any]]:
+    """Return the series as plain data for files."""
+    return [_series(series) for series in found.dwell]
+
+
+def _series(s: DwellSeries) -> dict[str, Any]:
+    durations = [stop.dwell_s for stop in s.stops]
+    of_condition = zip(s.conditions, s.slopes, s.mean_slopes, strict=False)
+    plain = ("reference_s", "running_n", "scatter_n", "block_n", "outlying")
+    estimates = ("slope", "mean_slope", "increment", "share", "pressure")
+    return {
+        "series": s.name,
+        "speed_m_s": s.speed_m_s,
+        "released": s.released,
+        "stops": len(s.stops),
+        "left_out": s.left_out,
+        "shortest_s": min(durations, default=float("nan")),
+        "longest_s": max(durations, default=float("nan")),
+        **{name: getattr(s, name) for name in (*plain, *estimates)},
+        "condition": [
+            {
+                "pressure_a_pa": c.pressure_a_pa,
+                "pressure_b_pa": c.pressure_b_pa,
+                "slope": slope,
+                "mean_slope": mean,
+            }
+            for c, slope, mean in of_condition
+        ],
+        "law": [_law(law) for law in s.laws],
+    }
+
+
+def _law(law: DwellLawFit) -> dict[str, Any]:
+    plain = ("bic", "weight", "level_n", "amplitude_n", "slope_n", "slope_low_n", "slope_high_n")
+    return {
+        "name": law.name,
+        "formula": law.form.formula,
+        "source": law.form.source,
+        "delta_aicc": law.delta,
+        **{name: getattr(law, name) for name in plain},
+        "shape": {name: [value, *law.shape_intervals[name]] for name, value in law.shape.items()},
+    }
+
+
+def write_stops(found: CampaignCharacteristics, path: str | Path) -> Path:
+    """Write one row per stop, .parquet or .csv.
+
+    Raises
+    ------
+    CommandError
+        If the file cannot be written.
+    """
+    import polars as pl
+
+    path = check_target(path, (".parquet", ".csv"))
+    write_frame(pl.DataFrame([_stop_row(stop) for stop in found.stops], infer_schema_length=None), path)
+    return path
+
+
+def _stop_row(stop: Stop) -> dict[str, Any]:
+    relaxation, recovery = stop.relaxation, stop.recovery
+    plain = {field.name: getattr(stop, field.name) for field in fields(Stop) if field.name not in NESTED}
+    return {
+        **vars(stop.condition),
+        **plain,
+        **_three("relaxation_n", relaxation.amount if relaxation else None),
+        **_three("relaxation_n_per_decade", relaxation.per_decade if relaxation else None),
+        "relaxation_form": relaxation.form if relaxation else "",
+        **_three("recovery_m", recovery.distance if recovery else None),
+        **_three("recovery_s", recovery.time if recovery else None),
+        **_three("left_n", recovery.left if recovery else None),
+        "usable": stop.usable,
+        "flags": ",".join(stop.flags),
+    }
+
+
+def _three(name: str, estimate: Estimate | None) -> dict[str, float]:
+    ends = {"": "value", "_low": "low", "_high": "high"}
+    return {f"{name}{end}": getattr(estimate, of, float("nan")) for end, of in ends.items()}

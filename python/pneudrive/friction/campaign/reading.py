@@ -1,4 +1,14 @@
-"""Reader of all cycles of a campaign folder, in several processes; unreadable cycles are named and left out."""
+"""Cycles of a campaign folder, or speed levels of recordings, reduced to one form.
+
+A file of a cycle as a recording with a plan. Damaged samples are left out and counted. Cycles at rest.
+
+Reader of all cycles of a campaign folder, in several processes; unreadable cycles are named and left out.
+
+Recordings as a campaign without a plan: each speed level of each recording is a cycle.
+
+Set speeds and pressures are the measured ones: pressures that differ by less than 0.1 bar are one condition. Labels
+give seal, mounting and drive; each label of a run is a block. The order of the recordings in time is not known.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +16,19 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import CycleFile, read_samples
-from pneudrive.errors import CampaignError, PneudriveError
-from pneudrive.friction.campaign.samples import plan_of, read_or_skip, read_standing, recording_of
+from pneudrive.errors import CampaignError, PneudriveError, RecordingError
+from pneudrive.estimate.autocorrelation import stderr_of_mean
+from pneudrive.estimate.groups import levels
+from pneudrive.friction.bins import Grid, grid_of
 from pneudrive.friction.campaign.sensors import (
+    SIDES,
     Gain,
     PressureZero,
     corrected,
@@ -22,24 +36,227 @@ from pneudrive.friction.campaign.sensors import (
     sensor_gain,
     without_zeros,
 )
-from pneudrive.friction.conditions import Skipped
-from pneudrive.friction.cycle import CycleData, CyclePlan, check_speed, reduce_cycle
-from pneudrive.friction.loop import Loop, chosen_loops, reversal_loop
-from pneudrive.friction.motion import Motion
-from pneudrive.rig.interface import Identity, Move
+from pneudrive.friction.conditions import LEVELS, Condition, Skipped
+from pneudrive.friction.cycle import (
+    MINIMUM_SAMPLES,
+    CycleData,
+    CyclePlan,
+    Loop,
+    OpenPressure,
+    check_speed,
+    chosen_loops,
+    cycle_of,
+    reduce_cycle,
+    reversal_loop,
+)
+from pneudrive.friction.motion import RecordedMotion
+from pneudrive.friction.strokes import stroke_rows
+from pneudrive.rig.interface import SHARED, Hold, Identity, Move
+from pneudrive.signals.impossible import refuse_channels
 from pneudrive.signals.pool import share_out
+from pneudrive.signals.recording import Recording
+from pneudrive.signals.samples import clean
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.campaign.storage.folder import Campaign
+    from pneudrive.campaign.storage.folder import Campaign, Head
     from pneudrive.friction.motion import SampleChoice
     from pneudrive.rig.interface import Samples
 
     Array = NDArray[np.float64]
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import Level, RecordingResult
+
+
+T = TypeVar("T")
+LOST_SHARE = 0.5  # of a cycle's samples: largest share of damaged ones
+PRESSURE_STEP_PA = 100.0  # difference at which a pressure is a separate level: 1 mbar
+TARE_SETTLING = 0.5  # initial share of a tare that is left out: seals relax after the release
+
+
+def condition_of(head: Head) -> Condition:
+    """Return the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
+    cycle = head.cycle
+    a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
+    levels = {name: str(cycle.levels.get(name, "")) for name in ("mounting", "seal", "drive")}
+    return Condition(a, b, **levels)
+
+
+def plan_of(head: Head, first: Head, last: Head, day: int, began_s: float) -> CyclePlan:
+    """Return the plan of a cycle.
+
+    Parameters
+    ----------
+    head, first, last : Head
+        Index of the cycle, and of the first and the last cycle of the campaign.
+    day : int
+    began_s : float
+        Beginning of the campaign by the rig's clock.
+    """
+    cycle = head.cycle
+    return CyclePlan(
+        key=cycle.key,
+        kind=cycle.kind,
+        index=head.index,
+        block=cycle.block,
+        repeat=cycle.repeat,
+        condition=condition_of(head),
+        speed_m_s=cycle.speed_m_s,
+        pressures_pa={"a": cycle.pressure_a_pa, "b": cycle.pressure_b_pa},
+        began_s=head.began_s,
+        elapsed_s=head.began_s - began_s,
+        day=day,
+        order=(head.index - first.index) / max(last.index - first.index, 1),
+        weight_n=next((s.weight_n for s in cycle.steps if isinstance(s, Hold) and s.weight_n), 0.0),
+    )
+
+
+def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple[Recording, dict[str, int]]:
+    """Make a cleaned recording of a cycle; damaged samples are left out and counted by kind.
+
+    Raises
+    ------
+    RecordingError
+        If more than half of the samples are damaged, or have impossible values.
+    """
+    name = file.head.cycle.key
+    count = len(samples)
+    flags = {kind: int(number) for kind, number in file.head.flags.items() if number}
+    good, backwards = _forwards(samples)
+    if backwards:
+        flags["time_backwards"] = backwards
+    # A released axis creeps by single counts: this is not a stuck sensor.
+    stands = bool(file.head.cycle.steps) and not any(isinstance(step, Move) for step in file.head.cycle.steps)
+    position = samples.position_m[good]
+    if stands and np.isfinite(position).any():
+        position = np.full(position.size, float(np.nanmedian(position)))
+    known = identity.force_calibration
+    limits = {channel: (float(low), float(high)) for channel, (low, high) in identity.limits.items()}
+    force = samples.force_n[good]
+    if known is not None:
+        force = known.force_n(force)
+        if "force_n" in limits:
+            low, high = known.force_n(np.array(limits["force_n"]))
+            limits["force_n"] = (float(low), float(high))
+    recording = clean(
+        Recording(
+            name=name,
+            time_s=samples.time_s[good],
+            position_m=position,
+            force_n=force,
+            pressure_a_pa=samples.pressure_a_pa[good],
+            pressure_b_pa=samples.pressure_b_pa[good],
+            **{name: getattr(identity, name) for name in SHARED},
+            accuracy=dict(identity.accuracy),
+            labels=dict(file.head.cycle.levels),
+            source=file.path,
+            synthetic=identity.synthetic,
+            stiffness_n_m=identity.stiffness_n_m,
+            limits=limits,
+            calibration=dict(identity.calibration),
+            force_calibration=known,
+        )
+    )
+    if len(recording) < (1.0 - LOST_SHARE) * count:
+        found = ", ".join(f"{kind} {number}" for kind, number in {**flags, **recording.flags}.items())
+        raise RecordingError("more than half of the samples are damaged", where=name, value=f"{found} of {count}")
+    refuse_channels(recording)
+    for kind, number in recording.flags.items():
+        if kind != "gap":  # bursts are denser than the rest: the length of an interval means nothing
+            flags[kind] = max(flags.get(kind, 0), number)
+    return recording, flags
+
+
+def _forwards(samples: Samples) -> tuple[NDArray[np.bool_], int]:
+    """Mark the samples with increasing time, and count the others.
+
+    Repeated samples are dropped. After a clock jumped back, times are wrong:
+    the longest stretch without a jump is kept.
+    """
+    finite = np.isfinite(samples.time_s)
+    time = np.where(finite, samples.time_s, -np.inf)
+    good = finite & (time >= np.maximum.accumulate(time))
+    back = np.flatnonzero(finite & ~good)
+    if not back.size:
+        return good, 0
+    order = np.flatnonzero(good)
+    twin = order[np.minimum(np.searchsorted(time[order], time[back]), order.size - 1)]
+    same = (time[twin] == time[back]) & (samples.force_n[twin] == samples.force_n[back])
+    if same.all():
+        return good, back.size
+    known = np.flatnonzero(finite)
+    pieces = np.split(known, np.flatnonzero(np.diff(time[known]) < 0) + 1)
+    longest = max(pieces, key=len)
+    mask = np.zeros(time.size, dtype=bool)
+    mask[longest] = True
+    return mask, int(finite.sum()) - longest.size
+
+
+def steps_of(recording: Recording, samples: Samples) -> NDArray[np.int64]:
+    """Return the step of the cycle to which each cleaned sample belongs."""
+    order = np.argsort(samples.time_s, kind="stable")
+    place = np.searchsorted(samples.time_s[order], recording.time_s)
+    return samples.step[order[np.minimum(place, order.size - 1)]]
+
+
+def read_or_skip(
+    read: Callable[[CycleFile, Samples], T], file: CycleFile, samples: Samples | CampaignError
+) -> T | Skipped:
+    """Read a cycle, or return the reason why it cannot be read.
+
+    Parameters
+    ----------
+    read : callable
+        Makes a result of file and samples.
+    file : CycleFile
+    samples : Samples or CampaignError
+        Its raw samples, or the error of reading them.
+    """
+    try:
+        if isinstance(samples, CampaignError):
+            raise samples
+        return read(file, samples)
+    except PneudriveError as error:
+        reason = f"{error.what} ({error.value})" if error.value is not None else error.what
+    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
+        # Unexpected samples spoil only their cycle, not the campaign.
+        reason = f"{type(error).__name__}: {error}"
+    return Skipped(file.head.cycle.key, file.path.name, reason)
+
+
+def read_standing(
+    file: CycleFile, recording: Recording, samples: Samples, plan: CyclePlan, identity: Identity
+) -> CycleData:
+    """Read a zero run or a known weight: mean force while the axis is released at rest, and its uncertainty.
+
+    Raises
+    ------
+    RecordingError
+        If it has too few samples.
+    """
+    steps = steps_of(recording, samples)
+    holds = [(i, step) for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold)]
+    meant = [i for i, step in holds if step.released or step.weight_n]
+    standing = np.isin(steps, meant) if meant else np.ones(len(recording), dtype=bool)
+    begin, end = (float(t) for t in np.quantile(recording.time_s[standing], [0.0, 1.0]))
+    standing &= recording.time_s >= begin + TARE_SETTLING * (end - begin)
+    if standing.sum() < MINIMUM_SAMPLES:
+        raise RecordingError("too few samples at rest", where=recording.name, value=int(standing.sum()))
+    vented = max(abs(p - identity.ambient_pressure_pa) for p in plan.pressures_pa.values()) < PRESSURE_STEP_PA
+    force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
+    shown = {c: OpenPressure.of(getattr(recording, f"pressure_{c}_pa")[standing]) for c in SIDES} if vented else {}
+    return CycleData(
+        plan=plan,
+        duration_s=float(recording.time_s[-1] - recording.time_s[0]),
+        standing_n=float(force.mean()),
+        standing_stderr_n=stderr_of_mean(force),
+        standing_sd_n=float(force.std()),
+        standing_pressures={c: known for c, known in shown.items() if known is not None},
+    )
+
 
 BINS = 60  # bins over the way of a campaign
 SLIDING = ("sweep", "sentinel")  # kinds of cycles that are points of a characteristic over speed
@@ -219,7 +436,7 @@ def read_part(
         else:
             # In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from
             # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
-            motion = Motion.of(recording, choice, inertia=not choice.uses_window)
+            motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
             check_speed(motion)
             data = reduce_cycle(motion, plan, edges_m, uses_window=choice.uses_window)
             loop = reversal_loop(motion, plan) if plan.key in shown else None
@@ -295,3 +512,92 @@ def common_edges(positions: Sequence[Array]) -> Array:
         if known.size and known[:, 1].max() > known[:, 0].min():
             low, high = float(known[:, 0].min()), float(known[:, 1].max())
     return np.linspace(low, high, BINS + 1)
+
+
+SAME_PA = 1e4  # mean pressures of recordings that differ by less are one condition
+STEP_PA = 1e3  # to which the pressure of a condition is rounded
+
+
+def reading_of(found: Characterisation, name: str = "recordings") -> CampaignData:
+    """Return the speed levels of recordings as cycles of a campaign.
+
+    Parameters
+    ----------
+    found : Characterisation
+        Recordings whose samples are kept.
+    name : str
+        Title of the result.
+    """
+    members = [(result, level) for result in found.results for level in result.levels]
+    plans = _level_plans(members)
+    edges = common_edges([r.recording.position_m for r in found.results])
+    sliding = [
+        _cycle(result, level, plan, grid_of(edges)) for (result, level), plan in zip(members, plans, strict=True)
+    ]
+    return CampaignData(
+        name=name,
+        source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
+        identity=_identity(found.recordings[0], name),
+        files=(),
+        sliding=tuple(data for data in sliding if data.sides),
+        tares=(),
+        gain=Gain(),
+        pressure_zeros={},
+        skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
+        notes=(),
+        edges_m=edges,
+        loops={},
+        several=len({plan.block for plan in plans}) > 1,
+    )
+
+
+def _cycle(result: RecordingResult, level: Level, plan: CyclePlan, grid: Grid) -> CycleData:
+    """Bring the strokes of a level to the bins of position that all levels share."""
+    kept = set(map(id, level.strokes))
+    used = {d: [stroke for stroke in side.used if id(stroke) in kept] for d, side in level.sides.items()}
+    rows = {d: stroke_rows(result, strokes, grid) for d, strokes in used.items() if strokes}
+    sides = {d: replace(level.sides[d], used=tuple(used[d])) for d, own in rows.items() if np.isfinite(own).any()}
+    return replace(cycle_of(result, plan, grid, sides, rows), flags=dict(result.recording.flags))
+
+
+def _identity(recording: Recording, name: str) -> Identity:
+    return Identity(
+        name=name,
+        **{field: getattr(recording, field) for field in SHARED},
+        stiffness_n_m=recording.stiffness_n_m,
+        accuracy=dict(recording.accuracy),
+        limits=dict(recording.limits),
+        calibration=dict(recording.calibration),
+        force_calibration=recording.force_calibration,
+        synthetic=recording.synthetic,
+    )
+
+
+def _level_plans(members: list[tuple[RecordingResult, Level]]) -> list[CyclePlan]:
+    """Return the plan of each level: its key, condition and block."""
+    gauges = [level.gauge_pa for _, level in members]
+    pressures = {side: _joined(np.array([gauge[side] for gauge in gauges])) for side in "ab"}
+    runs = list(dict.fromkeys(level.run for _, level in members))
+    plans = []
+    for i, (result, level) in enumerate(members):
+        recording = result.recording
+        set_pa = {side: recording.ambient_pressure_pa + float(pressures[side][i]) for side in "ab"}
+        labels = {name: recording.labels.get(name, "") for name in LEVELS}
+        plans.append(
+            CyclePlan(
+                key=recording.name if len(result.levels) == 1 else f"{recording.name}#{level.index + 1}",
+                kind="sweep",
+                index=i + 1,
+                block=runs.index(level.run) + 1,
+                repeat=1,
+                condition=Condition(set_pa["a"], set_pa["b"], **labels),
+            )
+        )
+    return plans
+
+
+def _joined(gauge_pa: np.ndarray) -> np.ndarray:
+    """Return for each pressure the rounded mean of those that differ by less than `SAME_PA`."""
+    level = levels(gauge_pa, SAME_PA)
+    means = np.bincount(level, gauge_pa) / np.bincount(level)
+    return STEP_PA * np.round(means / STEP_PA)[level]

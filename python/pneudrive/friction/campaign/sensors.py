@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.friction.budget import USUAL_RANGES_PA
-from pneudrive.friction.campaign.samples import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+SIDES = ("a", "b")
 SURPRISE = 3.0  # standard uncertainties between stated accuracy and known weights
 GROWING = ("force: gain", "force: creep")  # sources proportional to the force
 PLAUSIBLE = 0.1  # a larger gain error is not the sensor's: the weight was wrong or supported

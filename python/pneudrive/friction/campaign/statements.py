@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
-from pneudrive.friction.campaign.curves.smooth import CARRIED
+from pneudrive.friction.campaign.plausible import NEGATIVE, OUTLIER
+from pneudrive.friction.campaign.smooth import CARRIED
 from pneudrive.friction.conditions import BOTH, PA_PER_BAR
-from pneudrive.friction.plausible import NEGATIVE, OUTLIER
 from pneudrive.friction.sentences import NAMED, named, say_all
 from pneudrive.signals.motion import straight_line
 
@@ -18,12 +18,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.curves.curves import CurveBand, Fits
-    from pneudrive.friction.campaign.curves.points import Points
-    from pneudrive.friction.campaign.effects.drift import Causes, Pure
-    from pneudrive.friction.campaign.effects.effect import Drift, Repeatability
+    from pneudrive.friction.campaign.curves import CurveBand, Fits
+    from pneudrive.friction.campaign.points import Points
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
+    from pneudrive.friction.campaign.trends import Causes, Pure
     from pneudrive.friction.sentences import Said, Statement
 
     Array = NDArray[np.float64]

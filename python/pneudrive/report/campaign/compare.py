@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.campaign.compare.comparison import Comparison
-    from pneudrive.friction.campaign.compare.curves import CurveComparison
+    from pneudrive.friction.campaign.compare import Comparison, CurveComparison
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.report.page import Section
 
 MOST_PANELS = 4

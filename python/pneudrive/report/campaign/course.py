@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.campaign.effects.effect import PositionPattern
-    from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.loop import Loop
+    from pneudrive.friction.campaign.result import CampaignCharacteristics, PositionPattern
+    from pneudrive.friction.cycle import Loop
     from pneudrive.report.page import Section
 
 HOUR_S = 3600.0

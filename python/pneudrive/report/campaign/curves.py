@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.campaign.effects.effect import AirShare, PressureEffects
-    from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve
+    from pneudrive.friction.campaign.result import AirShare, CampaignCharacteristics, Curve, PressureEffects
     from pneudrive.report.page import Section
     from pneudrive.views import ShownCurve
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
 #: The sections in their order; a section without data is None.
 SECTIONS = (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive import __version__
 from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
-from pneudrive.friction.campaign.compare.comparison import about_of
+from pneudrive.friction.campaign.compare import about_of
 from pneudrive.report.campaign.rig_diagram import rig_diagram
 from pneudrive.report.page import Paragraph
 from pneudrive.report.provenance import references, software

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.campaign.stops.dwell_forms import DwellLawFit
-    from pneudrive.friction.campaign.stops.dwell_series import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
     from pneudrive.friction.campaign.stops.stop import Stop, StopTrace
     from pneudrive.report.page import Block, Section
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.characteristics import BOTH, campaign_friction
-from pneudrive.friction.campaign.samples import recording_of
+from pneudrive.friction.campaign.reading import recording_of
 from pneudrive.friction.motion import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.characteristics import CampaignCharacteristics
-    from pneudrive.friction.campaign.effects.effect import AirShare
+    from pneudrive.friction.campaign.result import AirShare
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
     from pneudrive.studies.bracha.experiments import Experiment

@@ -11,9 +11,8 @@ from oracle.campaigns import BAR, Friction, World, write_campaign
 from oracle.stop_campaigns import StopWorld, write_stops
 from pneudrive.characteristics import campaign_friction
 from pneudrive.cli.main import run
-from pneudrive.friction.campaign.compare import curves
-from pneudrive.friction.campaign.compare.comparison import compare_campaigns
-from pneudrive.friction.campaign.compare.curves import compare_curves
+from pneudrive.friction.campaign import compare
+from pneudrive.friction.campaign.compare import compare_campaigns, compare_curves
 
 SMALL = World(speeds_m_s=tuple(np.geomspace(2e-3, 0.3, 6)), samples=300, repeats=3, sentinel_every=6, correlated_n=0.2)
 
@@ -56,8 +55,8 @@ def test_large_campaigns_are_condensed_and_say_the_same(tmp_path, monkeypatch):
         for n, c in ((5, 30), (6, 29))
     ]
     whole = compare_curves(*both)
-    monkeypatch.setattr(curves, "MOST_CELLS", 45)
-    monkeypatch.setattr(curves, "MOST_CYCLES", 30)
+    monkeypatch.setattr(compare, "MOST_CELLS", 45)
+    monkeypatch.setattr(compare, "MOST_CYCLES", 30)
     found = compare_curves(*both)
     points = found.points
     assert points.log_n.size <= 45 < whole.points.log_n.size
@@ -66,8 +65,8 @@ def test_large_campaigns_are_condensed_and_say_the_same(tmp_path, monkeypatch):
     assert np.allclose(found.friction_n, whole.friction_n)
     assert abs(found.mean.value - whole.mean.value) < 0.2 * whole.mean.stderr
     assert 0.7 < found.mean.stderr / whole.mean.stderr < 1.4
-    monkeypatch.setattr(curves, "MOST_POINTS", 4)
-    few = curves.common_points(*both)
+    monkeypatch.setattr(compare, "MOST_POINTS", 4)
+    few = compare.common_points(*both)
     assert (few.speed_m_s.size, few.left_out) == (4, 3)
     assert few.speed_m_s[0] == points.speed_m_s[0]
     assert few.speed_m_s[-1] == points.speed_m_s[-1]

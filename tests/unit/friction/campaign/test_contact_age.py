@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pneudrive.friction.campaign.stops.contact import fit_contact_age
-from pneudrive.friction.campaign.stops.dwell_forms import FORMS
+from pneudrive.friction.campaign.stops.dwell_law import fit_contact_age
+from pneudrive.friction.campaign.stops.dwell_models import FORMS
 
 AMBIENT_PA = 101325.0
 PSI = {

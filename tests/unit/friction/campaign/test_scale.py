@@ -9,9 +9,8 @@ import numpy as np
 from oracle.campaigns import write_campaign
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.files import seal, tables
-from pneudrive.friction.campaign import reading
-from pneudrive.friction.campaign.curves.points import points_of
-from pneudrive.friction.campaign.effects import position
+from pneudrive.friction.campaign import reading, trends
+from pneudrive.friction.campaign.points import points_of
 from pneudrive.friction.motion import Settled
 
 FILES = 5  # of a message
@@ -48,7 +47,7 @@ def test_work_grows_by_two_looks_a_cycle_and_a_message_a_hundred(quick, tmp_path
         assert points is not None
         rows = points.reduced.relative_n[:, points.reduced.common]
         solved = calls.get("lstsq", 0)
-        assert len(position._each(np.ones((rows.shape[1], 1)), rows)) == len(points)
+        assert len(trends._each(np.ones((rows.shape[1], 1)), rows)) == len(points)
         masks = len(np.unique(np.isfinite(rows), axis=0))
         assert calls["lstsq"] - solved == masks < len(points)
         told.append((len(found.files), calls["look"], calls["_exchange"]))

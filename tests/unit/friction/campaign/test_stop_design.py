@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from pneudrive.errors import FitError
-from pneudrive.friction.campaign.stops.dwell_design import design_stops
+from pneudrive.friction.campaign.stops.dwell_models import design_stops
 
 
 def test_hyperbolic_law_of_a_known_time_has_its_known_support():

@@ -139,7 +139,7 @@ def test_memory_does_not_grow_with_the_length(make, tmp_path):
 def test_a_trend_over_very_many_strokes_needs_no_more_memory_than_over_a_thousand():
     import tracemalloc
 
-    from pneudrive.friction.spread import spread_of
+    from pneudrive.friction.bins import spread_of
 
     values = 5.0 + 1e-5 * np.arange(20_000) + 0.01 * np.random.default_rng(0).standard_normal(20_000)
     tracemalloc.start()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import characterise_recordings
+from pneudrive.friction.bins import pair_stderr, profile_stderr, spread_of
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
-from pneudrive.friction.spread import pair_stderr, profile_stderr, spread_of
 
 
 def test_spread_of_independent_strokes_is_the_textbook_standard_error():

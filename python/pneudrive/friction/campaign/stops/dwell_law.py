@@ -1,31 +1,430 @@
-"""Breakaway against stop duration and pressure: slope per decade, laws in comparison, limits of the stops."""
+"""Breakaway against stop duration and pressure: slope per decade, laws in comparison, limits of the stops.
+
+The results of the stops of one series: breakaway against stop duration.
+
+The age of a contact from peaks after stops, in the form of a drive's friction.
+
+dphi/dt = 1 - phi |v|/L      age: the duration of the stop while the piston rests, L/|v| while it slides
+  Fd = B (1 + s_a p_a + s_b p_b) psi(phi/tau)
+
+A peak after a stop of duration t therefore exceeds the earlier friction at the speed v by Fd(t) - Fd(L/v). The excess
+after a restart has fallen to 5 % at
+
+  psi(L/v + (t - L/v) exp(-travel/L)) = psi(L/v) + 0.05 [psi(t) - psi(L/v)]
+
+This gives L for each time tau. B and the pressure coefficients are found by least squares, and tau by a scan over its
+values.
+
+Sentences on determined and undetermined values of the stops of a series.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections import Counter
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.estimate.groups import cells
-from pneudrive.friction.campaign.stops.dwell_curve import DwellCurve, DwellData, fit_curve
-from pneudrive.friction.campaign.stops.dwell_forms import fit_forms
-from pneudrive.friction.campaign.stops.dwell_series import DwellPressure, DwellSeries, durations_of
-from pneudrive.friction.campaign.stops.dwell_statements import dwell_statements
+from pneudrive import _core
+from pneudrive.estimate.estimates import Estimate, mean_estimate, student
+from pneudrive.estimate.groups import cells, levels
+from pneudrive.estimate.separable import Scan, refined, scan
+from pneudrive.friction.campaign.stops.course import BACK
+from pneudrive.friction.campaign.stops.dwell_models import (
+    CONCLUSIVE,
+    CONFOUNDED,
+    LEAST_DURATIONS,
+    SAME_DURATION,
+    UNCERTAIN,
+    DwellCurve,
+    DwellData,
+    fit_curve,
+    fit_forms,
+)
+from pneudrive.friction.campaign.stops.stop import SPOILING
 from pneudrive.friction.conditions import PA_PER_BAR, TOLD, classify_pressures
 from pneudrive.friction.sentences import say
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
     from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.conditions import Condition
-    from pneudrive.friction.sentences import Statement
 
     Array = NDArray[np.float64]
+    from collections.abc import Iterator
+
+    from pneudrive.friction.campaign.stops.dwell_models import DwellForm
+    from pneudrive.friction.sentences import Statement
+
+
+def inertia_of(stops: Sequence[Stop]) -> float:
+    """Return the median of the largest contributions of the moving mass to the peaks, N."""
+    return float(np.median([s.inertia_n for s in stops])) if stops else 0.0
+
+
+def durations_of(stops: Sequence[Stop]) -> int:
+    """Count the durations of some stops."""
+    return np.unique(levels(np.log10([max(s.dwell_s, 1e-6) for s in stops]), SAME_DURATION)).size
+
+
+@dataclass(frozen=True)
+class DwellPressure:
+    """Effect of the chamber pressures on ageing.
+
+    Attributes
+    ----------
+    slope_a, slope_b, slope_sum : Estimate or None
+        Change of the slope per decade with each pressure, N/Pa; `slope_sum` if both changed together.
+    increment_a, increment_b, increment_sum : Estimate or None
+        Change of the increment at the reference duration, N/Pa.
+    statement : str
+    """
+
+    statement: str
+    slope_a: Estimate | None = None
+    slope_b: Estimate | None = None
+    slope_sum: Estimate | None = None
+    increment_a: Estimate | None = None
+    increment_b: Estimate | None = None
+    increment_sum: Estimate | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DwellSeries(Shown):
+    """Breakaway against stop duration for one set of levels, restart speed and axis (held, released).
+
+    Attributes
+    ----------
+    levels : str
+        Mounting, seal, drive; "" without levels.
+    speed_m_s : float
+        Speed of the restart.
+    released : bool
+    conditions : tuple of Condition
+    stops : tuple of Stop
+        Those used.
+    left_out : int
+        Stops of the series that were not used.
+    reference_s : float
+        Duration of the slopes.
+    slopes : tuple of Estimate
+        Slope per decade of the increment at the reference duration, at each condition, N. Law-free.
+    mean_slopes : tuple of Estimate
+        Mean slope per decade from the shortest to the longest duration, at each condition, N. Law-free.
+    slope, mean_slope, increment : Estimate or None
+        Means over the conditions; increment at the reference duration.
+    share : Estimate or None
+        `slope` over running friction.
+    running_n : float
+        Mean running friction of both directions; of one direction, with the offset.
+    duration_s : ndarray, shape (m,)
+        For the curves below.
+    increment_n, low_n, high_n : ndarray, shape (C, m)
+        Law-free curve with its pointwise 95 % band at each condition.
+    laws : tuple of DwellLawFit
+        Best first; empty if fewer than three durations were run.
+    pressure : DwellPressure or None
+    scatter_n, block_n : float
+        Standard deviation from stop to stop, and of blocks.
+    outlying : tuple of str
+        Keys of outlying stops, which have less weight.
+    curve : DwellCurve or None
+    """
+
+    levels: str
+    speed_m_s: float
+    released: bool
+    conditions: tuple[Condition, ...]
+    stops: tuple[Stop, ...]
+    left_out: int
+    reference_s: float
+    running_n: float
+    slopes: tuple[Estimate, ...] = ()
+    mean_slopes: tuple[Estimate, ...] = ()
+    slope: Estimate | None = None
+    mean_slope: Estimate | None = None
+    increment: Estimate | None = None
+    share: Estimate | None = None
+    duration_s: Array = field(default_factory=lambda: np.zeros(0))
+    increment_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    low_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    high_n: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    laws: tuple[DwellLawFit, ...] = ()
+    pressure: DwellPressure | None = None
+    scatter_n: float = float("nan")
+    block_n: float = float("nan")
+    outlying: tuple[str, ...] = ()
+    curve: DwellCurve | None = None
+
+    @property
+    def name(self) -> str:
+        """Levels, speed and state of the axis (held, released) as text."""
+        held = "released" if self.released else "held"
+        parts = [self.levels, f"restart at {1e3 * self.speed_m_s:.3g} mm/s", held]
+        return ", ".join(part for part in parts if part)
+
+    @property
+    def inertia_n(self) -> float:
+        """Median of the largest contributions of the moving mass."""
+        return inertia_of(self.stops)
+
+    def slope_at(self, duration_s: float) -> tuple[Estimate, ...]:
+        """Return the slope per decade at another duration, at each condition, N. Law-free."""
+        if self.curve is None:
+            return ()
+        return tuple(self.curve.slopes(np.log10([duration_s])).estimates())
+
+
+#: Distance that renews the contact if no return to sliding was observed, m.
+ASSUMED_DISTANCE_M = 1e-4
+FEWEST_STOPS = 3
+#: Times are searched from the shortest stop divided by the first factor to the longest times the second.
+REACH = (100.0, 1e4)
+TIMES, FINE = 60, 64
+HALVINGS = 40
+EQUAL_PRESSURE_PA = 100.0
+
+
+@dataclass(frozen=True)
+class ContactAge:
+    """Friction that grows with the age of the contact.
+
+    Attributes
+    ----------
+    growth : str
+        Its name in a drive file.
+    exponent : float
+        Exponent of the saturating growth.
+    increment : Estimate
+        B, N.
+    time : Estimate
+        tau, s.
+    distance : Estimate or None
+        L, m; None if no return was observed, with `ASSUMED_DISTANCE_M` instead.
+    share_a_pa, share_b_pa : float
+        s_a and s_b, 1/Pa; 0 if not different from zero beyond chance.
+    together : bool
+        Both pressures changed together, and each chamber has half of their effect.
+    """
+
+    growth: str
+    exponent: float
+    increment: Estimate
+    time: Estimate
+    distance: Estimate | None
+    share_a_pa: float
+    share_b_pa: float
+    together: bool
+
+    @property
+    def distance_m(self) -> float:
+        """L, measured or assumed."""
+        return ASSUMED_DISTANCE_M if self.distance is None else self.distance.value
+
+    def sliding_n(self, speed_m_s: float) -> float:
+        """Return the force of the age in steady sliding at ambient pressure, N."""
+        ratio = np.array([self.distance_m / speed_m_s / self.time.value])
+        return float(self.increment.value * _psi(self.growth, ratio, self.exponent)[0])
+
+
+def fit_contact_age(
+    stops: Sequence[Stop], form: DwellForm, exponent: float, ambient_pressure_pa: float
+) -> ContactAge | None:
+    """Fit the age of the contact to peaks after stops.
+
+    Parameters
+    ----------
+    stops : sequence of Stop
+        Usable ones of one series.
+    form : DwellForm
+        The law whose growth is used.
+    exponent : float
+    ambient_pressure_pa : float
+
+    Returns
+    -------
+    ContactAge or None
+        None if friction does not grow with the stops.
+    """
+    gauge = np.array([(s.condition.pressure_a_pa, s.condition.pressure_b_pa) for s in stops]) - ambient_pressure_pa
+    varied = np.ptp(gauge, axis=0) > EQUAL_PRESSURE_PA
+    together = bool(varied.all() and np.allclose(gauge[:, 0], gauge[:, 1], atol=EQUAL_PRESSURE_PA))
+    pressures = gauge.sum(axis=1, keepdims=True) if together else gauge[:, varied]
+    columns = np.column_stack([np.ones(len(stops)), pressures])
+    dwell = np.array([s.dwell_s for s in stops])
+    speed = np.array([s.speed_m_s for s in stops])
+    back = np.array([_back(s) for s in stops])
+    increment = np.array([s.increment_n for s in stops])
+
+    def at(times: Array) -> Scan:
+        distance = np.array([_distance(form.growth, exponent, t, dwell, speed, back) for t in times])
+        aged = np.array(
+            [
+                _psi(form.growth, dwell / t, exponent) - _psi(form.growth, length / speed / t, exponent)
+                for t, length in zip(times, distance, strict=True)
+            ]
+        )
+        return scan(np.column_stack([times, distance]), aged[:, :, None] * columns, increment)
+
+    freedom = max(len(stops) - columns.shape[1] - 1, 1)
+    limits = (float(dwell.min()) / REACH[0], float(dwell.max()) * REACH[1])
+    found = refined(at, np.geomspace(*limits, TIMES), FINE, lambda one: one.rise(freedom))
+    rise, best = found.rise(freedom), found.best
+    b, time = found.coefficient[best], float(found.shape[best, 0])
+    if b[0] <= 0.0:
+        return None
+    row = np.eye(columns.shape[1])[0]
+    spread = np.sqrt(found.scale(freedom) * np.diag(found.covariance[best]))
+    clear = np.abs(b) > student(freedom) * spread
+    shares = iter(np.where(clear, b / b[0], 0.0)[1:].tolist())
+    each = [next(shares)] * 2 if together else [next(shares) if own else 0.0 for own in varied]
+    seen = np.isfinite(back)
+    lengths = _lengths(form.growth, exponent, time, dwell[seen], speed[seen], back[seen])
+    return ContactAge(
+        growth=form.growth,
+        exponent=exponent,
+        increment=Estimate(float(b[0]), *found.interval(row, rise), float(spread[0]), "N", freedom),
+        time=Estimate(time, *found.shape_interval(0, rise, limits), float("nan"), "s"),
+        distance=mean_estimate(lengths, "m") if lengths.size >= FEWEST_STOPS else None,
+        share_a_pa=each[0],
+        share_b_pa=each[1],
+        together=together,
+    )
+
+
+def _psi(growth: str, ratio: Array, exponent: float) -> Array:
+    return _core.dwell_growth(growth, np.asarray(ratio, dtype=float), 1.0, exponent)[:, 0]
+
+
+def _back(stop: Stop) -> float:
+    """Return the travel from the peak to 5 % of the excess; NaN if not observed."""
+    seen = stop.recovery is not None and stop.recovery.complete
+    return stop.recovery.distance.value if seen else float("nan")  # type: ignore[union-attr]
+
+
+def _distance(growth: str, exponent: float, time: float, dwell: Array, speed: Array, back: Array) -> float:
+    seen = np.isfinite(back)
+    if seen.sum() < FEWEST_STOPS:
+        return ASSUMED_DISTANCE_M
+    return float(np.mean(_lengths(growth, exponent, time, dwell[seen], speed[seen], back[seen])))
+
+
+def _lengths(growth: str, exponent: float, time: float, dwell: Array, speed: Array, back: Array) -> Array:
+    """Return the distance L of each stop from its return to sliding, by bisection on its logarithm."""
+
+    def psi(age: Array) -> Array:
+        return _psi(growth, age / time, exponent)
+
+    low, high = np.log(back) - 12.0, np.log(np.minimum(back, 0.9 * dwell * speed))
+    for _ in range(HALVINGS):
+        length = np.exp(middle := 0.5 * (low + high))
+        steady = length / speed
+        left = psi(steady + (dwell - steady) * np.exp(-back / length)) - psi(steady)
+        too_long = left > BACK * (psi(dwell) - psi(steady))
+        low, high = np.where(too_long, low, middle), np.where(too_long, middle, high)
+    return np.exp(0.5 * (low + high))
+
+
+FEWEST_PAIRS = 4  # share of durations and conditions with restarts in both directions
+#: Stops up to this leave the time of saturation open for every law (of the order of hours to days
+#: for elastomers: assumed).
+LONG_S = 1000.0
+RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
+
+
+def dwell_statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Statement]:
+    """Return statements on the values that the stops of a series determine."""
+    where = f"Stops ({series.name})"
+    yield from _spoiled(where, stops)
+    durations = series.curve.data.durations if series.curve is not None else 0
+    if series.curve is None or durations < 2:
+        yield from _one_duration(where, [s for s in stops if s.usable])
+        return
+    slope = series.slope
+    if slope is not None:
+        share = f"; {100 * series.share.value:.2g} % of running friction" if series.share is not None else ""
+        numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
+        yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
+    yield from _directions(where, series)
+    if slope is None or slope.differs:  # else there is no effect
+        yield from _laws(where, series, durations)
+    yield from _confounding(where, series, series.curve)
+    yield say("stops.peaks", where=where)
+
+
+def _spoiled(where: str, stops: list[Stop]) -> Iterator[Statement]:
+    flags = Counter(flag for s in stops for flag in s.flags if flag in SPOILING)
+    if flags:
+        kind = next((f"spoiled_{flag}" for flag in ("negative_friction", "undersampled") if flags[flag]), "spoiled")
+        counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in flags.most_common())
+        yield say(f"stops.{kind}", where=where, count=sum(not s.usable for s in stops), stops=len(stops), flags=counts)
+
+
+def _one_duration(where: str, stops: list[Stop]) -> Iterator[Statement]:
+    """Return statements on the increment after stops of one duration, without a law over duration."""
+    durations = durations_of(stops)
+    if len(stops) > 1 and durations == 1:
+        inertia = inertia_of(stops)
+        found = mean_estimate(np.array([s.increment_n for s in stops])).widened(inertia)
+        duration = np.median([s.dwell_s for s in stops])
+        kind = "stops.increment_and_mass" if inertia > 0.0 else "stops.increment"
+        yield say(kind, where=where, duration=duration, found=found, count=len(stops))
+    of = "one duration" if durations == 1 else f"{durations} durations"
+    yield say("stops.too_few_durations", where=where, count=len(stops), durations=of)
+
+
+def _directions(where: str, series: DwellSeries) -> Iterator[Statement]:
+    """Return statements on the difference of peaks between directions, from cells with both."""
+    cells: dict[tuple, dict[int, list[float]]] = {}
+    for s in series.stops:
+        cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)
+    pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
+    if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
+        yield say("stops.directions", where=where, found=found)
+
+
+def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement]:
+    if durations < LEAST_DURATIONS or not series.laws:
+        yield say("stops.no_law", where=where, durations=durations)
+        return
+    best = series.laws[0]
+    if not np.isfinite(best.aicc):
+        yield say("stops.laws_not_compared", where=where)
+        return
+    equal = [law.form.title for law in series.laws[1:] if law.delta < UNCERTAIN]
+    refuted = [law.form.title for law in series.laws if law.delta > CONCLUSIVE]
+    text = best.form.title + (f"; as good: {', '.join(equal)}" if equal else "")
+    text += f"; without support: {', '.join(refuted)}" if refuted else ""
+    yield say("stops.laws" if equal else "stops.law", where=where, laws=text)
+    longest = max(s.dwell_s for s in series.stops)
+    open_end = best.name == "log" or any(law.form.saturates and law.delta < CONCLUSIVE for law in series.laws)
+    if best.name != "none" and longest <= LONG_S * 1.01 and open_end:
+        yield say("stops.saturation", where=where, longest=longest)
+
+
+def _confounding(where: str, series: DwellSeries, curve: DwellCurve) -> Iterator[Statement]:
+    if curve.inflation >= CONFOUNDED:
+        yield say("stops.drift", where=where)
+    rate = np.array([s.loading_rate_n_s for s in series.stops])
+    known = np.isfinite(rate) & (rate > 0)
+    if known.sum() > 5:
+        logs, durations = np.log(rate[known]), curve.data.log_s[known]
+        spread = float(np.subtract(*np.quantile(logs, [0.9, 0.1])))
+        together = float(np.corrcoef(logs, durations)[0, 1]) if spread > 0 and np.ptp(durations) > 0 else 0.0
+        if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
+            yield say("stops.loading_rate", where=where, together=together)
+    numbers = {"where": where, "stops": len(series.stops), "inertia": series.inertia_n}
+    for flag in ("long_loading", "inertia", "slow_samples"):
+        count = sum(flag in s.flags for s in series.stops)
+        if count:
+            yield say(f"stops.{flag}", count=count, **numbers)
+
 
 #: Duration of the slope: the stop of the source paper [bracha].
 REFERENCE_S = 15.0

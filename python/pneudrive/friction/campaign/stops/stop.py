@@ -2,6 +2,8 @@
 
 Every number is a difference within one move (or to an uninterrupted one of the same cycle), so the zero of the
 sensor and slow drift cancel. Samples are raw; friction here is direction * balance, and still contains the offset.
+
+Stops as files: one row per stop, and the results of each series on breakaway over duration.
 """
 
 from __future__ import annotations
@@ -12,19 +14,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.storage.folder import CycleFile, read_samples
-from pneudrive.friction.campaign.samples import condition_of, read_or_skip, recording_of, steps_of
-from pneudrive.friction.campaign.stops.breakaway import BreakawayPeak, find_breakaway
-from pneudrive.friction.campaign.stops.phases import Phases, find_phases, mean_velocity, steady_part, stop_step
-from pneudrive.friction.campaign.stops.recovery import Recovery, bin_excess, recover
-from pneudrive.friction.campaign.stops.relaxation import ForceRelaxation, relax
-from pneudrive.friction.campaign.stops.running import (
+from pneudrive.friction.campaign.reading import condition_of, read_or_skip, recording_of, steps_of
+from pneudrive.friction.campaign.stops.course import (
     SAME_SPEED,
+    ForceRelaxation,
+    Recovery,
     Running,
     UninterruptedStroke,
+    bin_excess,
     read_strokes,
+    recover,
+    relax,
     running_level,
     strokes_of,
 )
+from pneudrive.friction.campaign.stops.peak import BreakawayPeak, find_breakaway
+from pneudrive.friction.campaign.stops.phases import Phases, find_phases, mean_velocity, steady_part, stop_step
 from pneudrive.friction.conditions import Skipped
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Move
@@ -43,6 +48,7 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
+
 
 #: Share of the increment above which the air's force or inertia spoils a peak; share of the stop for the loading.
 SPOILS = 0.1

@@ -1,4 +1,4 @@
-"""Plausibility: values that are impossible for a rig or for the plan of a cycle, as flags of the map and sentences."""
+"""Plausibility of cycles: uneven sliding, impossible friction, speeds and pressures that differ from the plan."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.friction.conditions import PA_PER_BAR
-from pneudrive.friction.sentences import Said, named, sentence
+from pneudrive.friction.level import BELOW_AMBIENT
+from pneudrive.friction.sentences import Said, named
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
-from pneudrive.signals.impossible import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -17,43 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.cycle import CycleData
-    from pneudrive.friction.level import Level
-
-BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
-UNFOLLOWED = 0.25  # of pressure times area: least unexplained part of the force
-SMALLEST_N = 1e-3  # friction below the resolution of force sensors of piston drives
-FULL_PRESSURE_PA = 10e5  # friction above the force of this pressure on the piston would stop any drive
-
-
-def doubts_of(level: Level) -> dict[str, str]:
-    """Return the doubtful values of a speed class: flag -> sentence with a check.
-
-    A recording with zero areas has no pressure force, so its force is the friction.
-    """
-    ambient, areas, gauge = level.ambient_pressure_pa, level.areas_m2, level.gauge_pa
-    lowest, highest = min(gauge.values()) + ambient, max(gauge.values()) + ambient
-    pushed = gauge["b"] * areas[1] - gauge["a"] * areas[0] + level.weight_n
-    speed = level.speed_m_s
-    friction, missed = abs(level.friction_n), abs(level.offset_n)  # the offset is NaN if one direction is missing
-    unfollowed = missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * level.u_offset_n) and abs(pushed) > friction
-    full = FULL_PRESSURE_PA * max(areas)
-    seen = {
-        "below_ambient": lowest < (1.0 - BELOW_AMBIENT) * ambient,
-        "beyond_usual": highest > PRESSURES_PA[1] or not SLOWEST_M_S <= speed <= SPEEDS_M_S[1],
-        "force_not_pressure": any(areas) and unfollowed,
-        "friction_beyond_piston": any(areas) and friction > full,
-        "no_friction": any(areas) and friction < SMALLEST_N,
-    }
-    values = {
-        "lowest": lowest / 1e5,
-        "highest": highest / 1e5,
-        "speed_m_s": speed,
-        "force_n": pushed + level.offset_n,
-        "pushed_n": pushed,
-        "friction_n": friction,
-        "full_n": full,
-    }
-    return {flag: sentence(f"doubt.{flag}", **values) for flag, is_so in seen.items() if is_so}
 
 
 SWING_SHARE = 0.05  # of the friction: smaller swings are roughness or noise

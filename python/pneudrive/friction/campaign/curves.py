@@ -9,25 +9,27 @@ import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.friction.budget import CycleTerms, SharedTerms
-from pneudrive.friction.campaign.curves.outliers import WILD, WILD_SPREAD, wild_cycles
-from pneudrive.friction.campaign.curves.points import (
+from pneudrive.friction.campaign.plausible import OUTLIER
+from pneudrive.friction.campaign.points import (
     CurveSpeeds,
     Points,
     block_shares,
     curve_speeds,
 )
-from pneudrive.friction.campaign.curves.smooth import (
+from pneudrive.friction.campaign.result import Curve
+from pneudrive.friction.campaign.smooth import (
     CARRIED,
+    WILD,
+    WILD_SPREAD,
     CurveData,
     CurveFit,
     carried_drift,
     either_chance,
     fit_curves,
+    wild_cycles,
     with_doubt,
 )
-from pneudrive.friction.campaign.result import Curve
 from pneudrive.friction.conditions import BOTH
-from pneudrive.friction.plausible import OUTLIER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.cycle import CycleData
 
     Array = NDArray[np.float64]
+
 
 POSITIVE_SHARE = 0.2  # of the median friction: least friction for relative scatter
 FEWEST = 4  # cycles

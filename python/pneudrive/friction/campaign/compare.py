@@ -1,0 +1,665 @@
+"""Comparison of two campaigns: new and worn, one seal and another, before and after grease.
+
+Comparability of two campaigns: required common properties of rig and protocol (checks.toml).
+
+Comparison of friction over speed of two campaigns, cycle by cycle in one model.
+
+log F = point + campaign (level + slope u + bend u^2 + pressures) + block + drift + cycle,   u = log10 speed
+
+A point is a speed at a pair of pressures that both campaigns have. The scatter of cycles may differ between campaigns.
+
+Each compared property is one statistical test. Holm's correction [holm1979] keeps the probability of a false difference
+at 5 % for all tests together. A check of comparability comes first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.campaign.storage.folder import Campaign
+from pneudrive.constants import ZERO_CELSIUS_K
+from pneudrive.describe.files.toml import read
+from pneudrive.errors import CampaignError
+from pneudrive.estimate.estimates import CHANCE, Estimate, FTest
+from pneudrive.estimate.groups import cells, levels
+from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
+from pneudrive.estimate.splines import centred_walk
+from pneudrive.estimate.threads import one_thread
+from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
+from pneudrive.friction.campaign.sensors import stated_gain
+from pneudrive.friction.conditions import PA_PER_BAR
+from pneudrive.friction.sentences import capitalised, say
+from pneudrive.repr_tables import Card, Shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult
+
+    Array = NDArray[np.float64]
+    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.sentences import Statement
+
+
+TABLE = Path(__file__).with_name("checks.toml")
+
+
+@dataclass(frozen=True)
+class Check:
+    """A property of rig or protocol that both campaigns should share.
+
+    Attributes
+    ----------
+    what, first, second : str
+    comparable : bool
+    consequence : str
+        Consequence of a difference.
+    """
+
+    what: str
+    first: str
+    second: str
+    comparable: bool
+    consequence: str = ""
+
+
+def checks_of(
+    first: CampaignCharacteristics, second: CampaignCharacteristics, about: dict[str, Any], other: dict[str, Any]
+) -> Iterator[Check]:
+    """Compare rigs and protocols of two campaigns."""
+    one, two = _shared(first, about), _shared(second, other)
+    for what, row in read(TABLE)[0].items():
+        a, b = one[what], two[what]
+        if isinstance(a, float) and isinstance(b, float):
+            if not np.isfinite([a, b]).all():
+                continue
+            same = abs(a - b) <= max(row.get("share", 0.0) * max(abs(a), abs(b)), row.get("by", 0.0))
+        else:
+            same = a == b
+        form = row.get("written", "{}")
+        words = ["not stated" if v is None else form.format(v) for v in (a, b)]
+        yield Check(what, words[0], words[1], same, row["consequence"])
+
+
+def _shared(found: CampaignCharacteristics, about: dict[str, Any]) -> dict[str, str | float | None]:
+    """Return the compared values; NaN if not measured."""
+    rig = found.identity
+    rates = [s.sample_rate_hz for s in found.stops if np.isfinite(s.sample_rate_hz)]
+    stated = about.get("filter")
+    average = stated.get("average", 1) if isinstance(stated, dict) else 1
+    return {
+        "data": "simulated" if rig.synthetic else "real",
+        "rig": rig.name,
+        "stiffness": rig.stiffness_n_m or None,
+        "area a": 1e4 * rig.area_a_m2,
+        "area b": 1e4 * rig.area_b_m2,
+        "mass beyond the sensor": rig.mass_beyond_sensor_kg,
+        "chambers": rig.chambers,
+        "pressure measured at": rig.pressure_measured_at,
+        "ambient pressure": rig.ambient_pressure_pa / PA_PER_BAR,
+        "samples that count": found.protocol,
+        "filter": "none" if average == 1 else f"moving average of {average}",
+        "temperature": sum(found.ranges.temperature_k) / 2.0 - ZERO_CELSIUS_K,
+        "samples at restarts": float(np.median(rates)) if rates else float("nan"),
+    }
+
+
+SAME_SPEED = 0.03
+SAME_PRESSURE_PA = 2000.0  # planned pressures that differ by less are one point
+FEWEST_CYCLES = 6  # of both campaigns at common points
+BEND_SPEEDS = 4  # least number of speeds for a bend over speed
+DRIFT_CYCLES = 8  # least number of cycles of a campaign for a drift
+USUAL = 0.02  # relative scatter that is usual
+MOST_POINTS = 300  # points that are tested: more are thinned evenly
+KINDS = ("sweep", "sentinel")
+
+
+@dataclass(frozen=True, eq=False)
+class CommonPoints:
+    """Cycles of both campaigns at common points, shape (n,) each.
+
+    In large campaigns, neighbouring repeats at one point form one row.
+
+    Attributes
+    ----------
+    log_n, noise : ndarray
+        Logarithm of friction, variance of its noise.
+    count : ndarray
+        Number of cycles in a row.
+    campaign : ndarray of int
+        0 or 1.
+    point : ndarray of int
+    block : ndarray, shape (n, blocks)
+        Share of each block of both campaigns.
+    order : ndarray
+        Place in the campaign, 0 to 1.
+    speed_m_s : ndarray, shape (m,)
+    gauge_pa : ndarray, shape (m, 2)
+    levels : tuple of str, length m
+        Standard errors of the points.
+    left_out : int
+        Further common points.
+    """
+
+    log_n: Array
+    noise: Array
+    count: Array
+    campaign: NDArray[np.int64]
+    point: NDArray[np.int64]
+    block: Array
+    order: Array
+    speed_m_s: Array
+    gauge_pa: Array
+    levels: tuple[str, ...]
+    left_out: int = 0
+
+    def blocks_of(self, campaign: int) -> int:
+        """Count the blocks of a campaign."""
+        return int((self.block[self.campaign == campaign] > 0.0).any(axis=0).sum())
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CurveComparison(Shown):
+    """Difference of friction: second campaign minus first.
+
+    Attributes
+    ----------
+    points : CommonPoints
+    shape : FTest
+        Probability for the difference over all speeds: level, slope and bend together.
+    pressure : FTest or None
+        Probability for a difference in the effect of pressure.
+    mean : Estimate
+        Mean difference over the common points, relative to friction.
+    difference : tuple of Estimate
+        At each common point, relative.
+    adjusted_p : ndarray, shape (m,)
+        The same probabilities after Holm's correction for their number [holm1979].
+    friction_n : ndarray, shape (2, m)
+        Mean of each campaign at the points.
+    several_blocks : bool
+        Both campaigns have more than one block, so the tests include differences of blocks.
+    """
+
+    points: CommonPoints
+    shape: FTest
+    pressure: FTest | None
+    mean: Estimate
+    difference: tuple[Estimate, ...]
+    adjusted_p: Array
+    friction_n: Array
+    several_blocks: bool
+
+
+def compare_curves(
+    first: CampaignCharacteristics, second: CampaignCharacteristics, gain: float = 0.0
+) -> CurveComparison | str:
+    """Test the curves of two campaigns against each other.
+
+    Parameters
+    ----------
+    first, second : CampaignCharacteristics
+    gain : float
+        Relative standard uncertainty of the ratio of both force sensors' gains; 0 for the same sensor.
+
+    Returns
+    -------
+    CurveComparison or str
+        A string gives the reason if they cannot be compared.
+    """
+    points = common_points(first, second)
+    if points.speed_m_s.size == 0:
+        return "no speed at the same pressures was run in both campaigns"
+    cycles = [points.count[points.campaign == k].sum() for k in (0, 1)]
+    if min(cycles) < FEWEST_CYCLES // 2 or sum(cycles) < FEWEST_CYCLES:
+        return "too few cycles at common speeds and pressures"
+    with one_thread():
+        return _compared(points, float(np.sqrt(2.0)) * gain)
+
+
+def _compared(points: CommonPoints, u: float) -> CurveComparison:
+    """Test for a difference; `u` adds to the uncertainty of means."""
+    sign = points.campaign.astype(np.float64) - 0.5
+    m = points.speed_m_s.size
+    dummies = (points.point[:, None] == np.arange(m)[None, :]).astype(float)
+    shape = _shape_columns(points)
+    pressure = _pressure_columns(points)
+    x = np.c_[dummies, shape[points.point] * sign[:, None], pressure[points.point] * sign[:, None]]
+    kept = independent(x)
+    fit = _model(points, x[:, kept]).fit()
+    rows = np.eye(x.shape[1])[:, kept]
+    level = np.zeros(x.shape[1])
+    level[m] = 1.0
+    shapes = [i for i in range(m, m + shape.shape[1]) if i in kept]
+    pressures = [i for i in range(m + shape.shape[1], x.shape[1]) if i in kept]
+    each = _each(points, dummies, sign, u)
+    return CurveComparison(
+        points=points,
+        shape=fit.f_test(rows[shapes], u**2),
+        pressure=fit.f_test(rows[pressures]) if pressures else None,
+        mean=fit.contrast(level[kept], unit="").widened(u),
+        difference=each,
+        adjusted_p=holm(np.array([e.p for e in each])),
+        friction_n=_means(points),
+        several_blocks=all(points.blocks_of(k) > 1 for k in (0, 1)),
+    )
+
+
+def holm(p: Array) -> Array:
+    """Correct probabilities for their number (Holm) [holm1979].
+
+    Examples
+    --------
+    >>> holm(np.array([0.01, 0.04, 0.03])).tolist()
+    [0.03, 0.06, 0.06]
+    """
+    order = np.argsort(p)
+    steps = np.maximum.accumulate(p[order] * (p.size - np.arange(p.size)))
+    out = np.empty(p.size)
+    out[order] = np.minimum(steps, 1.0)
+    return out
+
+
+def common_points(first: CampaignCharacteristics, second: CampaignCharacteristics) -> CommonPoints:
+    """Collect the cycles at speeds and pressures that both campaigns have."""
+    usable = [_usable(found) for found in (first, second)]
+    titles = [{c.condition.title for c in cycles} for cycles in usable]
+    with_levels = bool(titles[0] & titles[1]) and max(len(found) for found in titles) > 1
+    ambient = [found.identity.ambient_pressure_pa for found in (first, second)]
+    rows = [(k, c) for k, cycles in enumerate(usable) for c in cycles]
+    keys = [
+        (
+            c.condition.title if with_levels else "",
+            round(c.condition.pressure_a_pa - ambient[k], -2),
+            round(c.condition.pressure_b_pa - ambient[k], -2),
+            c.speed_m_s,
+        )
+        for k, c in rows
+    ]
+    campaign = np.array([k for k, _ in rows], dtype=np.int64)
+    place = _places(keys)
+    common = np.intersect1d(place[campaign == 0], place[campaign == 1])
+    at = sorted((int(np.argmax(place == one)) for one in common), key=lambda i: keys[i])  # the first cycle of each
+    both = [at[i] for i in np.linspace(0, len(at) - 1, min(len(at), MOST_POINTS)).round().astype(int)]
+    number = {int(place[i]): n for n, i in enumerate(both)}
+    used = [i for i in range(len(rows)) if int(place[i]) in number]
+    cycles = [rows[i][1] for i in used]
+    campaign, point = campaign[used], np.array([number[int(place[i])] for i in used], dtype=np.int64)
+    named = [(rows[i][0], rows[i][1].block) for i in used]
+    known = {block: i for i, block in enumerate(dict.fromkeys(named))}
+    blocks = [known[block] for block in named]
+    groups = _groups(campaign, point, blocks)
+    heads = [group[0] for group in groups]
+
+    def mean(values: list[float]) -> Array:
+        return np.array([np.mean([values[i] for i in group]) for group in groups], dtype=np.float64)
+
+    last = [max((c.index for c in found), default=1) for found in usable]
+    count = np.array([len(group) for group in groups], dtype=float)
+    return CommonPoints(
+        log_n=mean([float(np.log(c.friction_n)) for c in cycles]),
+        noise=mean([(c.stderr_n / c.friction_n) ** 2 for c in cycles]) / count,
+        count=count,
+        campaign=campaign[heads],
+        point=point[heads],
+        block=shares_of([[blocks[i] for i in group] for group in groups]),
+        order=mean([c.index / last[k] for c, k in zip(cycles, campaign, strict=True)]),
+        speed_m_s=np.array([keys[i][3] for i in both]),
+        gauge_pa=np.array([keys[i][1:3] for i in both]).reshape(-1, 2),
+        levels=tuple(keys[i][0] for i in both),
+        left_out=len(at) - len(both),
+    )
+
+
+def _places(keys: list[tuple[str, float, float, float]]) -> NDArray[np.int64]:
+    """Return a number for each cycle, equal for cycles at the same levels, pressures and speed."""
+    if not keys:
+        return np.zeros(0, dtype=np.int64)
+    title, a, b, speed = zip(*keys, strict=True)
+    pressures = (levels(np.array(side), SAME_PRESSURE_PA) for side in (a, b))
+    return cells(np.unique(title, return_inverse=True)[1], *pressures, levels(np.log(speed), np.log1p(SAME_SPEED)))
+
+
+def _groups(campaign: NDArray[np.int64], point: NDArray[np.int64], blocks: list[int]) -> list[list[int]]:
+    """Return the cycles of each row: one cycle, or in large campaigns several neighbouring repeats at one point."""
+    if campaign.size <= MOST_CELLS:
+        return [[i] for i in range(campaign.size)]
+    stretch = np.array(blocks, dtype=np.int64)
+    stretch -= np.array([stretch[campaign == k].min() for k in (0, 1)])[campaign]
+    return grouped(2 * point + campaign, stretch, np.zeros_like(point), rows=MOST_CYCLES, cells=MOST_CELLS)[0]
+
+
+def _usable(found: CampaignCharacteristics) -> list[CycleResult]:
+    """Return the cycles that are points of F(v): both directions, positive, not excluded from the curves."""
+    reasons = {p.reason for curve in found.curves for p in curve.excluded}
+    return [
+        c
+        for c in found.cycles
+        if c.kind in KINDS
+        and np.isfinite(c.friction_n)
+        and c.friction_n > 0
+        and np.isfinite(c.stderr_n)
+        and not reasons.intersection(c.flags)
+    ]
+
+
+def _shape_columns(points: CommonPoints) -> Array:
+    """Return the level, slope and bend over log speed, centred over the points, shape (m, 1 to 3)."""
+    u = np.log10(points.speed_m_s)
+    u = u - u.mean()
+    columns = [np.ones(u.size)]
+    speeds = np.unique(np.round(u, 2)).size
+    if speeds > 1:
+        columns.append(u)
+    if speeds >= BEND_SPEEDS:
+        columns.append(u**2 - np.mean(u**2))
+    return np.column_stack(columns)
+
+
+def _pressure_columns(points: CommonPoints) -> Array:
+    """Return the pressures of both chambers, or their sum if they are always equal; per bar, centred."""
+    bar = points.gauge_pa / 1e5
+    if np.allclose(bar[:, 0], bar[:, 1], atol=0.02):
+        bar = bar[:, :1]
+    return bar - bar.mean(axis=0)
+
+
+def _model(points: CommonPoints, x: Array) -> MixedModel:
+    components = []
+    for k in (0, 1):
+        own = (points.campaign == k).astype(float)
+        components.append(RandomEffect(f"cycle {k + 1}", own / points.count, USUAL))
+        if own.sum() >= DRIFT_CYCLES:
+            kernel = np.zeros((own.size, own.size))
+            members = np.flatnonzero(own)
+            kernel[np.ix_(members, members)] = centred_walk(points.order[members])
+            components.append(RandomEffect(f"drift {k + 1}", kernel, USUAL))
+    if any(points.blocks_of(k) > 1 for k in (0, 1)):
+        components.append(RandomEffect("block", points.block @ points.block.T, USUAL))
+    return MixedModel(points.log_n, x, points.noise, tuple(components))
+
+
+def _each(points: CommonPoints, dummies: Array, sign: Array, u: float) -> tuple[Estimate, ...]:
+    """Return the separate difference at each point."""
+    m = dummies.shape[1]
+    x = np.c_[dummies, dummies * sign[:, None]]
+    fit = _model(points, x).fit()
+    return tuple(fit.contrast(row, unit="").widened(u) for row in np.eye(2 * m)[m:])
+
+
+def _means(points: CommonPoints) -> Array:
+    """Return the mean of each campaign at the points, shape (2, m)."""
+    m = points.speed_m_s.size
+    cell = m * points.campaign + points.point
+    total = np.bincount(cell, points.count * points.log_n, 2 * m)
+    return np.exp(total / np.bincount(cell, points.count, 2 * m)).reshape(2, m)
+
+
+#: Two cycles of one campaign differ by less than this many standard deviations, 19 times of 20.
+REPEATABILITY_FACTOR = 2.77
+
+
+@dataclass(frozen=True)
+class Test:
+    """Statistical test of one property.
+
+    Attributes
+    ----------
+    what : str
+    difference : Estimate or None
+        Second less first; None if it has several parts.
+    p : float
+        Probability of such a large difference by chance. NaN without a test.
+    adjusted_p : float
+        After Holm's correction for the number of tests.
+    different : bool
+    beyond_repeatability : bool or None
+        The difference exceeds that of two cycles of either campaign; None if not applicable.
+    note : str
+    """
+
+    what: str
+    difference: Estimate | None
+    p: float
+    adjusted_p: float = float("nan")
+    different: bool = False
+    beyond_repeatability: bool | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Shown):
+    """Two campaigns, compared.
+
+    Attributes
+    ----------
+    first, second : CampaignCharacteristics
+    checks : tuple of Check
+    tests : tuple of Test
+    curves : CurveComparison or None
+    dwell : tuple of (DwellSeries, DwellSeries)
+        Series that were compared.
+    different : bool
+        Any test is different.
+    statements : tuple of Statement
+    """
+
+    first: CampaignCharacteristics
+    second: CampaignCharacteristics
+    checks: tuple[Check, ...]
+    tests: tuple[Test, ...]
+    curves: CurveComparison | None
+    dwell: tuple[tuple[DwellSeries, DwellSeries], ...]
+    different: bool
+    statements: tuple[Statement, ...]
+
+    @property
+    def attributable(self) -> bool:
+        """Whether a difference of curves can be separated from mounting and day: both have several blocks."""
+        return self.curves is None or self.curves.several_blocks
+
+    def _card(self) -> Card:
+        """Return the result, then a line for each question."""
+        rows = []
+        for test in self.tests:
+            e = test.difference
+            size = f"{e.value:+.3g} ({e.low:+.3g} .. {e.high:+.3g}) {e.unit}" if e is not None else "-"
+            rows.append((test.what, size, f"{test.adjusted_p:.2g}", "yes" if test.different else "not shown"))
+        title = f"{self.second.name} less {self.first.name}: {self}"
+        head = ("question", "difference (95 %)", "p corrected", "different")
+        return Card(title, head, rows, [str(statement) for statement in self.statements])
+
+    def __str__(self) -> str:
+        """Return the result in a sentence."""
+        if not self.tests:
+            return "Nothing can be compared."
+        if not self.different:
+            count = f"{len(self.tests)} test{'s' if len(self.tests) > 1 else ''}"
+            return f"No difference is shown in {count}: the campaigns may be equal, or too short."
+        what = ", ".join(dict.fromkeys(test.what for test in self.tests if test.different))
+        text = f"The campaigns differ by more than their cycles scatter: {what}."
+        if not self.attributable:
+            text += " With a single block in a campaign this may be the mounting or the day."
+        return text
+
+
+def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Comparison:
+    """Compare two campaigns.
+
+    Parameters
+    ----------
+    first, second : CampaignCharacteristics
+        Results of `characteristics`. Differences are second less first.
+
+    Returns
+    -------
+    Comparison
+    """
+    abouts = [about_of(found) for found in (first, second)]
+    curves = compare_curves(first, second, _gain(first, second, abouts))
+    pairs = tuple(_pairs(first, second))
+    tests = _adjusted(
+        [
+            *(_curve_tests(first, second, curves) if isinstance(curves, CurveComparison) else ()),
+            *(test for pair in pairs for test in _dwell_tests(*pair)),
+            *_drift_test(first, second),
+            *_repeatability_test(first, second),
+        ]
+    )
+    found = Comparison(
+        first=first,
+        second=second,
+        checks=tuple(checks_of(first, second, *abouts)),
+        tests=tests,
+        curves=curves if isinstance(curves, CurveComparison) else None,
+        dwell=pairs,
+        different=any(test.different for test in tests),
+        statements=(),
+    )
+    return replace(found, statements=tuple(_statements(found, curves if isinstance(curves, str) else "")))
+
+
+def about_of(found: CampaignCharacteristics) -> dict[str, Any]:
+    """Return ``campaign.json`` of a campaign; empty if the folder cannot be opened."""
+    try:
+        return Campaign.open(found.folder).about
+    except CampaignError:
+        return {}
+
+
+def _gain(first: CampaignCharacteristics, second: CampaignCharacteristics, abouts: list[dict[str, Any]]) -> float:
+    """Return the relative uncertainty of the ratio of both force sensors' gains; 0 for the same sensor.
+
+    Simulated sensors differ between seeds.
+    """
+    a, b = first.identity, second.identity
+    drawn = a.synthetic and abouts[0].get("seed") != abouts[1].get("seed")
+    same = a.name == b.name and a.calibration == b.calibration and a.force_calibration == b.force_calibration
+    if same and not drawn:
+        return 0.0
+    return float(np.hypot(stated_gain(a) or 0.0, stated_gain(b) or 0.0) / np.sqrt(2.0))
+
+
+# --- tests ---------------------------------------------------------------------------------------------------------
+
+
+def _curve_tests(
+    first: CampaignCharacteristics, second: CampaignCharacteristics, curves: CurveComparison
+) -> Iterator[Test]:
+    mean_n = float(curves.friction_n.mean())
+    mean = curves.mean.scaled(mean_n, "N")
+    within = [found.repeatability.within for found in (first, second) if found.repeatability is not None]
+    limits = [REPEATABILITY_FACTOR * r.value for r in within if r is not None]
+    beyond = abs(mean.value) > max(limits) if len(limits) == 2 else None
+    note = f"mean of {curves.points.speed_m_s.size} common points, {100 * curves.mean.value:+.2g} % of friction"
+    yield Test("friction over speed", mean, curves.shape.p, beyond_repeatability=beyond, note=note)
+    if curves.pressure is not None:
+        note = "growth of friction with pressure, as a fraction of friction"
+        yield Test("relative effect of pressure", None, curves.pressure.p, note=note)
+
+
+def _pairs(
+    first: CampaignCharacteristics, second: CampaignCharacteristics
+) -> Iterator[tuple[DwellSeries, DwellSeries]]:
+    """Return the series of stops with one restart speed and way of holding in each campaign."""
+    single = all(len({series.levels for series in found.dwell}) == 1 for found in (first, second))
+    for a, b in product(first.dwell, second.dwell):
+        same = a.released == b.released and abs(a.speed_m_s - b.speed_m_s) < 0.01 * a.speed_m_s
+        if same and (single or a.levels == b.levels) and a.curve is not None and b.curve is not None and _common(a, b):
+            yield a, b
+
+
+def _common(a: DwellSeries, b: DwellSeries) -> list[tuple[int, int]]:
+    """Return the conditions of both series with the same pressures."""
+    pressures = (np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in s.conditions]) for s in (a, b))
+    one, two = (p.reshape(-1, 1, 2) for p in pressures)
+    near = (np.abs(one - two.swapaxes(0, 1)) < SAME_PRESSURE_PA).all(axis=2)
+    return [(int(i), int(j)) for i, j in np.argwhere(near)]
+
+
+def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
+    low = max(min(s.dwell_s for s in series.stops) for series in (a, b))
+    high = min(max(s.dwell_s for s in series.stops) for series in (a, b))
+    if not high > low:
+        return
+    at = a.reference_s if low < a.reference_s < high else float(np.sqrt(low * high))
+    slopes, levels = [], []
+    for series, of in zip((a, b), zip(*_common(a, b), strict=True), strict=True):
+        assert series.curve is not None
+        row = np.zeros((1, len(series.conditions)))
+        row[0, list(of)] = 1.0 / len(of)
+        slopes.append(series.curve.gains(float(np.log10(low)), float(np.log10(high))).combine(row).estimates()[0])
+        levels.append(series.curve.values(np.log10([at])).combine(row).estimates()[0])
+    level, slope = levels[1] - levels[0], slopes[1] - slopes[0]
+    beyond = abs(level.value) > REPEATABILITY_FACTOR * max(a.scatter_n, b.scatter_n)
+    where, span = f"{a.name}, at {at:.3g} s", f"{a.name}, mean from {low:.3g} to {high:.3g} s"
+    yield Test("breakaway after a stop", level, level.p, beyond_repeatability=beyond, note=where)
+    yield Test("slope of breakaway per decade of stop", slope, slope.p, note=span)
+
+
+def _drift_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Iterator[Test]:
+    before, after = (found.drift.per_hour if found.drift is not None else None for found in (first, second))
+    if before is not None and after is not None:
+        difference = after - before
+        yield Test("drift over time", difference, difference.p, note="change of friction, linear in time")
+
+
+def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Iterator[Test]:
+    """Compare the scatter of repeated cycles by an F test, if both campaigns have repeats.
+
+    Residuals of a smooth curve contain more than scatter and are not tested.
+    """
+    from scipy.special import fdtr, fdtrc, fdtri
+
+    both = [found.repeatability for found in (first, second)]
+    a, b = (r.within if r is not None and r.basis != "smooth curve" else None for r in both)
+    if a is None or b is None or not (a.value > 0 and b.value > 0):
+        return
+    free = b.degrees_of_freedom, a.degrees_of_freedom
+    ratio = (b.value / a.value) ** 2
+    p = min(1.0, 2.0 * min(float(fdtr(*free, ratio)), float(fdtrc(*free, ratio))))
+    low, high = (float(np.sqrt(ratio / fdtri(*free, share))) for share in (0.975, 0.025))
+    value = float(np.sqrt(ratio))
+    error = value * float(np.sqrt(0.5 / free[0] + 0.5 / free[1]))
+    estimate = Estimate(value, low, high, error, "", min(free), p)
+    yield Test("repeatability of a cycle", estimate, p, note="ratio of the standard deviations, second over first")
+
+
+def _adjusted(tests: list[Test]) -> tuple[Test, ...]:
+    known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
+    adjusted = holm(np.array([tests[i].p for i in known]))
+    for i, p in zip(known, adjusted, strict=True):
+        tests[i] = replace(tests[i], adjusted_p=float(p), different=bool(p < CHANCE))
+    return tuple(tests)
+
+
+def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
+    """Return cautions on the tests. `not_comparable` is the reason for missing curves."""
+    for check in found.checks:
+        if not check.comparable:
+            yield say("data.rigs_differ", what=capitalised(check.what), check=check)
+    if found.curves is None:
+        yield say("curve.not_comparable", why=not_comparable)
+    else:
+        size, left = found.curves.points.speed_m_s.size, found.curves.points.left_out
+        if left:
+            yield say("curve.thinned", all=size + left, compared=size)
+        if not found.curves.several_blocks:
+            yield say("repeatability.not_in_tests")
+    if (found.first.dwell or found.second.dwell) and not found.dwell:
+        yield say("stops.not_comparable")
+    for test in found.tests:
+        if test.different and test.beyond_repeatability is False:
+            yield say("repeatability.small_difference", what=capitalised(test.what))
+    mean = next((t.difference for t in found.tests if t.what == "friction over speed" and t.different), None)
+    for one in (found.first, found.second):
+        moved = float(np.ptp(one.drift.drift_n)) if one.drift is not None else 0.0
+        if mean is not None and moved > abs(mean.value):
+            yield say("drift.more_than_difference", name=one.name, moved=moved)

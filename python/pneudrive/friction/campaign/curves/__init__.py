@@ -1,1 +1,0 @@
-"""Curves over speed with their bands."""

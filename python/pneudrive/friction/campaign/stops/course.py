@@ -1,0 +1,566 @@
+"""Friction around a stop: uninterrupted sliding as the reference, relaxation while held, recovery after the restart.
+
+Uninterrupted sliding as the reference of a stop: its level at the stop, and its course over the travel.
+
+Distance and time after a restart until friction has returned to that of uninterrupted sliding.
+
+excess(s) = E exp(-s/L) + c        s: travel since the breakaway peak
+
+c is the rest at the end of the move. Friction has recovered when the excess over c has fallen to 5 % of its start.
+This distance does not depend on noise, unlike "no longer distinguishable".
+
+Relaxation of the force while the piston is held: amount, rate and form.
+
+log           f = a - R log10(1 + t/t0)          R per decade: creep of an elastomer
+  exponential   f = a - A [1 - exp(-t/tau)]        one time constant: a film that is squeezed out
+  two times     f = a - A1 [1 - exp(-t/tau1)] - A2 [1 - exp(-t/tau2)]
+  none          f = a
+
+All four forms are fitted to means over bins that are even in log time, and compared by AICc [burnham2002].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.campaign.storage.folder import read_samples
+from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
+from pneudrive.estimate.groups import cells, means
+from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
+from pneudrive.friction.bins import profile_stderr
+from pneudrive.friction.campaign.reading import condition_of, read_or_skip, recording_of, steps_of
+from pneudrive.friction.campaign.stops.phases import FEWEST, mean_velocity, steady_part
+from pneudrive.friction.conditions import Skipped
+from pneudrive.signals.motion import noise_level
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from pneudrive.campaign.storage.folder import CycleFile
+    from pneudrive.friction.campaign.stops.phases import Phases
+    from pneudrive.friction.conditions import Condition
+    from pneudrive.rig.interface import Identity, Samples
+    from pneudrive.signals.recording import Recording
+
+    Array = NDArray[np.float64]
+
+
+SAME_SPEED = 0.05  # speeds that differ by less than this share are equal
+POINTS = 400  # over a stroke: means of neighbouring samples
+#: Part of the approach at constant speed whose friction counts: its start may still recover.
+LAST_SHARE = 0.5
+BINS = 24
+MOST_REFERENCES = 8
+COVERED = 0.8  # of the way before the stop that a stroke must cover to be a reference
+NOISE_OF_STEPS = 0.954  # median size of the step between two values of noise 1
+
+
+@dataclass(frozen=True, eq=False)
+class UninterruptedStroke:
+    """One stroke at constant speed without a stop: friction over rising position, as means of neighbours, shape (m,).
+
+    ``noise_n`` is the noise of one mean.
+    """
+
+    condition: Condition
+    direction: int
+    speed_m_s: float
+    position_m: Array
+    friction_n: Array
+    noise_n: float
+
+
+def strokes_of(
+    file: CycleFile, recording: Recording, step: NDArray[np.int64], *, leave: int | None = None
+) -> list[UninterruptedStroke]:
+    """Return the strokes of a cycle at its planned speed.
+
+    Parameters
+    ----------
+    file : CycleFile
+    recording : Recording
+        Its samples.
+    step : ndarray of int, shape (n,)
+    leave : int or None
+        Step of a stop: the moves before and after it are excluded.
+    """
+    planned, out = file.head.cycle.speed_m_s, []
+    balance = recording.balance_n()
+    edges = np.flatnonzero(np.diff(np.r_[step[:1] - 1, step]) != 0) if step.size else []
+    for begin, end in pairwise([*edges, step.size]):
+        if (leave is not None and abs(int(step[begin]) - leave) <= 1) or end - begin < 4 * FEWEST:
+            continue
+        part = steady_part(recording, slice(int(begin), int(end)))
+        if part.stop - part.start < 4 * FEWEST or recording.time_s[part.stop - 1] <= recording.time_s[part.start]:
+            continue
+        velocity = mean_velocity(recording, part)
+        if velocity == 0.0 or (planned is not None and abs(abs(velocity) - planned) > SAME_SPEED * planned):
+            continue
+        direction = 1 if velocity > 0 else -1
+        position, _ = _means(recording.position_m[part], POINTS)
+        friction, _ = _means(direction * balance[part], POINTS)
+        noise = _noise(friction) if position.size > 3 else 0.0
+        rising = np.argsort(position)
+        arrays = position[rising], friction[rising]
+        out.append(UninterruptedStroke(condition_of(file.head), direction, abs(velocity), *arrays, noise))
+    return out
+
+
+def read_strokes(files: Iterable[CycleFile], identity: Identity) -> list[UninterruptedStroke]:
+    """Return the uninterrupted strokes of whole cycles; unreadable cycles give none."""
+
+    def read(file: CycleFile, samples: Samples) -> list[UninterruptedStroke]:
+        recording, _ = recording_of(file, identity, samples)
+        return strokes_of(file, recording, steps_of(recording, samples))
+
+    found = list(files)
+    every = [read_or_skip(read, file, samples) for file, samples in zip(found, read_samples(found), strict=True)]
+    # The characterisation of the cycle reports skipped parts.
+    return [stroke for strokes in every if not isinstance(strokes, Skipped) for stroke in strokes]
+
+
+def _means(values: Array, most: int) -> tuple[Array, float]:
+    """Return the means over equal parts, and the mean number of samples in a part."""
+    edges = np.linspace(0, values.size, min(most, values.size) + 1).astype(int)
+    sizes = np.diff(edges)
+    return np.add.reduceat(values, edges[:-1]) / sizes, float(sizes.mean())
+
+
+def _noise(values: Array) -> float:
+    """Estimate the noise of single values from neighbours."""
+    return float(np.median(np.abs(np.diff(values)))) / NOISE_OF_STEPS
+
+
+@dataclass(frozen=True, eq=False)
+class Running:
+    """Friction as it would be without the stop.
+
+    Attributes
+    ----------
+    level_n, stderr_n : float
+        Level at the stop; NaN if unknown.
+    texture_n : float
+        Scatter of friction over the travel about that level, beyond noise.
+    basis : str
+        approach, approach and reference, reference, none.
+    stop_m : float
+        Position of the level.
+    reference_m, reference_n : ndarray, shape (m,)
+        Uninterrupted friction over the travel. Empty if unknown.
+    """
+
+    level_n: float
+    stderr_n: float
+    texture_n: float
+    basis: str
+    stop_m: float
+    reference_m: Array
+    reference_n: Array
+
+    def shape(self, position_m: Array) -> Array:
+        """Return the uninterrupted friction at these positions minus that at the stop; 0 without a reference."""
+        if not self.reference_m.size:
+            return np.zeros(position_m.size)
+        at = np.interp(np.r_[self.stop_m, position_m], self.reference_m, self.reference_n)
+        return at[1:] - at[0]
+
+
+def running_level(
+    recording: Recording,
+    friction_n: Array,
+    phases: Phases,
+    own: Sequence[UninterruptedStroke],
+    others: Sequence[UninterruptedStroke],
+    condition: Condition,
+) -> Running:
+    """Find the level from the approach, from uninterrupted strokes, or both.
+
+    Parameters
+    ----------
+    recording : Recording
+    friction_n : ndarray, shape (n,)
+        direction * balance.
+    phases : Phases
+    own, others : sequence of UninterruptedStroke
+        Strokes of this cycle, and of others.
+    condition : Condition
+    """
+    steady = steady_part(recording, phases.restart)
+    at = float(recording.position_m[phases.restart.start])
+    speed = abs(mean_velocity(recording, steady))
+    approach = _approach(recording, phases, speed)
+    end = float(recording.position_m[steady.stop - 1])
+    low, high = sorted((float(recording.position_m[approach.start]) if approach else at, end))
+    alike = (phases.direction, speed, low, high, condition)
+    references = _references(own, *alike) or _references(others, *alike)
+    reference_m, reference_n, noise = _averaged(references)
+    nothing = Running(np.nan, np.nan, 0.0, "none", at, reference_m, reference_n)
+    if approach is not None:
+        basis = "approach and reference" if references else "approach"
+        before = friction_n[approach] - nothing.shape(recording.position_m[approach])
+        level, stderr, texture = _of_approach(before)
+    elif references:
+        basis, level = "reference", [float(np.interp(at, s.position_m, s.friction_n)) for s in references]
+        near = np.abs(reference_m - at) < 0.1 * (high - low)
+        texture = float(np.std(reference_n[near])) if near.sum() > 3 else 0.0
+        stderr = float(np.std(level, ddof=1)) / np.sqrt(len(level)) if len(level) > 1 else texture
+        level = float(np.mean(level))
+    else:
+        return nothing
+    return Running(level, float(np.hypot(stderr, noise)), texture, basis, at, reference_m, reference_n)
+
+
+def _of_approach(friction: Array) -> tuple[float, float, float]:
+    """Return mean, standard error and variation over position of friction before the stop."""
+    bins, each = _means(friction, int(min(BINS, max(friction.size // 4, 4))))
+    noise = _noise(friction) / np.sqrt(each)
+    stderr = profile_stderr(bins)
+    lean = abs(float(np.polyfit(np.linspace(0.0, 1.0, bins.size), bins, 1)[0])) / 2.0 if bins.size > 3 else 0.0
+    texture = float(np.sqrt(max(np.var(bins, ddof=2) - noise**2, 0.0))) if bins.size > 3 else 0.0
+    return float(bins.mean()), float(np.hypot(stderr if np.isfinite(stderr) else noise, lean / np.sqrt(3.0))), texture
+
+
+def _approach(recording: Recording, phases: Phases, speed: float) -> slice | None:
+    """Return the last part of an approach in the same direction and at the same speed, or None."""
+    if phases.reversed or phases.approach.stop - phases.approach.start < 4 * FEWEST:
+        return None
+    steady = steady_part(recording, phases.approach)
+    if abs(abs(mean_velocity(recording, steady)) - speed) > SAME_SPEED * speed:
+        return None
+    position = recording.position_m[steady]
+    share = np.abs(position - position[0]) / max(abs(float(position[-1] - position[0])), 1e-12)
+    first = steady.start + int(np.argmax(share >= 1.0 - LAST_SHARE))
+    return slice(first, steady.stop) if steady.stop - first >= 2 * FEWEST else None
+
+
+def _references(
+    strokes: Sequence[UninterruptedStroke], direction: int, speed: float, low: float, high: float, condition: Condition
+) -> list[UninterruptedStroke]:
+    """Return the strokes in the same direction, speed and condition that cover the travel."""
+    out = []
+    for s in strokes:
+        alike = s.direction == direction and s.condition == condition
+        covered = min(float(s.position_m[-1]), high) - max(float(s.position_m[0]), low)
+        if alike and abs(s.speed_m_s - speed) <= SAME_SPEED * speed and covered >= COVERED * (high - low):
+            out.append(s)
+    return out[-MOST_REFERENCES:]
+
+
+def _averaged(strokes: Sequence[UninterruptedStroke]) -> tuple[Array, Array, float]:
+    """Return the mean friction of the strokes over the travel, smoothed over three points, and its noise."""
+    if not strokes:
+        return np.zeros(0), np.zeros(0), 0.0
+    ends = max(float(s.position_m[0]) for s in strokes), min(float(s.position_m[-1]) for s in strokes)
+    grid = np.linspace(*ends, 200)
+    mean = np.mean([np.interp(grid, s.position_m, s.friction_n) for s in strokes], axis=0)
+    padded = np.r_[mean[0], mean, mean[-1]]
+    smooth = (padded[:-2] + padded[1:-1] + padded[2:]) / 3.0
+    return grid, smooth, float(np.mean([s.noise_n for s in strokes])) / np.sqrt(3.0 * len(strokes))
+
+
+BACK = 0.05  # of the excess at the peak
+BINS_PER_DECADE = 14
+LEAST_IN_BIN = 4
+FEWEST_BINS = 8
+LENGTHS = 60
+MISFIT = 0.05  # of the excess: largest misfit of an exponential for reading a distance
+#: An excess below this many standard errors cannot be followed.
+SIGNIFICANT = 3.0
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Return of friction to that of uninterrupted sliding after a restart.
+
+    Attributes
+    ----------
+    distance : Estimate
+        m, from the peak to 5 % of the excess; high is inf if the move ends before.
+    time : Estimate
+        s, likewise.
+    length_m : float
+        L.
+    left : Estimate
+        c: friction at the end less that before the stop, N.
+    seen_m : float
+        Travel of the move after the peak.
+    complete : bool
+        The move is long enough.
+    exponential : bool
+        The excess is an exponential within its noise; otherwise the distance is read from the bins.
+    """
+
+    distance: Estimate
+    time: Estimate
+    length_m: float
+    left: Estimate
+    seen_m: float
+    complete: bool
+    exponential: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Excess:
+    """Excess over uninterrupted sliding in bins of travel since the peak, with standard errors; shape (m,) each."""
+
+    travel_m: Array
+    time_s: Array
+    excess_n: Array
+    stderr_n: Array
+
+
+def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Excess | None:
+    """Average over bins whose width grows with travel; None if there are too few samples.
+
+    Parameters
+    ----------
+    travel_m, time_s, excess_n : ndarray, shape (n,)
+        Since the peak.
+    noise_n : float
+        Noise of one sample.
+    texture_n : float
+        Standard deviation of friction over position in uninterrupted sliding, which bins do not average out.
+    """
+    known = travel_m > 0
+    travel, time, excess = travel_m[known], time_s[known], excess_n[known]
+    if travel.size < FEWEST_BINS * LEAST_IN_BIN:
+        return None
+    low = float(travel[LEAST_IN_BIN])
+    edges = np.r_[0.0, np.geomspace(low, float(travel[-1]) * (1 + 1e-9), BINS_PER_DECADE * 4)]
+    at = np.searchsorted(edges, travel, side="right") - 1
+    number = np.bincount(at, minlength=edges.size)
+    # Bins with too few samples join the following one.
+    target, carried, label = np.zeros(edges.size, dtype=int), 0, 0
+    for i, count in enumerate(number):
+        target[i] = label
+        carried += int(count)
+        if carried >= LEAST_IN_BIN:
+            label, carried = label + 1, 0
+    group = target[at]
+    count = np.bincount(group)
+    kept = count >= LEAST_IN_BIN
+    if kept.sum() < FEWEST_BINS:
+        return None
+    stderr = np.hypot(noise_n / np.sqrt(count), texture_n)
+    return Excess(*(column[kept] for column in (*means(group, travel, time, excess), stderr)))
+
+
+def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery | None:
+    """Fit the return to uninterrupted sliding.
+
+    Parameters
+    ----------
+    bins : Excess
+    running_stderr_n : float
+        Standard error of the level of uninterrupted sliding.
+    speed_m_s : float
+        Speed of the restart.
+
+    Returns
+    -------
+    Recovery or None
+        None if the excess at the peak is not distinguishable from zero.
+    """
+    s, y, sigma = bins.travel_m, bins.excess_n, bins.stderr_n
+    first = slice(0, max(2, s.size // 10))
+    start = float(np.average(y[first], weights=sigma[first] ** -2))
+    if start < SIGNIFICANT * float(np.hypot(sigma[first].min(), running_stderr_n)):
+        return None
+    freedom = s.size - 3
+    coarse = np.geomspace(float(s[0]), 3.0 * float(s[-1]), LENGTHS)
+    found = refined(lambda at: _scan(s, y, sigma, at), coarse, LENGTHS, lambda one: one.rise(freedom, 1.0))
+    lengths = found.shape[:, 0]
+    back = lengths * np.log(1.0 / BACK)
+    inside = back[found.inside(found.rise(freedom, 1.0))]
+    best, cost, (drop, left) = found.best, float(found.cost[found.best]), found.coefficient[found.best].tolist()
+    rest = y - drop * np.exp(-s / lengths[best]) - left
+    strange = cost > freedom + 3.0 * np.sqrt(2.0 * freedom)
+    exponential = not (strange and float(np.sqrt(np.mean(rest**2))) > MISFIT * start)
+    value, low, high, seen = float(back[best]), float(inside.min()), float(inside.max()), float(s[-1])
+    if not exponential:
+        value, low, high = _by_bins(bins, left)
+    complete = high <= seen
+    high = high if complete else float("inf")
+    level = float(np.hypot(np.sqrt(found.scale(freedom, 1.0) * found.covariance[best, 1, 1]), running_stderr_n))
+    reach = student(freedom) * level
+    to_time = np.r_[0.0, s], np.r_[0.0, bins.time_s]
+    at, early, late, last = (_time(x, *to_time, speed_m_s) for x in (value, low, high, 2 * seen))
+    return Recovery(
+        distance=Estimate(value, low, high, (min(high, 2 * seen) - low) / 4.0, "m"),
+        time=Estimate(at, early, late, (min(late, last) - early) / 4.0, "s"),
+        length_m=float(lengths[best]),
+        left=Estimate(left, left - reach, left + reach, level, "N", float(freedom)),
+        seen_m=seen,
+        complete=complete,
+        exponential=exponential,
+    )
+
+
+def _scan(s: Array, y: Array, sigma: Array, lengths: Array) -> Scan:
+    decay = np.exp(-s[None, :] / lengths[:, None])
+    return scan(lengths[:, None], np.stack([decay, np.ones_like(decay)], axis=2) / sigma[None, :, None], y / sigma)
+
+
+def _by_bins(bins: Excess, left_n: float) -> tuple[float, float, float]:
+    """Return the distance from the bins: where the excess falls below 5 % and stays there, with its error."""
+    above = bins.excess_n - left_n
+    top = float(above[: max(2, above.size // 10)].mean())
+
+    def crossing(shift: float) -> float:
+        over = np.flatnonzero(above + shift * bins.stderr_n > BACK * top)
+        if not over.size:
+            return float(bins.travel_m[0])
+        last = int(over[-1])
+        return float(bins.travel_m[last + 1]) if last + 1 < above.size else float("inf")
+
+    low, value, high = crossing(-1.0), crossing(0.0), crossing(1.0)
+    return min(value, bins.travel_m[-1]), low, max(high, value)
+
+
+def _time(travel: float, known_m: Array, known_s: Array, speed_m_s: float) -> float:
+    """Return the time at a travel; beyond the observed travel at the speed of the move."""
+    if not np.isfinite(travel):
+        return float("inf")
+    beyond = max(travel - float(known_m[-1]), 0.0) / max(speed_m_s, 1e-9)
+    return float(np.interp(travel, known_m, known_s)) + beyond
+
+
+PER_DECADE = 12
+FEWEST_TIMES = 6
+#: Start and end of the hold for the amount: the force falls fastest at first.
+START_S, END_SHARE = 0.1, 0.1
+LEAST_SAMPLES = 3
+#: Factor by which the search for times extends beyond the first and last bin.
+REACH = 5.0
+TIMES = 60
+CHI_SQUARE_95 = 3.84  # of one quantity
+
+
+@dataclass(frozen=True)
+class ForceRelaxation:
+    """Relaxation of the force in a hold; friction is positive in the direction of the restart.
+
+    Attributes
+    ----------
+    amount : Estimate
+        Fall of the force from the start to the end of the hold; free of any form.
+    held_n : float
+        Force at the end of the hold.
+    form : str
+        log, exponential, two times or none.
+    times_s : tuple of float
+        t0 of the log, time constants of the others.
+    time_intervals_s : tuple of (float, float)
+        0 or inf if open; none for two times.
+    amplitudes_n : tuple of float
+        R of the log, A of the others.
+    per_decade : Estimate or None
+        R, for any form; None if the hold is too short.
+    aicc : dict
+        Form -> AICc above that of the best one.
+    """
+
+    amount: Estimate
+    held_n: float
+    form: str
+    times_s: tuple[float, ...]
+    time_intervals_s: tuple[tuple[float, float], ...]
+    amplitudes_n: tuple[float, ...]
+    per_decade: Estimate | None
+    aicc: dict[str, float]
+
+    def force_n(self, time_s: Array, start_n: float) -> Array:
+        """Return the force over time since the rest began, N, for a force at its beginning."""
+        basis = _basis(self.form, np.asarray(time_s, dtype=float), np.array([self.times_s]))[0]
+        return start_n - basis @ np.array(self.amplitudes_n)
+
+
+def relax(time_s: Array, friction_n: Array) -> ForceRelaxation | None:
+    """Describe a hold.
+
+    Parameters
+    ----------
+    time_s : ndarray, shape (n,)
+        Since the rest began.
+    friction_n : ndarray, shape (n,)
+        Raw samples.
+
+    Returns
+    -------
+    ForceRelaxation or None
+        None with fewer than six samples.
+    """
+    if time_s.size < 2 * LEAST_SAMPLES:
+        return None
+    noise = max(noise_level(friction_n), 1e-12 * float(np.abs(friction_n).max()) + 1e-300)
+    duration = float(time_s[-1])
+    early = max(int(np.searchsorted(time_s, START_S)), LEAST_SAMPLES)
+    late = min(int(np.searchsorted(time_s, (1.0 - END_SHARE) * duration)), time_s.size - LEAST_SAMPLES)
+    early = min(early, late)
+    start, end = friction_n[:early], friction_n[late:]
+    stderr = noise * float(np.sqrt(1.0 / start.size + 1.0 / end.size))
+    value = float(start.mean() - end.mean())
+    amount = Estimate(value, value - NORMAL_95 * stderr, value + NORMAL_95 * stderr, stderr, "N")
+    nothing = ForceRelaxation(amount, float(end.mean()), "none", (), (), (), None, {})
+    known = time_s > 0
+    if known.sum() < FEWEST_TIMES:
+        return nothing
+    time, friction = time_s[known], friction_n[known]
+    low, high = max(float(time[0]), float(time[-1]) * 1e-6), float(time[-1]) * (1 + 1e-9)
+    edges = np.geomspace(low, high, max(int(PER_DECADE * np.log10(float(time[-1]) / low)), FEWEST_TIMES) + 1)
+    group = cells(np.clip(np.searchsorted(edges, time, side="right") - 1, 0, edges.size - 2))
+    time, friction = means(group, time, friction)
+    if time.size < FEWEST_TIMES:
+        return nothing
+    return replace(nothing, **_forms(time, friction, noise**2 / np.bincount(group)))
+
+
+def _basis(form: str, time: Array, times: Array) -> Array:
+    """Return the fall for amplitude 1 at times (n,), for sets of time constants (g, k); shape (g, n, k)."""
+    ratio = time[None, :, None] / times[:, None, :]
+    return np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
+
+
+def _forms(time: Array, force: Array, variance: Array) -> dict[str, Any]:
+    # Slow noise that bins share is not in the samples' noise: least variance from a cubic in log time.
+    root = np.sqrt(1.0 / (variance + _slow_variance(time, force, variance)))
+    grid = np.geomspace(time[0] / REACH, time[-1] * REACH, TIMES)
+    pairs = [(a, b) for i, a in enumerate(grid[::3]) for b in grid[::3][i + 2 :]]
+    single = [(t,) for t in grid]
+    candidates = {"none": [()], "exponential": single, "log": single, "two times": pairs}
+    fits, aicc = {}, {}
+    for form, shapes in candidates.items():
+        shape = np.array(shapes).reshape(len(shapes), -1)
+        columns = np.concatenate([np.ones((len(shapes), time.size, 1)), -_basis(form, time, shape)], axis=2)
+        fits[form] = scan(shape, columns * root[None, :, None], force * root)
+        aicc[form] = corrected_criterion(float(fits[form].cost.min()), 1 + 2 * shape.shape[1], time.size)
+    form = min(aicc, key=lambda name: aicc[name])
+    best, log, freedom = fits[form], fits["log"], max(time.size - 3, 1)
+    per_decade = None
+    if np.isfinite(aicc["log"]):
+        low, high = log.interval(np.array([0.0, 1.0]), log.rise(freedom, 1.0))
+        stderr = float(np.sqrt(log.scale(freedom, 1.0) * log.covariance[log.best, 1, 1]))
+        per_decade = Estimate(float(log.coefficient[log.best, 1]), low, high, stderr, "N", float(freedom))
+    ends = (best.shape_interval(0, CHI_SQUARE_95, (grid[0], grid[-1])),) if form in {"log", "exponential"} else ()
+    return {
+        "form": form,
+        "times_s": tuple(best.shape[best.best].tolist()),
+        "time_intervals_s": ends,
+        "amplitudes_n": tuple(best.coefficient[best.best, 1:].tolist()),
+        "per_decade": per_decade,
+        "aicc": {name: value - aicc[form] for name, value in aicc.items() if np.isfinite(value)},
+    }
+
+
+def _slow_variance(time: Array, force: Array, variance: Array) -> float:
+    u = np.log10(time)
+    design = np.vander((u - u.mean()) / max(float(np.ptp(u)), 1e-9), min(6, max(u.size - 3, 1)))
+    w = 1.0 / np.sqrt(variance)
+    rest = (force - design @ np.linalg.lstsq(design * w[:, None], force * w, rcond=None)[0]) ** 2
+    return max(float(rest.sum()) / max(u.size - design.shape[1], 1) - float(variance.mean()), 0.0)

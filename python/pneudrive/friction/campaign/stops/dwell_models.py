@@ -1,0 +1,624 @@
+"""Breakaway over stop duration: laws, a curve without a law, and optimal stops for a law.
+
+Laws of breakaway over stop duration, fitted side by side and compared by information criteria.
+
+y = a_c + B_c psi(t; shape) at each condition c; the shape is common to all conditions
+
+psi is a growth of the core, named as in drive files, with a time and an exponent. The interval of the shape comes from
+its profile, and is open if the data do not limit it.
+
+Breakaway increment against stop duration without a law: a curve over the logarithm of the duration.
+
+y = level_c + slope_c u + bend + place + drift + block + block slope + scatter,   u = log10(stop duration)
+
+at each condition c. The bend is smooth over u (a slow and a quicker part), and partly common to all conditions. The
+bend, the blocks, their slopes and the scatter between cycles are random effects. Results are averages over the possible
+sizes of these effects (`pneudrive.estimate.mixed`). Intervals therefore cover the choice of the law as well as the
+scatter.
+
+Optimal stops for a dwell law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive import _core
+from pneudrive.errors import FitError, nearest
+from pneudrive.estimate.design import DesignSpace, exchange, information
+from pneudrive.estimate.estimates import student
+from pneudrive.estimate.groups import cells, levels
+from pneudrive.estimate.mixed import Functionals, MixedFit, MixedModel, RandomEffect, independent
+from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
+from pneudrive.estimate.splines import gaussian
+from pneudrive.repr_tables import Shown
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    from pneudrive.friction.conditions import Condition
+
+
+KATO_EXPONENT = 0.4  # assumed if not free: stops of a few decades do not determine it
+EXPONENTS = np.round(np.linspace(0.15, 1.0, 18), 3)
+PER_DECADE = 10  # points of the first profile over a time
+FINE = 64  # and of the second one, over the range of the first
+#: A time is searched from the shortest stop divided by the first factor to the longest times the second: beyond the
+#: first the law is a straight line over log t, beyond the second a straight line over t (or a power of it).
+REACH = {"log": (100.0, 10.0), "kato": (100.0, 1e5), "kato-free": (100.0, 1e5)}
+USUAL_REACH = (30.0, 30.0)
+LEAST_DURATIONS = 3
+CONCLUSIVE = 10.0  # difference of AICc beyond which a law has essentially no support [burnham2002]
+EMPTY = np.zeros((1, 0))  # the shape of a law without parameters
+UNCERTAIN = 2.0  # and difference below which two laws are equally good
+
+
+@dataclass(frozen=True)
+class DwellForm:
+    """A law of breakaway over stop duration.
+
+    Attributes
+    ----------
+    name, title, formula, source : str
+        Texts for display.
+    growth : str
+        Growth of the core; "": breakaway does not depend on the stop.
+    units : dict
+        Parameters of its shape: time, and exponent if free, with their units.
+    exponent : float
+        Exponent if not free.
+    """
+
+    name: str
+    title: str
+    formula: str
+    source: str
+    growth: str
+    units: dict[str, str]
+    exponent: float = 1.0
+
+    def __str__(self) -> str:
+        """Return the title."""
+        return self.title
+
+    @property
+    def saturates(self) -> bool:
+        """Whether the growth has a limit."""
+        return self.growth in {"saturating", "hyperbolic"}
+
+    def derivatives(self, duration_s: Array, time_s: float, exponent: float | None = None) -> Array:
+        """Return psi and its derivatives by duration, time and exponent, shape (n, 4)."""
+        m = self.exponent if exponent is None else exponent
+        return _core.dwell_growth(self.growth, np.asarray(duration_s, dtype=float), float(time_s), float(m))
+
+    def psi(self, duration_s: Array, *shape: float) -> Array:
+        """Return psi, shape (n,)."""
+        return self.derivatives(duration_s, *shape)[:, 0] if self.growth else np.zeros(np.shape(duration_s))
+
+    def slope(self, duration_s: float, *shape: float) -> float:
+        """Differentiate psi by the decadic logarithm of the duration."""
+        if not self.growth:
+            return 0.0
+        return float(np.log(10.0) * duration_s * self.derivatives(np.array([duration_s]), *shape)[0, 1])
+
+
+STRETCHED = "a + B [1 − exp(−(t/τ)^m)]"
+FORMS = (
+    DwellForm("log", "logarithmic", "a + B ln(1 + t/t0)", "dieterich1979", "log", {"t0": "s"}),
+    DwellForm(
+        "kato",
+        f"stretched exponential, m = {KATO_EXPONENT:g}",
+        STRETCHED,
+        "kato1972",  # the form is that of slideways
+        "saturating",
+        {"tau": "s"},
+        KATO_EXPONENT,
+    ),
+    DwellForm(
+        "kato-free",
+        "stretched exponential, m free",
+        STRETCHED,
+        "kato1972",
+        "saturating",
+        {"tau": "s", "m": ""},
+    ),
+    DwellForm("hyperbolic", "hyperbolic", "a + B t/(t + γ)", "armstrong1994", "hyperbolic", {"gamma": "s"}),
+    DwellForm("exponential", "exponential", "a + B [1 − exp(−t/τ)]", "", "saturating", {"tau": "s"}),
+    DwellForm("none", "no dependence", "a", "", "", {}),
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DwellLawFit(Shown):
+    """One law, fitted.
+
+    Attributes
+    ----------
+    form : DwellForm
+    shape : dict
+        Shape parameter -> estimate. A parameter with an open side of its interval is not determined on that side.
+    shape_intervals : dict
+        Shape parameter -> (low, high), 95 %; 0 or inf where open.
+    level_n, amplitude_n : ndarray, shape (C,)
+        a and B at each condition.
+    level_intervals_n, amplitude_intervals_n : ndarray, shape (C, 2)
+    slope_n, slope_low_n, slope_high_n : float
+        Slope per decade at the reference duration, mean over conditions, with its profile interval.
+    aicc, bic : float
+        inf with too few stops.
+    parameters : int
+    delta : float
+        AICc above that of the best law.
+    weight : float
+        Akaike weight among the laws.
+    """
+
+    form: DwellForm
+    shape: dict[str, float]
+    shape_intervals: dict[str, tuple[float, float]]
+    level_n: Array
+    amplitude_n: Array
+    level_intervals_n: Array
+    amplitude_intervals_n: Array
+    slope_n: float
+    slope_low_n: float
+    slope_high_n: float
+    aicc: float
+    bic: float
+    parameters: int
+    delta: float = float("nan")
+    weight: float = float("nan")
+
+    @property
+    def name(self) -> str:
+        """Name of the law."""
+        return self.form.name
+
+    def increment_n(self, duration_s: Array, condition: int) -> Array:
+        """Return the breakaway increment after stops of these durations."""
+        psi = self.form.psi(np.asarray(duration_s, dtype=float), *self.shape.values())
+        return self.level_n[condition] + self.amplitude_n[condition] * psi
+
+
+def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
+    """Fit every law to the stops of a curve, with the scatter and blocks that the curve found.
+
+    Parameters
+    ----------
+    curve : DwellCurve
+    reference_s : float
+        Duration of the slope.
+
+    Returns
+    -------
+    tuple of DwellLawFit
+        Best first. Empty with fewer than three durations.
+    """
+    if curve.data.durations < LEAST_DURATIONS:
+        return ()
+    whitener = np.linalg.inv(np.linalg.cholesky(curve.scatter_covariance())).astype(np.float64)
+    fits = sorted((_fit(curve, form, whitener, reference_s) for form in FORMS), key=lambda f: f.aicc)
+    delta = [f.aicc - fits[0].aicc for f in fits]
+    weight = np.exp(-0.5 * np.array(delta))
+    weight /= weight.sum()
+    return tuple(replace(f, delta=d, weight=float(w)) for f, d, w in zip(fits, delta, weight, strict=True))
+
+
+def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float) -> DwellLawFit:
+    n, conditions = len(curve.data), len(curve.data.conditions)
+    shortest, longest = float(curve.data.duration_s.min()), float(curve.data.duration_s.max())
+    below, above = REACH.get(form.name, USUAL_REACH)
+    limits = {"s": (shortest / below, longest * above), "": (EXPONENTS[0], np.inf)}
+    linear = conditions + curve.extra.shape[1] + (conditions if form.growth else 0)
+    count = linear + len(form.units) + 1
+    freedom = max(n - count + 1, 1)
+    low, high = limits["s"]
+    times = np.geomspace(low, high, int(PER_DECADE * np.log10(high / low)))
+    profile = _at(curve, form, whitener, times)
+    if form.growth:
+        profile = refined(lambda t: _at(curve, form, whitener, t), times, FINE, lambda s: s.rise(freedom))
+    rise, best = profile.rise(freedom), profile.coefficient[profile.best]
+    slope = np.zeros_like(profile.coefficient)
+    slope[:, -conditions:] = np.array([[form.slope(reference_s, *s)] for s in profile.shape]) / conditions
+    slope_low, slope_high = profile.interval(slope, rise)
+    rows = np.eye(linear)
+    ages = rows[-conditions:] if form.growth else np.zeros((conditions, linear))
+    cost = max(float(profile.cost[profile.best]), 1e-300)
+    deviance = n * np.log(cost / n) - 2.0 * float(np.log(np.diag(whitener)).sum())
+    aicc = corrected_criterion(deviance, count, n)
+    return DwellLawFit(
+        form=form,
+        shape=dict(zip(form.units, profile.shape[profile.best].tolist(), strict=True)),
+        shape_intervals={
+            name: profile.shape_interval(k, rise, limits[unit]) for k, (name, unit) in enumerate(form.units.items())
+        },
+        level_n=best[:conditions],
+        amplitude_n=ages @ best,
+        level_intervals_n=np.array([profile.interval(row, rise) for row in rows[:conditions]]),
+        amplitude_intervals_n=np.array([profile.interval(row, rise) for row in ages]),
+        slope_n=float(slope[profile.best] @ best),
+        slope_low_n=slope_low,
+        slope_high_n=slope_high,
+        aicc=aicc,
+        bic=float(deviance + count * np.log(n)) if np.isfinite(aicc) else float("inf"),
+        parameters=count,
+    )
+
+
+def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> Scan:
+    """Fit a law at these times, and at all exponents if they are free."""
+    data, conditions = curve.data, len(curve.data.conditions)
+    own = (data.condition[:, None] == np.arange(conditions)[None, :]).astype(float)
+    columns = [times, EXPONENTS][: len(form.units)]
+    shapes = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns)) if columns else EMPTY
+    designs = np.broadcast_to(np.c_[own, curve.extra], (len(shapes), len(data), conditions + curve.extra.shape[1]))
+    if form.growth:
+        psi = np.array([form.psi(data.duration_s, *shape) for shape in shapes])
+        designs = np.concatenate([designs, own[None, :, :] * psi[:, :, None]], axis=2)
+    return scan(shapes, whitener @ designs, whitener @ data.increment_n)
+
+
+#: Correlation length of the bends in decades (the known laws turn within one or two), and their prior size as a
+#: share of the swing of the increments (assumed; chosen by the coverage of simulated campaigns under six laws).
+BENDS = {"quick bend": (0.6, 0.05), "slow bend": (1.5, 0.2)}
+#: Share of the bend that conditions have in common: ageing at one pressure resembles that at another.
+COMMON_BEND = 0.8
+#: The scatter's variance grows with the increment, between these multiples of the mean one.
+GROWTH_RANGE = (0.25, 4.0)
+#: Least number of blocks for the scatter of their slopes.
+BLOCKS_FOR_SLOPES = 3
+#: Variance inflation of the slope by drift above which the two cannot be separated.
+CONFOUNDED = 5.0
+#: Durations within this many decades (2 %) count as one.
+SAME_DURATION = 0.0086
+#: Huber's constant for outlying stops, and number of updates of their weights.
+HUBER_K, ROUNDS = 2.5, 3
+LEAST_FREEDOM = 2
+#: Number of stops beyond the unknowns above which places and drift are unknowns too.
+SPARE_FOR_PLACES, SPARE_FOR_DRIFT = 4, 6
+
+
+@dataclass(frozen=True, eq=False)
+class DwellData:
+    """Stops of one series, shape (n,) each.
+
+    Attributes
+    ----------
+    key : tuple of str
+    duration_s, increment_n, stderr_n : ndarray
+        stderr_n comes from noise within the cycle.
+    condition : ndarray of int
+        Index into `conditions`.
+    place : ndarray of int
+        Direction and position of the stop: places differ by a constant.
+    began_s : ndarray
+        The rig's clock.
+    block : ndarray of int
+    conditions : tuple of Condition
+    drift_prior_n : float
+        Standard deviation of the increments' drift over half the campaign if the order of the stops hides it.
+    """
+
+    key: tuple[str, ...]
+    duration_s: Array
+    increment_n: Array
+    stderr_n: Array
+    condition: NDArray[np.int64]
+    place: NDArray[np.int64]
+    began_s: Array
+    block: NDArray[np.int64]
+    conditions: tuple[Condition, ...]
+    drift_prior_n: float = 0.0
+
+    @property
+    def log_s(self) -> Array:
+        """Decadic logarithm of the duration."""
+        return np.log10(self.duration_s)
+
+    @property
+    def durations(self) -> int:
+        """Largest number of different durations at a condition."""
+        level = levels(self.log_s, SAME_DURATION)
+        return max(np.unique(level[self.condition == c]).size for c in range(len(self.conditions)))
+
+    def __len__(self) -> int:
+        """Return the number of stops."""
+        return self.duration_s.size
+
+
+@dataclass(frozen=True, eq=False)
+class DwellCurve:
+    """The fitted curve.
+
+    Attributes
+    ----------
+    data : DwellData
+    fit : MixedFit
+    centre : float
+        log10 duration of the levels.
+    extra : ndarray, shape (n, .)
+        Fixed columns in addition to levels and slopes: positions, drift.
+    inflation : float
+        Variance inflation of the slope by drift.
+    weight : ndarray, shape (n,)
+        Huber's weight of each stop; below 1 for an outlying stop.
+    """
+
+    data: DwellData
+    fit: MixedFit
+    centre: float
+    extra: Array
+    inflation: float
+    weight: Array
+
+    def values(self, log_s: Array) -> Functionals:
+        """Return the increment at log10 durations, N; condition by condition."""
+        return self._functionals(log_s, derivative=False)
+
+    def slopes(self, log_s: Array) -> Functionals:
+        """Return the slope per decade at log10 durations, N."""
+        return self._functionals(log_s, derivative=True)
+
+    def gains(self, low: float, high: float) -> Functionals:
+        """Return the mean slope per decade between two log10 durations, at each condition."""
+        row = np.array([[-1.0, 1.0]]) / (high - low)
+        rows = np.kron(np.eye(len(self.data.conditions)), row)
+        return self.values(np.array([low, high])).combine(rows.astype(np.float64))
+
+    def scatter_covariance(self) -> Array:
+        """Return the covariance of the stops without the bends, shape (n, n): for the comparison of laws."""
+        model = self.fit.model
+        kept = [i for i, c in enumerate(model.components) if c.name not in BENDS]
+        part = replace(model, components=tuple(model.components[i] for i in kept))
+        return part.covariance(self.fit.sd[kept])
+
+    def _functionals(self, log_s: Array, *, derivative: bool) -> Functionals:
+        conditions = len(self.data.conditions)
+        of, at = np.repeat(np.arange(conditions), log_s.size), np.tile(log_s, conditions)
+        rows, fixed = np.arange(of.size), np.zeros((of.size, self.fit.model.x.shape[1]))
+        fixed[rows, of] = 0.0 if derivative else 1.0
+        fixed[rows, conditions + of] = 1.0 if derivative else at - self.centre
+        with_stops = np.where(of[:, None] == self.data.condition[None, :], 1.0, COMMON_BEND)
+        with_each = np.where(of[:, None] == of[None, :], 1.0, COMMON_BEND)
+        cross, own = {}, {}
+        for name, (length, _) in BENDS.items():
+            k, z = gaussian(at, self.data.log_s, length), gaussian(at, at, length)
+            if derivative:
+                away = (at[:, None] - at[None, :]) / length
+                k = -k * (at[:, None] - self.data.log_s[None, :]) / length**2
+                z = z * (1.0 - away * away) / length**2
+            cross[name], own[name] = k * with_stops, z * with_each
+        return Functionals(self.fit, fixed, cross, own)
+
+
+def fit_curve(data: DwellData) -> DwellCurve | None:
+    """Fit the curve; None if too few stops are left to estimate the scatter.
+
+    Parameters
+    ----------
+    data : DwellData
+        At least two durations at each condition.
+    """
+    n, conditions = len(data), len(data.conditions)
+    u, rows = data.log_s, np.arange(n)
+    centre = float(u.mean())
+    x = np.zeros((n, 2 * conditions))
+    x[rows, data.condition] = 1.0
+    x[rows, conditions + data.condition] = u - centre
+    if n - x.shape[1] < LEAST_FREEDOM:
+        return None
+    extra, hidden, inflation = _places_and_drift(data, x)
+    x = np.c_[x, extra]
+    components = _components(data, x, hidden)
+    weight = np.ones(n)
+    curve = None
+    for _ in range(ROUNDS):
+        scatter = replace(components[0], kernel=components[0].kernel / weight)
+        model = MixedModel(data.increment_n, x, data.stderr_n**2 / weight, (scatter, *components[1:]))
+        curve = DwellCurve(data, model.fit(), centre, extra, inflation, weight)
+        away = _standardised(curve)
+        updated = np.minimum(1.0, HUBER_K / np.maximum(away, 1e-12))
+        if np.allclose(updated, weight, atol=0.02):
+            break
+        weight = updated
+    return curve
+
+
+def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
+    """Return fixed columns of places and drift, the column of a hidden drift, and its variance inflation."""
+    n = len(data)
+    names, member = np.unique(data.place, return_inverse=True)
+    extra = (member[:, None] == np.arange(names.size)[None, :]).astype(float) - 1.0 / names.size
+    extra = extra[:, independent(np.c_[x, extra])[x.shape[1] :] - x.shape[1]]
+    if n - x.shape[1] - extra.shape[1] < SPARE_FOR_PLACES:
+        extra = np.zeros((n, 0))
+    spare = n - x.shape[1] - extra.shape[1]
+    time = data.began_s - data.began_s.mean()
+    if np.ptp(time) == 0:
+        return extra, np.zeros((n, 0)), 1.0
+    drift = (time / np.abs(time).max())[:, None]
+    inflation = _inflation(np.c_[x, extra], len(data.conditions), drift)
+    if inflation < CONFOUNDED and spare > SPARE_FOR_DRIFT:
+        return np.c_[extra, drift], np.zeros((n, 0)), inflation
+    return extra, drift * data.drift_prior_n if data.drift_prior_n > 0 else np.zeros((n, 0)), inflation
+
+
+def _inflation(x: Array, conditions: int, drift: Array) -> float:
+    """Return the factor on the variance of the mean slope with drift as a further unknown."""
+    wanted = np.zeros(x.shape[1])
+    wanted[conditions : 2 * conditions] = 1.0 / conditions
+    both = np.c_[x, drift]
+    if np.linalg.matrix_rank(both) < both.shape[1]:
+        return float("inf")
+    before = wanted @ np.linalg.pinv(x.T @ x) @ wanted
+    wider = np.r_[wanted, 0.0]
+    return float(wider @ np.linalg.inv(both.T @ both) @ wider / max(before, 1e-300))
+
+
+def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect, ...]:
+    """Return the sources of scatter; the scatter from stop to stop comes first."""
+    y, u = data.increment_n, data.log_s
+    line = np.abs(x @ np.linalg.lstsq(x, y, rcond=None)[0])
+    size = np.clip(line / max(float(line.mean()), 1e-300), *GROWTH_RANGE)
+    tau = _first_scatter(data, x)
+    swing = max(float(np.ptp(line)), tau)
+    out = [RandomEffect("scatter", size / size.mean(), tau)]
+    if data.durations > 2:
+        share = np.where(data.condition[:, None] == data.condition[None, :], 1.0, COMMON_BEND)
+        out += [
+            RandomEffect(name, gaussian(u, u, length) * share, swing * size) for name, (length, size) in BENDS.items()
+        ]
+    names, member = np.unique(data.block, return_inverse=True)
+    if names.size > 1:
+        same = (member[:, None] == member[None, :]).astype(float)
+        out.append(RandomEffect("block", same, tau))
+        if names.size >= BLOCKS_FOR_SLOPES:
+            away = (u - u.mean()) / max(float(u.std()), 1e-9)
+            out.append(RandomEffect("block slope", same * np.outer(away, away), tau))
+    if hidden.shape[1]:
+        out.append(RandomEffect("drift", hidden @ hidden.T, 1.0))
+    return tuple(out)
+
+
+def _first_scatter(data: DwellData, x: Array) -> float:
+    """Return a first estimate of the scatter beyond noise: within equal stops, otherwise about lines."""
+    y = data.increment_n
+    cell = cells(data.condition, levels(data.log_s, SAME_DURATION))
+    counts = np.bincount(cell)
+    repeats = int((counts - 1).sum())
+    if repeats >= 3:
+        total = float(((y - (np.bincount(cell, y) / counts)[cell]) ** 2).sum() / repeats)
+    else:
+        rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+        total = float(rest @ rest) / max(y.size - x.shape[1], 1)
+    noise = float(np.mean(data.stderr_n**2))
+    return float(np.sqrt(max(total - noise, 0.05 * total, 0.05 * noise, 1e-18 * float(y @ y), 1e-300)))
+
+
+def _standardised(curve: DwellCurve) -> Array:
+    """Return the distance of each stop from curve and blocks, in standard deviations of the stop."""
+    model, weight = curve.fit.model, curve.weight
+    scatter = model.components[0]
+    own = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight
+    solved = np.linalg.solve(model.covariance(curve.fit.sd), model.y - model.x @ curve.fit.states[0].beta)
+    return np.abs(own / weight * solved) / np.sqrt(np.maximum(own, 1e-300))
+
+
+#: Number of candidate durations, in logarithmic steps, and digits of the proposed ones.
+DURATIONS, DIGITS = 120, 2
+#: Draws of the time constant over which the criterion is averaged, in standard deviations of its logarithm.
+DRAWS = np.linspace(-1.5, 1.5, 9)
+#: Kato's exponent if it is a parameter: the middle of the values for slideways [kato1972].
+KATO_M = 0.4
+
+
+@dataclass(frozen=True, repr=False)
+class StopDesign(Shown):
+    """Proposed stops.
+
+    Attributes
+    ----------
+    form : str
+        Dwell law.
+    durations_s : tuple of float
+        Shortest first, each with its number in `repeats`.
+    repeats : tuple of int
+    half_widths : dict
+        Parameter -> expected half-width of its 95 % interval: ``a_n`` and ``increment_n`` in N for an increment of 1 N,
+        and the relative one of the time constant.
+    seconds : float
+        Time of the stops alone.
+    """
+
+    form: str
+    durations_s: tuple[float, ...]
+    repeats: tuple[int, ...]
+    half_widths: dict[str, float]
+    seconds: float
+
+    def __str__(self) -> str:
+        """Return the stops and the expected intervals."""
+        times = ", ".join(f"{t:g} s x {n}" for t, n in zip(self.durations_s, self.repeats, strict=True))
+        lines = [f"stops for the {self.form} law: {times}; {self.seconds / 60.0:.3g} min at rest"]
+        lines.append("expected half-width of the 95 % interval, for an increment of 1 N and the given noise:")
+        lines += [f"  {name:<18} {value:.3g}" for name, value in self.half_widths.items()]
+        return "\n".join(lines)
+
+    def protocol(self, name: str = "Next stops") -> str:
+        """Return a protocol for ``pneudrive campaign plan``; every stop has the largest number of repeats."""
+        listed = ", ".join(f'"{t:g} s"' for t in self.durations_s)
+        lines = ["schema = 1", f'name = "{name}"', f'about = "optimal stops for the {self.form} dwell law"']
+        lines += [f"repeats = {max(self.repeats)}", "", "[stop]", f"durations = [{listed}]"]
+        return "\n".join([*lines, "", "[order]", 'kind = "randomised"', ""])
+
+
+def design_stops(
+    form: str,
+    scale_s: float,
+    *,
+    stops: int = 12,
+    range_s: tuple[float, float] = (0.1, 1000.0),
+    factor: float = 3.0,
+    increment_n: float = 1.0,
+    noise_n: float = 0.3,
+) -> StopDesign:
+    """Choose durations of stops that determine level, increment and time constant of a dwell law.
+
+    The design is D-optimal by exchange, averaged over a time constant that is known only within a factor. The model is
+    linear in the increment, so the size of the increment affects only the expected interval of the time constant.
+
+    Parameters
+    ----------
+    form : str
+        ``log``, ``kato``, ``kato-free``, ``hyperbolic`` or ``exponential``.
+    scale_s : float
+        Guess of the time constant.
+    stops : int
+        Number of stops, repeats counted.
+    range_s : (float, float)
+        Shortest and longest stop.
+    factor : float
+        Standard deviation of the guess, as a factor either way.
+    increment_n, noise_n : float
+        Guess of the increment, and standard deviation of one breakaway force.
+
+    Returns
+    -------
+    StopDesign
+    """
+    laws = {one.name: one for one in FORMS if one.growth}
+    if form not in laws:
+        raise FitError(f"there is no dwell law {form!r}", remedy=nearest(form, laws))
+    if not (0.0 < range_s[0] < range_s[1] and scale_s > 0.0 and factor >= 1.0 and noise_n > 0.0):
+        raise FitError("durations, time constant and noise must be positive, and a factor 1 or more")
+    t = np.geomspace(*range_s, DURATIONS)
+    t = np.array([float(f"{v:.{DIGITS}g}") for v in t])
+    gradients = np.array([_gradient(laws[form], t, scale_s * factor**z, increment_n) for z in DRAWS]) / noise_n
+    size = gradients.shape[2]
+    candidates = DesignSpace(gradients, np.zeros((DRAWS.size, size, size)))
+    chosen = exchange(candidates, max(stops, size))
+    counts = np.bincount(chosen, minlength=t.size).astype(float)
+    covariance = np.linalg.inv(information(candidates, counts))
+    deviation = np.median(np.sqrt(np.einsum("dii->di", covariance)), axis=0)
+    names = ("a_n", "increment_n", "time constant", "exponent")[:size]
+    reach = student(len(chosen) - size)
+    where = np.flatnonzero(counts)
+    return StopDesign(
+        form,
+        tuple(t[where].tolist()),
+        tuple(counts[where].astype(int).tolist()),
+        {name: float(reach * d) for name, d in zip(names, deviation, strict=True)},
+        float(counts @ t),
+    )
+
+
+def _gradient(form: DwellForm, t: Array, scale: float, increment: float) -> Array:
+    """Differentiate by level, increment, ln of the time constant and ln of the exponent, shape (c, p)."""
+    shape = (scale, KATO_M)[: len(form.units)]
+    psi, _, by_time, by_exponent = form.derivatives(t, *shape).T
+    logarithmic = [increment * d * s for d, s in zip((by_time, by_exponent), shape, strict=False)]
+    return np.column_stack([np.ones(t.size), psi, *logarithmic])

@@ -1,0 +1,665 @@
+"""Trends of friction: over time, travel and temperature, over position, over the pressures of both chambers.
+
+Changes: drift with time, run-in with travel, temperature, interruptions; and repeatability of a cycle.
+
+Friction over position: its pattern over the common range, trend and harmonics. Cycles are the repeats.
+
+Effects of both chamber pressures on friction: slopes at each speed, interaction, and determined effects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive.estimate.autocorrelation import stderrs_of_means
+from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, mean_estimate, student
+from pneudrive.estimate.groups import cells
+from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
+from pneudrive.estimate.moderate import moderate
+from pneudrive.estimate.splines import centred_walk
+from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, shares_of
+from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
+from pneudrive.friction.campaign.smooth import CARRIED, CYCLE_SCALE
+from pneudrive.friction.conditions import PA_PER_BAR, TOLD, Condition, classify_pressures
+from pneudrive.friction.sentences import say_all
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.friction.campaign.curves import Fits
+    from pneudrive.friction.cycle import CycleData
+
+    Array = NDArray[np.float64]
+    from collections.abc import Iterator, Sequence
+
+    from pneudrive.estimate.estimates import FTest
+    from pneudrive.friction.campaign.points import Points
+    from pneudrive.friction.sentences import Said
+
+
+HOUR_S = 3600.0
+UNITS = {"time": "N/h", "travel": "N/decade", "temperature": "N/K"}  # of the effects of these causes
+LEAST_KELVIN = 0.5  # least range of temperature for an effect
+LEAST_DECADES = 0.5  # of travel
+FIRST_TRAVEL_M = 1.0  # least travel for its logarithm
+LONG_REST_S, LONG_REST_RATIO = 30.0, 5.0  # a rest is an interruption beyond both, the ratio to the usual rest
+FEWEST_INTERRUPTED = 3
+ENOUGH_FOR_LINE = 3  # degrees of freedom above which a line over the campaign is removed from repeats
+TOGETHER = 0.95  # correlation above which two causes cannot be separated
+
+
+@dataclass(frozen=True, eq=False)
+class Causes:
+    """Possible causes of a change of friction over a campaign, shape (n,) each, for the cycles that are points of F(v).
+
+    Attributes
+    ----------
+    columns : dict
+        time (h), travel (decades), temperature (K), if they change enough to have an effect.
+    interrupted : ndarray of bool
+        Cycles that follow a long rest, or a cycle with a stop.
+    together : tuple of (str, str, float)
+        Pairs that cannot be separated, and their correlation.
+    """
+
+    columns: dict[str, Array]
+    interrupted: NDArray[np.bool_]
+    together: tuple[tuple[str, str, float], ...]
+
+
+def causes(fits: Fits) -> Causes:
+    """Collect the possible causes of a drift."""
+    data = fits.points.cycles(fits.points.use)
+    columns = {"time": np.array([d.plan.began_s for d in data]) / HOUR_S}
+    decades = np.log10(np.array([d.plan.travel_m for d in data]) + FIRST_TRAVEL_M)
+    kelvin = np.array([d.temperature_k for d in data])
+    if np.ptp(decades) >= LEAST_DECADES:
+        columns["travel"] = decades
+    if np.isfinite(kelvin).all() and np.ptp(kelvin) >= LEAST_KELVIN:
+        columns["temperature"] = kelvin
+    changing = {name: column for name, column in columns.items() if np.ptp(column) > 0}
+    pairs = [(a, b, float(np.corrcoef(changing[a], changing[b])[0, 1])) for a, b in combinations(changing, 2)]
+    return Causes(columns, _interrupted(data), tuple(pair for pair in pairs if abs(pair[2]) > TOGETHER))
+
+
+def _interrupted(data: list[CycleData]) -> NDArray[np.bool_]:
+    rest = np.array([d.plan.rest_s for d in data])
+    usual = float(np.nanmedian(rest)) if np.isfinite(rest).any() else 0.0
+    return np.nan_to_num(rest) > max(LONG_REST_S, LONG_REST_RATIO * usual)
+
+
+def drift_of(fits: Fits, found: Causes) -> Drift:
+    """Describe the drift. Undetermined effects have the value None."""
+    points, fit, scale = fits.points, fits.friction, fits.scale_n
+    carried = fits.drift_share < CARRIED
+    effects = {name: _effect(fits, column, UNITS[name]) for name, column in found.columns.items()} if carried else {}
+    number, interrupted = int(found.interrupted.sum()), None
+    if FEWEST_INTERRUPTED <= number <= found.interrupted.size - FEWEST_INTERRUPTED:
+        interrupted = _effect(fits, found.interrupted.astype(float), "N")
+    time = np.array([d.plan.elapsed_s for d in points.reduced.data])
+    sentinel = np.array([d.plan.kind == "sentinel" for d in points.reduced.data])
+    basis = "sentinels" if sentinel.any() else "repeats" if _repeated(fits) else "smooth curve"
+    value, half = fit.drift * scale, fit.drift_half * scale
+    return Drift(
+        time_s=time[points.use],
+        drift_n=value,
+        low_n=value - half,
+        high_n=value + half,
+        sentinel_time_s=time[sentinel],
+        sentinel_n=points.reduced.friction_n[sentinel],
+        per_hour=effects.get("time"),
+        per_decade_of_travel=effects.get("travel"),
+        per_kelvin=effects.get("temperature"),
+        interrupted=interrupted,
+        basis=basis if carried else "not determined",
+        spread_n=float(np.std(value)),
+    )
+
+
+def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
+    """Return the effect of one cause on mean friction; a smooth drift is estimated at the same time."""
+    model = fits.friction.fit.model
+    x = np.column_stack([model.x, column - column.mean()])
+    if independent(x).size < x.shape[1] or x.shape[0] <= x.shape[1] + 1:
+        return None
+    return replace(model, x=x).fit().contrast(fits.scale_n * np.eye(x.shape[1])[-1], unit)
+
+
+def _repeated(fits: Fits) -> bool:
+    return bool((np.bincount(fits.points.cell[fits.points.use]) > 1).any())
+
+
+def repeatability(fits: Fits, pure: Pure | None) -> Repeatability:
+    """Return the standard deviations of a cycle's friction, from repeats and control runs if there are any."""
+    fit = fits.friction
+    scale = pure.level_n if pure is not None and fit.logarithmic else fits.scale_n
+    if pure is not None:
+        within = pure.estimate.scaled(scale)
+    else:
+        noise = float(np.sqrt(np.mean(fit.data.noise))) * scale
+        within = fit.fit.deviation("cycle").scaled(scale)
+        ends = {name: float(np.hypot(getattr(within, name), noise)) for name in ("value", "low", "high")}
+        within = replace(within, **ends)
+    between = total = None
+    if fits.blocks is not None:
+        between = fit.fit.deviation("block").scaled(scale)
+        value = float(np.hypot(within.value, between.value))
+        stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
+        reach = NORMAL_95 * stderr / max(value, 1e-12)
+        total = replace(within, value=value, low=value * np.exp(-reach), high=value * np.exp(reach), stderr=stderr)
+    return Repeatability(within, between, total, fit.relative > 0.5, pure.basis if pure is not None else "smooth curve")
+
+
+@dataclass(frozen=True)
+class Pure:
+    """Scatter of cycles that were run again at one condition and speed, in the unit of the curves' response.
+
+    ``level_n`` is their mean friction.
+    """
+
+    estimate: Estimate
+    level_n: float
+    basis: str
+
+
+def pure_scatter(fits: Fits) -> Pure | None:
+    """Estimate the standard deviation of a cycle from repeats and control runs, independent of the curves.
+
+    Cycles at one condition and speed are used, after subtracting their mean, a line over the campaign and the means of
+    the blocks. The mean of several cycles scatters less and has a larger weight. None if nothing
+    was repeated.
+    """
+    from scipy.special import chdtri
+
+    points, fit = fits.points, fits.friction
+    use = np.flatnonzero(points.use)
+    cell = points.cell[use]
+    again = np.bincount(cell)[cell] > 1
+    if not again.any():
+        return None
+    use, cell, y, order = use[again], cells(cell[again]), fit.data.y[again], fit.data.order[again]
+    weight = fit.data.count[again]
+    data = [points.reduced.data[i] for i in use]
+    blocks = shares_of([[d.plan.block for d in points.members[i]] for i in use])
+    columns = np.column_stack([order, blocks[:, :-1]])
+
+    def within(values: Array) -> Array:
+        total = np.zeros((int(cell.max()) + 1, values.shape[1]))
+        np.add.at(total, cell, weight[:, None] * values)
+        return np.sqrt(weight)[:, None] * (values - total[cell] / np.bincount(cell, weight)[cell, None])
+
+    groups = np.unique(cell).size
+    kept = within(columns) if y.size - groups > ENOUGH_FOR_LINE else np.zeros((y.size, 0))
+    kept = kept[:, independent(kept)] if kept.size else kept
+    rest = within(y[:, None])[:, 0]
+    rest = rest - kept @ np.linalg.lstsq(kept, rest, rcond=None)[0] if kept.size else rest
+    free = y.size - groups - kept.shape[1]
+    if free < 1:
+        return None
+    value = float(np.sqrt(rest @ rest / free))
+    low, high = (value * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
+    sentinel = np.array([d.plan.kind == "sentinel" for d in data])
+    others = np.bincount(cell[~sentinel], minlength=int(cell.max()) + 1)  # one more sweep at the point of the sentinels
+    kinds = (["repeats"] if others.max() > 1 else []) + (["sentinels"] if sentinel.any() else [])
+    basis = " and ".join(kinds)
+    estimate = Estimate(value, low, high, value / float(np.sqrt(2.0 * free)), "N", free)
+    return Pure(estimate, float(points.reduced.friction_n[use].mean()), basis)
+
+
+#: Waves that fit 0.9 to 8 times into the range, which is shorter than the stroke; fewer are a trend.
+MOST_WAVES = 4
+TIMES = np.arange(0.9, 8.01, 0.1)
+FINER = (0.02, 0.004, 0.001)
+RESOLVED = 0.5  # least difference of the orders of two waves: nearer ones look alike over the range
+#: Fall of chi-square by a wave (three parameters, some fifty places) that exceeds chance (p = 0.001).
+CLEAR = 25.0
+FEWEST_BINS = 16
+FEWEST_CYCLES = 4
+MOST_FITTED = 100  # cycles whose slopes are fitted one by one; if there are more, neighbours in speed are grouped
+APART = 2.0  # least ratio of the slowest to the fastest cycle's time and force for a drift of the zero
+COVERED = 0.9  # of the common bins: cycles that lack more are not used for trend and harmonics
+
+
+def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
+    """Describe friction over position: for each mounting, seal and drive, then for conditions with enough cycles."""
+    own = [(c.title, c, points.use & (points.condition == i)) for i, c in enumerate(points.conditions)]
+    parts = {title: [one for one in own if one[0] == title] for title, _, _ in own}
+    groups = [(title, None, np.any([one[2] for one in some], axis=0)) for title, some in parts.items()]
+    groups += [one for some in parts.values() if len(some) > 1 for one in some]
+    found = [_describe(points, *group) for group in groups]
+    return tuple(one for one in found if one is not None)
+
+
+def _describe(
+    points: Points, title: str, condition: Condition | None, members: NDArray[np.bool_]
+) -> PositionPattern | None:
+    reduced = points.reduced
+    rows = reduced.relative_n[members][:, reduced.common]
+    position = reduced.position_m[reduced.common]
+    enough = np.isfinite(rows).mean(axis=1) >= COVERED
+    rows = rows[enough]
+    if rows.shape[0] < FEWEST_CYCLES or position.size < FEWEST_BINS:
+        return None
+    slowness = 1.0 / (reduced.speed_m_s[members] * np.abs(reduced.friction_n[members]))[enough]
+    rows = rows - _trend(position, rows, slowness, (), 1.0)[1] * slowness[:, None] * (position - position.mean())
+    known = np.isfinite(rows)
+    count = known.sum(axis=0)
+    mean = np.where(known, rows, 0.0).sum(axis=0) / np.maximum(count, 1)
+    deviation = np.sqrt((np.where(known, rows - mean, 0.0) ** 2).sum(axis=0) / np.maximum(count - 1, 1))
+    half = np.array([student(n - 1) for n in count]) * deviation / np.sqrt(np.maximum(count, 1))
+    width = float(position[1] - position[0])
+    length = position.size * width
+    waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)), length)
+    coefficients = _each(_columns(position, waves, length), rows)
+    trend = _trend(position, rows, slowness, waves, length)[0]
+    harmonics = tuple(
+        _harmonic(times, length / times, coefficients[:, 2 * i + 2], coefficients[:, 2 * i + 3])
+        for i, times in enumerate(waves)
+    )
+    ends = (mean - half, mean + half)
+    return PositionPattern(condition, position, mean, *ends, trend, harmonics, rows.shape[0], title)
+
+
+def _trend(
+    position: Array, rows: Array, slowness: Array, waves: Sequence[float], length: float
+) -> tuple[Estimate, float]:
+    """Estimate the common change along x without the drift of the sensor's zero, and the rate of that drift, N/s.
+
+    The zero drifts during a cycle. In strokes towards +x the drift grows along x, in strokes towards -x it falls along
+    x. In half the difference it appears as a slope of rate / speed. Slow cycles show this drift most. Because its rate
+    varies, they contribute least
+    to the trend. The lengths of the waves are uncertain, and an error of the length looks partly like a trend. Each
+    cycle therefore has waves that may be slightly longer or shorter.
+    """
+    found, variance = _slopes(position, rows, waves, length)
+    if slowness.max() < APART * slowness.min() or found.size < FEWEST_CYCLES + 1:
+        return mean_estimate(found, "1/m"), 0.0
+    usual = float(np.median(slowness))
+    groups = np.array_split(np.argsort(slowness), min(MOST_FITTED, found.size))
+    count = np.array([group.size for group in groups], dtype=float)
+    slow = np.array([slowness[group].mean() for group in groups]) / usual
+    variance = moderate(variance, np.full(variance.size, FREEDOM_PER_CYCLE), slowness)
+    scale = max(float(np.std(found)), 1e-12)
+    model = MixedModel(
+        np.array([found[group].mean() for group in groups]),
+        np.column_stack([np.ones(slow.size), slow]),
+        np.array([variance[group].sum() for group in groups]) / count**2,
+        (RandomEffect("cycle", 1.0 / count, scale), RandomEffect("zero", slow**2 / count, scale)),
+    )
+    fit = model.fit()
+    return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual
+
+
+def _slopes(position: Array, rows: Array, waves: Sequence[float], length: float) -> tuple[Array, Array]:
+    """Return the relative change of friction along x in each cycle, and its variance by noise within the cycle."""
+    columns = _columns(position, waves, length)
+    columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns, length)])
+    found = _each(columns, rows)
+    rest = np.nan_to_num(rows - found @ columns.T)
+    weights = np.linalg.pinv(columns)[1]
+    spare = rest.shape[1] / (rest.shape[1] - columns.shape[1])  # noise absorbed by the columns
+    variance = spare * (rest.shape[1] * stderrs_of_means(rest * weights)) ** 2
+    return found[:, 1], np.maximum(variance, 1e-12 * float(np.var(found[:, 1])) + 1e-30)
+
+
+def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
+    """Return columns of mean, trend, cosine and sine of waves of these orders; shape (n, 2 + 2 waves)."""
+    away = position - position.mean()
+    columns = [np.ones(away.size), away]
+    for times in waves:
+        phase = 2.0 * np.pi * times * away / length
+        columns += [np.cos(phase), np.sin(phase)]
+    return np.column_stack(columns)
+
+
+def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[float]:
+    """Find the order of each wave: the number of periods in the range, rarely a whole number.
+
+    Waves are added one after the other, the strongest first, while a wave explains more of the pattern than chance.
+    With each new wave, all orders are adjusted.
+    """
+    weight = 1.0 / np.maximum(stderr, 1e-3 * float(np.median(stderr)) + 1e-12)
+
+    def left(waves: Sequence[float]) -> float:
+        if len(waves) > 1 and np.diff(np.sort(waves)).min() < RESOLVED:
+            return float("inf")
+        columns = weight[:, None] * _columns(position, waves, length)
+        rest = weight * mean - columns @ np.linalg.lstsq(columns, weight * mean, rcond=None)[0]
+        return float(rest @ rest)
+
+    waves: list[float] = []
+    while len(waves) < MOST_WAVES:
+        trial = [*waves, min(TIMES, key=lambda times: left([*waves, times]))]
+        for step in FINER:
+            for i, at in enumerate(trial):
+                near = [at + step * k for k in range(-10, 11)]
+                inside = [times for times in near if TIMES[0] <= times <= TIMES[-1]]
+                trial[i] = min(inside, key=lambda times: left([*trial[:i], times, *trial[i + 1 :]]))
+        if left(waves) - left(trial) < CLEAR * max(left(trial) / max(mean.size - 2 - 3 * len(trial), 1), 1.0):
+            break
+        waves = [float(times) for times in trial]
+    return waves
+
+
+def _stretches(position: Array, mean: Array, columns: Array, length: float) -> Array:
+    """Change of the mean pattern with the order of each of its waves; shape (n, waves)."""
+    found = np.linalg.lstsq(columns, mean, rcond=None)[0]
+    phase = 2.0 * np.pi * (position - position.mean()) / length
+    pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]
+    parts = [phase * (found[sine] * columns[:, cosine] - found[cosine] * columns[:, sine]) for cosine, sine in pairs]
+    return np.column_stack(parts) if parts else np.zeros((position.size, 0))
+
+
+def _each(columns: Array, rows: Array) -> Array:
+    """Return the coefficients of the columns in each cycle, shape (cycles, columns)."""
+    masks, which = np.unique(np.isfinite(rows), axis=0, return_inverse=True)
+    found = np.empty((rows.shape[0], columns.shape[1]))
+    for number, here in enumerate(masks):  # cycles that lack the same bins form one problem
+        members = which.ravel() == number
+        found[members] = np.linalg.lstsq(columns[here], rows[np.ix_(members, here)].T, rcond=None)[0].T
+    return found
+
+
+def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> PositionWave:
+    """Estimate one harmonic; its amplitude is tested by Hotelling's T2 of both parts."""
+    from scipy.special import fdtrc
+
+    n = cosine.size
+    both = np.column_stack([cosine, sine])
+    mean = both.mean(axis=0)
+    covariance = np.cov(both.T) / n
+    size = float(np.hypot(*mean))
+    along = mean / size if size > 0 else np.array([1.0, 0.0])
+    stderr = float(np.sqrt(max(along @ covariance @ along, 0.0)))
+    half = student(n - 1) * stderr
+    try:
+        t2 = float(mean @ np.linalg.solve(covariance, mean))
+        p = float(fdtrc(2, n - 2, t2 * (n - 2) / (2.0 * (n - 1))))
+    except np.linalg.LinAlgError:
+        p = float(size == 0.0)
+    amplitude = Estimate(size, max(size - half, 0.0), size + half, stderr, "1", n - 1, p)
+    return PositionWave(times, wavelength, mean_estimate(cosine, "1"), mean_estimate(sine, "1"), amplitude)
+
+
+#: Change of friction over a campaign, over its mean, that may be hidden in effects of pressure if the order of the
+#: cycles follows pressure and nothing separates the two: a seal that runs in or wears (assumed standard uncertainty).
+HIDDEN_CHANGE = 0.1
+#: Least share of that change within the effect of a pressure for a warning.
+FOLLOWS_TIME = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class _Design:
+    """Cycles of one set of levels.
+
+    Pressures are in bar, gauge. ``kind`` names the determined slopes: both, a, b, sum or line.
+    ``beside`` has a column for each set of equal cycles at other speeds, such as control runs. They do not depend on
+    pressure, and show the effect of time. Their ``level`` is -1.
+    """
+
+    kind: str
+    speeds: Array
+    level: NDArray[np.int64]
+    a: Array
+    b: Array
+    place: Array
+    beside: Array
+    order: Array
+    pairs: tuple[tuple[float, float], ...]
+
+    @property
+    def compared(self) -> NDArray[np.bool_]:
+        """Return the cycles at speeds that were measured at all pressure pairs."""
+        return self.level >= 0
+
+    def centred(self, values: Array) -> Array:
+        """Return the values minus their mean over the compared cycles, and zero for other cycles."""
+        return np.where(self.compared, values - values[self.compared].mean(), 0.0)
+
+
+def pressure_effects(fits: Fits, ambient_pa: float) -> tuple[PressureEffects, ...]:
+    """Find the effects of pressure for each set of mounting, seal and drive with several pressure pairs."""
+    points = fits.points
+    found = []
+    for levels in dict.fromkeys(c.levels for c in points.conditions):
+        conditions = [i for i, c in enumerate(points.conditions) if c.levels == levels]
+        title = points.conditions[conditions[0]].title
+        effect = _effects(ambient_pa, fits, points.use & np.isin(points.condition, conditions), title)
+        if effect is not None:
+            found.append(effect)
+    return tuple(found)
+
+
+def _effects(ambient_pa: float, fits: Fits, members: NDArray[np.bool_], title: str) -> PressureEffects | None:
+    design, members = _design(ambient_pa, fits, members)
+    if design is None:
+        return None
+    speed = np.eye(design.speeds.size)[design.level] * design.compared[:, None]
+    names = TOLD.get(design.kind, ("sum",))
+    slopes = [design.b if name == "b" else design.a for name in names]
+    count = design.speeds.size
+    base = np.hstack([design.beside, speed])
+    x = np.hstack([base, *(speed * p[:, None] for p in slopes)])
+    if x.shape[0] <= x.shape[1] + 1:  # too few cycles for a slope at each speed: one common slope
+        count = 1
+        x = np.hstack([base, *(p[:, None] for p in slopes)])
+    # An interaction is neither scatter nor drift: slopes are estimated with it, at the mean pressures.
+    together = _together(design, x) if design.kind == "both" else np.zeros((x.shape[0], 0))
+    x = np.hstack([together, x])
+    fit = _fit(fits, members, x, design.order) if x.shape[0] > x.shape[1] + 1 else None
+    if fit is None:
+        return None
+    u, hidden = accuracy_n(fits, members), _hidden(fits, fit.model, design)
+    reach = [u / max(float(np.ptp(p)), 1e-12) for p in slopes]
+    # The last columns are the slopes at each speed, one pressure after the other.
+    rows_of = np.eye(x.shape[1])[-count * len(slopes) :].reshape(len(slopes), count, -1)
+    each = [tuple(_slope(fit, row, r, hidden) for row in rows) for rows, r in zip(rows_of, reach, strict=True)]
+    of_mean = rows_of.mean(axis=1)
+    means = [_slope(fit, row, r, hidden) for row, r in zip(of_mean, reach, strict=True)]
+    follows = [
+        hidden is not None and hidden.share(r) * np.ptp(p) > FOLLOWS_TIME for r, p in zip(of_mean, slopes, strict=True)
+    ]
+    interaction, joint, curvature = None, None, None
+    if together.shape[1] and hidden is None:
+        rows = np.eye(x.shape[1])[: together.shape[1]]
+        interaction, joint = fit.f_test(rows), fit.contrast(rows[0]).scaled(PA_PER_BAR**-2, "N/Pa2")
+    if hidden is None:
+        squares = [design.centred(p) ** 2 * design.compared for p in slopes]
+        curvature = _curvature(fits, members, x, design, squares)
+    said = [*_statements(design, means, interaction, joint, curvature, u), *_order(design, hidden, follows)]
+    named: dict[str, Any] = {f"slope_{name}": slope for name, slope in zip(names, each, strict=True)}
+    named |= {f"mean_{name}": mean for name, mean in zip(names, means, strict=True)}
+    return PressureEffects(
+        levels=title,
+        speed_m_s=design.speeds if count > 1 else design.speeds.mean(keepdims=True),
+        gauge_pa=tuple((PA_PER_BAR * a, PA_PER_BAR * b) for a, b in design.pairs),
+        hidden_n=hidden.size_n if hidden is not None else 0.0,
+        statement=" ".join(one.text for one in say_all(said)),
+        interaction=interaction,
+        interaction_n_pa2=joint,
+        curvature=curvature,
+        **named,
+    )
+
+
+def _design(ambient_pa: float, fits: Fits, members: NDArray[np.bool_]) -> tuple[_Design | None, NDArray[np.bool_]]:
+    """Select the speeds that were measured at all pressure pairs, and classify the effects that the pairs determine."""
+    points = fits.points
+    absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
+    gauge = np.round((absolute - ambient_pa) / PA_PER_BAR, 3) + 0.0
+    of_cycle = gauge[points.condition]
+    pairs = np.unique(of_cycle[members], axis=0)
+    at = {int(k): np.unique(of_cycle[members & (points.level == k)], axis=0) for k in set(points.level[members])}
+    kept = sorted(k for k, found in at.items() if len(found) == len(pairs))
+    if len(pairs) < 2 or not kept:
+        return None, members
+    compared = members & np.isin(points.level, kept)
+    # Equal cycles at other speeds, in one set each; a single cycle carries no information.
+    cell = points.cell
+    sets, counts = np.unique(cell[members & ~compared], return_counts=True)
+    beside = members & ~compared & np.isin(cell, sets[counts > 1])
+    used = compared | beside
+    here = compared[used]
+    design = _Design(
+        kind=classify_pressures(pairs),
+        speeds=points.level_speeds_m_s[kept],
+        level=np.where(here, np.searchsorted(kept, points.level[used]), -1),
+        a=np.where(here, of_cycle[used, 0], 0.0),
+        b=np.where(here, of_cycle[used, 1], 0.0),
+        place=np.log(points.reduced.speed_m_s[used]),
+        beside=(cell[used][:, None] == sets[counts > 1]) & beside[used][:, None],
+        order=points.order[used],
+        pairs=tuple((float(a), float(b)) for a, b in pairs),
+    )
+    return design, used
+
+
+def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> MixedFit | None:
+    """Fit fixed effects with the random effects of the curves' model."""
+    points, reduced = fits.points, fits.points.reduced
+    y = reduced.friction_n[members]
+    # A relative source is proportional to friction as predicted by the fixed effects, not to
+    # the values themselves, which such a source would explain exactly.
+    steady = x @ np.linalg.lstsq(x, y, rcond=None)[0]
+    level = steady / steady.mean()
+    share, relative = (level if fits.friction.logarithmic else np.ones(y.size)), fits.friction.relative
+    usual = CYCLE_SCALE * max(float(np.abs(y).mean()), 1e-9)
+    outer = np.outer(share, share)
+    own = relative * level**2 + 1.0 - relative
+    components = [RandomEffect("cycle", own / points.count[members], usual)]
+    if fits.drift_share < CARRIED:
+        components.append(RandomEffect("drift", outer * centred_walk(order), usual))
+    if fits.blocks is not None:
+        blocks = fits.blocks[members[points.use]]
+        if blocks.any(axis=0).sum() > 1:
+            components.append(RandomEffect("block", outer * (blocks @ blocks.T), usual))
+    if independent(x).size < x.shape[1]:
+        return None
+    return MixedModel(y, x, reduced.friction_stderr_n[members] ** 2, tuple(components)).fit()
+
+
+def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
+    """Return the standard uncertainty of a change of friction between pressures from the sensors, N."""
+    return float(np.mean([np.hypot(d.u_gain_n, d.u_hysteresis_n) for d in fits.points.cycles(members)]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Hidden:
+    """A change of friction over the campaign that the design does not separate from the effects of pressure.
+
+    ``size_n`` is its standard uncertainty. ``of_order`` are the coefficients of the pressure columns that look like a
+    steady change by 1 N from the first cycle to the last.
+    """
+
+    size_n: float
+    of_order: Array
+
+    def share(self, row: Array) -> float:
+        """Return the part of the change that a combination of pressure effects would contain."""
+        return abs(float(row @ self.of_order))
+
+
+def _hidden(fits: Fits, model: MixedModel, design: _Design) -> _Hidden | None:
+    """Return the hidden change; None if the design determines a drift, which is then in the model."""
+    if fits.drift_share < CARRIED:
+        return None
+    size = HIDDEN_CHANGE * float(np.abs(model.y).mean())
+    return _Hidden(size, np.linalg.lstsq(model.x, design.order - design.order.mean(), rcond=None)[0])
+
+
+def _slope(fit: MixedFit, row: Array, u: float, hidden: _Hidden | None) -> Estimate:
+    doubt = u if hidden is None else float(np.hypot(u, hidden.size_n * hidden.share(row)))
+    return fit.contrast(row).widened(doubt).scaled(1.0 / PA_PER_BAR, "N/Pa")
+
+
+def _over_speed(design: _Design, columns: list[Array]) -> list[Array]:
+    """Return the columns, and each of them with the logarithm of speed."""
+    tilt = design.centred(design.place)
+    return [*columns, *(c * tilt for c in columns)] if design.speeds.size > 1 else columns
+
+
+def _together(design: _Design, x: Array) -> Array:
+    """Return the columns of the product of both pressures, its mean over speeds and its change with their logarithm.
+
+    The product is centred, so that the slopes are those at the mean of the other pressure. It is left out if the design
+    does not determine it.
+    """
+    product = design.centred(design.a) * design.centred(design.b)
+    columns = [c for c in _over_speed(design, [product]) if np.ptp(c) > 0.0]
+    kept = [k - x.shape[1] for k in independent(np.column_stack([x, *columns])).tolist() if k >= x.shape[1]]
+    if 0 not in kept or x.shape[0] <= x.shape[1] + len(kept) + 1:
+        return np.zeros((x.shape[0], 0))
+    return np.column_stack([columns[k] for k in kept])
+
+
+def _curvature(fits: Fits, members: NDArray[np.bool_], x: Array, design: _Design, squares: list[Array]) -> FTest | None:
+    """Test squares of pressures, their mean over speeds and their change with its logarithm."""
+    columns = [p for p in squares if np.ptp(p) > 0.0]
+    wide = np.column_stack([x, *_over_speed(design, columns)])
+    kept = independent(wide)
+    added = [k for k in kept.tolist() if k >= x.shape[1]]
+    if len([k for k in added if k < x.shape[1] + len(columns)]) < len(columns) or not columns:
+        return None
+    wide = wide[:, kept]
+    if wide.shape[0] <= wide.shape[1] + 1:
+        return None
+    fit = _fit(fits, members, wide, design.order)
+    return None if fit is None else fit.f_test(np.eye(wide.shape[1])[x.shape[1] :])
+
+
+def _statements(
+    design: _Design,
+    means: list[Estimate],
+    interaction: FTest | None,
+    joint: Estimate | None,
+    curvature: FTest | None,
+    u: float,
+) -> Iterator[Said]:
+    pairs = ", ".join(f"{a:.3g}/{b:.3g}" for a, b in design.pairs)
+    of = zip(means, _names(design.kind, "both pressures together"), strict=True)
+    slopes = " and ".join(f"{mean.scaled(PA_PER_BAR, 'N/bar'):.2f} of {name}" for mean, name in of)
+    yield "pressure.slopes", {"pairs": pairs, "speeds": design.speeds.size, "slopes": slopes}
+    if design.kind != "both":
+        yield f"pressure.{design.kind if design.kind in {'sum', 'line'} else 'single'}", {}
+    elif interaction is None or joint is None:
+        yield "pressure.no_interaction", {}
+    else:
+        yield _interaction(design, interaction, joint, u)
+    if curvature is not None and curvature.p < CHANCE:
+        yield "pressure.curved", {"chance": _chance(curvature.p)}
+
+
+def _names(kind: str, both: str) -> list[str]:
+    return [f"p_{name}" for name in TOLD[kind]] if kind in TOLD else [both]
+
+
+def _order(design: _Design, hidden: _Hidden | None, follows: list[bool]) -> Iterator[Said]:
+    """Return the sentence on a pressure that changed with time, and on undetermined effects."""
+    if hidden is not None and any(follows):
+        of = zip(_names(design.kind, "the pressures"), follows, strict=True)
+        names = " and ".join(name for name, with_time in of if with_time)
+        yield "pressure.follows_time", {"names": names, "hidden": hidden.size_n, "share": 100 * HIDDEN_CHANGE}
+
+
+def _interaction(design: _Design, test: FTest, joint: Estimate, u: float) -> Said:
+    """Return the text on whether the effects of both pressures add.
+
+    An interaction within the accuracy of the sensors does not count.
+    """
+    reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
+    most = reach * float(np.abs(design.a * design.b).max())
+    numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"
+    if test.p >= CHANCE:
+        return "pressure.add", {"test": numbers, "reach": reach}
+    if most < 2.0 * u:
+        return "pressure.add_within_accuracy", {"test": numbers, "most": most, "accuracy": 2.0 * u}
+    return "pressure.interact", {"test": numbers, "joint": joint.scaled(PA_PER_BAR**2, "N/bar2")}
+
+
+def _chance(p: float) -> str:
+    """Return a probability as text; below 0.001 without digits."""
+    return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"
