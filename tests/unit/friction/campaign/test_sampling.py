@@ -57,7 +57,7 @@ def test_worker_processes_give_the_same(quick, tmp_path, monkeypatch):
 
 
 def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkeypatch):
-    from pneudrive.friction.campaign.curves import points
+    from pneudrive.friction.campaign import points
 
     world = quick(repeats=6, cycle_share=0.01, drift_share=0.02)
     folder = write_campaign(tmp_path / "campaign", world, 3)
@@ -75,7 +75,7 @@ def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkey
 
 def test_many_blocks_and_speeds_are_joined_so_that_models_stay_small(quick, tmp_path, monkeypatch):
     """The number of points that are fitted has a bound, whatever the plan; blocks are told from cycles all the same."""
-    from pneudrive.friction.campaign.curves import points as module
+    from pneudrive.friction.campaign import points as module
 
     world = quick(
         levels=({},) * 16, repeats=1, cycle_share=0.01, block_share=0.03, speeds_m_s=tuple(np.geomspace(5e-3, 0.4, 9))
