@@ -50,7 +50,9 @@ test-page: setup $(VENV)/.page  ## the page in a browser: PNEUDRIVE_CHROMIUM, el
 
 COUNT ?= 10000
 SEED ?= 1
-trials: setup  ## random foreign files that hold their truth or are damaged: COUNT of them, from SEED on
+trials: setup  ## long random trials, COUNT=2000 cases of each kind from SEED=1: drives, circuits, foreign files
+	$(PY) tests/oracle/random_runs.py --count $(COUNT) --seed $(SEED)
+	$(PY) tests/oracle/random_circuits.py --count $(COUNT) --seed $(SEED)
 	$(PY) tests/oracle/foreign_trials.py --count $(COUNT) --seed $(SEED)
 
 test-extras: setup $(EXTRAS)/.deps  ## a Dask cluster whose workers are killed, JAX, PyTorch, MuJoCo; in an environment of its own
