@@ -50,7 +50,7 @@ test-page: setup $(VENV)/.page  ## the page in a browser: PNEUDRIVE_CHROMIUM, el
 
 COUNT ?= 10000
 SEED ?= 1
-trials: setup  ## long random trials, COUNT=2000 cases of each kind from SEED=1: drives, circuits, foreign files
+trials: setup  ## long random trials, COUNT=10000 cases of each kind from SEED=1: drives, circuits, foreign files
 	$(PY) tests/oracle/random_runs.py --count $(COUNT) --seed $(SEED)
 	$(PY) tests/oracle/random_circuits.py --count $(COUNT) --seed $(SEED)
 	$(PY) tests/oracle/foreign_trials.py --count $(COUNT) --seed $(SEED)
