@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.signals.tables.column_units import header_unit
 from pneudrive.signals.tables.date_times import guess_form, looks_like_date_time, seconds
-from pneudrive.signals.tables.text_table import split_row, to_number
+from pneudrive.signals.tables.text_table import split_row
 
 if TYPE_CHECKING:
     from pneudrive.signals.tables.text_table import TextForm
@@ -84,9 +84,10 @@ def _number(text: str) -> float:
 
 
 def _numbers(cells: list[str], form: TextForm) -> dict[int, float]:
-    """Return the numbers of a labelled line by column; None if a cell is a text."""
+    """Return the numbers of a labelled line by column; empty if a cell is a text."""
+    texts = {at: cell.replace(form.decimal, ".") for at, cell in enumerate(cells, 1) if cell}
     try:
-        return {at: to_number(cell, form) for at, cell in enumerate(cells, 1) if cell}
+        return {at: float(text) for at, text in texts.items()}
     except ValueError:
         return {}
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 NO_SENSOR = 1e100
 UNREADABLE_SHARE = 0.01  # largest share of rows that are not numbers
 MISSING = ("", "na", "n/a", "#n/a", "null", "none", "-", "--", "---")  # fields without a value, in lower case
+_BEGIN = re.compile(r"[-+]?(?:[.,]?\d|nan|inf)", re.IGNORECASE)  # of a number
 HEADER_ROWS = 4  # most rows of words below the names: units, descriptions
 
 
@@ -121,38 +122,20 @@ def split_row(line: str, delimiter: str | None) -> list[str]:
 
 
 @lru_cache(maxsize=64)
-def _compiled(form: TextForm) -> re.Pattern[str]:
-    return re.compile(number_pattern(form), re.IGNORECASE)
-
-
-@lru_cache(maxsize=64)
 def number_pattern(form: TextForm) -> str:
     """Return the regular expression of a number: only groups of three digits, and only the signs of the form."""
-    decimal = re.escape(form.decimal)
-    whole = r"\d*"
+    decimal, whole = re.escape(form.decimal), r"\d*"
     if form.thousands == form.decimal:
         whole = rf"\d{{1,3}}(?:{decimal}\d{{3}})*|\d*"
     elif form.thousands:
         whole = rf"[1-9]\d{{0,2}}(?:{_thousands(form)}\d{{3}})+|\d*"
-    return rf"^[-+]?(?:(?:{whole})(?:{decimal}\d*)?(?:[eE][-+]?\d+)?|nan|inf(?:inity)?)$"
+    return rf"(?i)^[-+]?(?:(?:{whole})(?:{decimal}\d*)?(?:e[-+]?\d+)?|nan|inf(?:inity)?)$"
 
 
 def _thousands(form: TextForm) -> str:
     """Return the expression of the separator of thousands. Each blank represents all blanks."""
     mark = form.thousands or ""
     return r"[\s\u00a0\u202f]" if mark.isspace() else re.escape(mark)
-
-
-def to_number(text: str, form: TextForm) -> float:
-    """Read one field: NaN if it is empty. Text raises a ValueError."""
-    if text.lower() in MISSING:
-        return float("nan")
-    if _compiled(form).match(text) is None:
-        raise ValueError(text)
-    if form.thousands:
-        whole, last, rest = text.rpartition(form.thousands) if form.thousands == form.decimal else (text, "", "")
-        text = re.sub(_thousands(form), "", whole) + last + rest
-    return float(text.replace(form.decimal, "."))
 
 
 def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -164,12 +147,9 @@ def measurable(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def is_number(text: str, form: TextForm) -> bool:
     """Return whether a field is a number, a date, or empty."""
-    if not looks_like_date_time(text):
-        try:
-            to_number(text, form)
-        except ValueError:
-            return False
-    return True
+    if text.lower() in MISSING or looks_like_date_time(text):
+        return True
+    return _BEGIN.match(text) is not None and re.match(number_pattern(form), text) is not None
 
 
 def is_words(fields: list[str], form: TextForm) -> bool:
@@ -350,75 +330,55 @@ def _parse(
     `numbers` are the numbers of the rows in the file. `places` are the numbers of the used columns; other columns do
     not invalidate a row. `dates` gives the format of columns of dates and times, by their place among the used ones.
     """
-    rows = [lines[at] for at in numbers]
-    use, more = _fields(rows, form, places)
-    wanted = [at for at in range(len(use)) if at not in dates]
-    found = _numbers([*(use[at] for at in wanted), *more], form)
-    values, rest = dict(zip(wanted, found, strict=False)), found[len(wanted) :]
-    good = np.ones(len(rows), dtype=bool)
-    for text in use:
-        good &= text.is_not_null().to_numpy()
-    for column in values.values():
-        good &= column.is_not_null().to_numpy()
-    bad = np.flatnonzero(~good)
-    if bad.size > max(UNREADABLE_SHARE * len(rows), 1):
+    import polars as pl
+
+    fields = _fields([lines[at] for at in numbers], form, [*places[0], *places[1]])
+    names = fields.columns
+    each = [(name, pl.col(name)) for name in names]
+    dated = {names[at]: written for at, written in dates.items()}
+    columns = fields.select((text if n in dated else _number(text, form)).alias(n) for n, text in each)
+    good = columns.select(pl.all_horizontal(pl.col(names[: len(places[0])]).is_not_null())).to_series()
+    bad = np.flatnonzero(~good.to_numpy())
+    if bad.size > max(UNREADABLE_SHARE * len(numbers), 1):
         raise RecordingError(
-            f"{bad.size} of {len(rows)} rows are not numbers",
+            f"{bad.size} of {len(numbers)} rows are not numbers",
             where=f"{path}, line {numbers[bad[0]] + 1}",
             value=lines[numbers[bad[0]]].strip()[:120],
             remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
         )
-    columns = [
-        seconds(text.filter(good).to_list(), dates[at], path)
-        if at in dates
-        else measurable(values[at].filter(good).to_numpy())
-        for at, text in enumerate(use)
+    kept = columns.filter(good) if bad.size else columns
+    found = [
+        seconds(kept[name].to_list(), dated[name], path) if name in dated else measurable(kept[name].to_numpy())
+        for name in names
     ]
-    columns += [measurable(column.filter(good).to_numpy()) for column in rest]
-    return columns, ({"unreadable_row": bad.size} if bad.size else {})
+    return found, ({"unreadable_row": bad.size} if bad.size else {})
 
 
-def _fields(
-    rows: list[str], form: TextForm, places: tuple[list[int], list[int]]
-) -> tuple[list[pl.Series], list[pl.Series]]:
-    """Return the fields of some columns; null in rows that are too short."""
+def _fields(rows: list[str], form: TextForm, places: list[int]) -> pl.DataFrame:
+    """Return the fields of some columns as texts; null in rows that are too short."""
     import polars as pl
 
     if any('"' in row for row in rows):
         split = [split_row(row, form.delimiter) for row in rows]
-        use, more = (
-            [pl.Series([row[at] if at < len(row) else None for row in split], dtype=pl.String) for at in part]
-            for part in places
-        )
-        return use, more
+        columns = [[row[at] if at < len(row) else None for row in split] for at in places]
+        return pl.DataFrame(columns, schema={str(number): pl.String for number in range(len(places))}, orient="col")
     row = pl.col("row")
     if form.delimiter is None:
         row = row.str.strip_chars().str.replace_all(r"\s+", " ")
-    every = [
-        row.str.split(form.delimiter or " ").list.get(at, null_on_oob=True).str.strip_chars().alias(str(number))
-        for number, at in enumerate([*places[0], *places[1]])
-    ]
-    columns = pl.Series("row", rows, dtype=pl.String).to_frame().select(every).get_columns()
-    return columns[: len(places[0])], columns[len(places[0]) :]
-
-
-def _numbers(texts: list[pl.Series], form: TextForm) -> list[pl.Series]:
-    """Read columns of fields like `to_number`, without a comment after a number; null if not a number."""
-    import polars as pl
-
-    frame = pl.DataFrame([text.alias(str(at)) for at, text in enumerate(texts)])
-    return frame.select([_number(pl.col(name), form).alias(name) for name in frame.columns]).get_columns()
+    parts = row.str.split(form.delimiter or " ").list
+    fields = [parts.get(at, null_on_oob=True).str.strip_chars().alias(str(n)) for n, at in enumerate(places)]
+    return pl.Series("row", rows, dtype=pl.String).to_frame().select(fields)
 
 
 def _number(text: pl.Expr, form: TextForm) -> pl.Expr:
-    """Return the expression that reads fields of one column."""
+    """Return the expression that reads fields as numbers, without a comment behind them; null if not a number."""
     import polars as pl
 
     text = text.str.replace(rf"\s*{re.escape(form.comment)}.*$", "")
     text = pl.when(text.str.to_lowercase().is_in(MISSING)).then(pl.lit("nan")).otherwise(text)
     if form.thousands or form.decimal != ".":
-        text = pl.when(text.str.contains(f"(?i){number_pattern(form)}")).then(text)
-    if form.thousands == form.decimal:
+        text = pl.when(text.str.contains(number_pattern(form))).then(text)
+    if form.thousands == form.decimal:  # the last sign is the decimal one
         sign = re.escape(form.decimal)
         whole, rest = (text.str.extract(rf"^(.*)({sign}.*)$", group).fill_null("") for group in (1, 2))
         joined = whole.str.replace_all(form.decimal, "", literal=True) + rest
