@@ -35,6 +35,7 @@ interface FrictionMap {
   fits: string[];
   recordings: Record<string, string>;
   left_out: number;
+  flags: string[]; // a sentence on each raised flag
 }
 
 const map = signal<FrictionMap | null>(null);
@@ -286,6 +287,7 @@ function Map({ path, found, children }: { path: string; found: FrictionMap; chil
       />
       {points.length > MOST_ROWS && <p class="note">{points.length - MOST_ROWS} more points are in the plot and in the file.</p>}
       {found.left_out > 0 && <p class="note">{found.left_out} points are in the file only.</p>}
+      {found.flags.map((sentence) => <p class="note" key={sentence}>{sentence}</p>)}
     </>
   );
 }

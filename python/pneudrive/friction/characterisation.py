@@ -27,7 +27,7 @@ from pneudrive.friction.pressure import (
     fit_pressure_lines,
     run_spread,
 )
-from pneudrive.friction.sentences import sentence
+from pneudrive.friction.sentences import flag_sentences, sentence
 from pneudrive.friction.strokes import StrokeUse, stroke_notes
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
@@ -128,7 +128,8 @@ class Characterisation(Shown):
                 one = len(result.levels) == 1
                 rows += _shown(level, level.recording if one else f"{level.recording}#{level.index + 1}")
         title = f"{len(self.results)} recordings ({'simulated' if self.synthetic else 'measured'})"
-        return View(title, tuple(rows), notes=self.notes)
+        raised = {flag for text in self.friction_map["flags"].to_numpy() for flag in str(text).split(",")}
+        return View(title, tuple(rows), notes=(*self.notes, *flag_sentences(raised)))
 
     def _card(self) -> Card:
         return self.view().card()

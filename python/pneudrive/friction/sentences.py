@@ -1,4 +1,4 @@
-"""Sentences on recordings and campaigns, and statements on determined values. The texts are in sentences.toml."""
+"""Sentences on recordings, campaigns, determined values and flags. The texts are in sentences.toml and flags.toml."""
 
 from __future__ import annotations
 
@@ -51,6 +51,18 @@ class Statement:
 def table() -> dict[str, dict[str, str | dict[str, str]]]:
     """Return topic -> name -> sentence, or its parts: text and remedy."""
     return read(Path(__file__).with_name("sentences.toml"))[0]
+
+
+@lru_cache(maxsize=1)
+def flag_table() -> dict[str, dict[str, str]]:
+    """Return name -> ``means`` and ``do`` of each flag: its meaning, and what to do."""
+    return read(Path(__file__).with_name("flags.toml"))[0]
+
+
+def flag_sentences(raised: Iterable[str]) -> list[str]:
+    """Return a sentence for each raised flag, in the order of the table."""
+    names = set(raised)
+    return [f"{name}: {flag['means']}. {flag['do']}" for name, flag in flag_table().items() if name in names]
 
 
 def sentence(name: str, part: str = "text", /, **values: Any) -> str:  # noqa: ANN401 - whatever the sentence names

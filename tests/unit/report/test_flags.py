@@ -1,21 +1,31 @@
-"""Every flag that a map can carry is explained, in the report and in the guide alike."""
+"""Every flag that a map can carry has a meaning and a remedy, which terminal, report, page and guide take."""
 
 import inspect
 import re
 from pathlib import Path
 
+from pneudrive.characterise import characterise_recordings
 from pneudrive.friction import level
-from pneudrive.report.topics import Topic
+from pneudrive.friction.sentences import flag_sentences, flag_table
 from pneudrive.signals import samples
 from pneudrive.signals.tables import text_table
 
-FLAGS = Topic("recordings", "flags").texts["meaning"]
+FLAGS = flag_table()
 GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "recordings.md"
 
 
-def test_the_guide_explains_the_flags_of_the_report():
-    table = GUIDE.read_text(encoding="utf-8").partition("| flag | meaning |")[2].partition("\n\n")[0]
-    assert set(re.findall(r"`(\w+)`", table)) == set(FLAGS)
+def test_the_guide_has_the_meanings_and_remedies_of_the_table():
+    table = GUIDE.read_text(encoding="utf-8").partition("| --- | --- | --- |\n")[2].partition("\n\n")[0]
+    rows = [re.findall(r"[^|]+", line) for line in table.splitlines()]
+    assert len(rows) >= 26
+    for name, means, do in rows:
+        assert FLAGS[name.strip(" `")] == {"means": means.strip(), "do": do.strip()}
+
+
+def test_terminal_and_notebook_explain_the_raised_flags(make):
+    found = characterise_recordings(make(friction=-4.0))
+    assert flag_sentences(["negative_friction"])[0] in found.view().notes
+    assert not any("unpaired:" in note for note in found.view().notes)
 
 
 def test_what_the_code_raises_is_explained():

@@ -10,6 +10,7 @@ from pneudrive import __version__
 from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.friction.campaign.compare import about_of
+from pneudrive.friction.sentences import flag_table
 from pneudrive.report.campaign.rig_diagram import rig_diagram
 from pneudrive.report.page import Paragraph
 from pneudrive.report.provenance import references, software
@@ -111,9 +112,9 @@ def said(found: CampaignCharacteristics) -> Section | None:
 def flags(found: CampaignCharacteristics) -> Section:
     """Return the section on flags of cycles and stops, and on skipped cycles."""
     topic = Topic("campaign", "flags")
-    meaning = Topic("recordings", "flags").texts["meaning"] | topic.texts["meaning"]
     counts = Counter(found.flags) + Counter(flag for s in found.stops for flag in s.flags)
-    raised = ((flag.replace("_", " "), meaning.get(flag, ""), n) for flag, n in counts.most_common())
+    texts = {flag: flag_table().get(flag, {"means": "", "do": ""}) for flag in counts}
+    raised = ((flag.replace("_", " "), texts[flag]["means"], texts[flag]["do"], n) for flag, n in counts.most_common())
     skipped = ((s.key or None, s.file, s.reason) for s in found.skipped[:MOST_SKIPPED])
     left_out = len(found.skipped) - MOST_SKIPPED
     more = f"; {left_out} more are not listed" if left_out > 0 else ""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.friction.sentences import flag_table
 from pneudrive.numbers import plain, with_u
 from pneudrive.report import style
 from pneudrive.report.topics import Topic
@@ -93,14 +94,15 @@ def flags(found: Characterisation) -> Section:
             where.setdefault(flag, {})[level.recording] = True
     for recording in found.recordings:
         samples.update(recording.flags)
-    meaning: dict[str, str] = topic.texts["meaning"]
     rows = []
-    for flag in [flag for flag in meaning if flag in where] + [flag for flag in where if flag not in meaning]:
-        names = list(where[flag])
+    for flag, texts in flag_table().items():
+        names = list(where.get(flag, ()))
+        if not names:
+            continue
         more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
         every = len(names) == len(found.results) > 1
         shown = "all recordings" if every else ", ".join(names[:MOST_NAMED]) + more
-        rows.append((flag.replace("_", " "), meaning.get(flag, ""), shown, len(names), samples.get(flag, "")))
+        rows.append((flag.replace("_", " "), texts["means"], texts["do"], shown, len(names), samples.get(flag, "")))
     if not rows:
         return topic.section(topic.text("nothing"))
     return topic.section(topic.text(kinds=plural(len(rows), "kind")), topic.table(rows))

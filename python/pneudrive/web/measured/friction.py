@@ -12,6 +12,7 @@ import numpy as np
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError
 from pneudrive.friction.friction_map import AMBIENT, read_map
+from pneudrive.friction.sentences import flag_sentences
 from pneudrive.identify.static.differences import common, curve_differences
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.static.seals import fit_file
@@ -102,6 +103,7 @@ def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
         "heat": _heat(groups, fits),
         "fit": why,
         "left_out": int(found.sizes["row"] - len(rows)),
+        "flags": flag_sentences(flag for text in found["flags"].to_numpy() for flag in str(text).split(",")),
     }
 
 
