@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.campaign.options import Options
+from pneudrive.campaign.run import Options
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Envelope, Identity, Move, RigState, Samples, Sampling, Step

@@ -14,7 +14,6 @@ import pytest
 
 from campaign.fake_rig import FakeRig, contents, protocol
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.motion import steps_from_motion
 from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage.folder import (
     Campaign,
@@ -23,6 +22,7 @@ from pneudrive.campaign.storage.folder import (
     create,
     read_head,
     read_samples,
+    steps_from_motion,
     tidy,
     write_cycle,
 )

@@ -20,8 +20,8 @@ import pytest
 from campaign import killed_child
 from campaign.fake_rig import QUICK, FakeRig, contents, protocol
 from pneudrive.campaign.run import DONE, resume_campaign, run_campaign
+from pneudrive.campaign.storage.files import holder
 from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.campaign.storage.lock import holder
 from pneudrive.characterise import Recording, characterise
 from pneudrive.errors import CampaignError
 

@@ -9,8 +9,8 @@ import pytest
 
 from campaign.fake_rig import QUICK, FakeRig, protocol
 from pneudrive.campaign.run import DONE, run_campaign
-from pneudrive.campaign.running.live_files import COLUMNS, read_live, thinned
-from pneudrive.campaign.storage.lock import holder
+from pneudrive.campaign.running.live import COLUMNS, read_live, thinned
+from pneudrive.campaign.storage.files import holder
 
 
 def test_another_process_sees_the_cycle_as_it_runs_and_requests_stay_requests(tmp_path):

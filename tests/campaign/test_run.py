@@ -24,8 +24,8 @@ from pneudrive.campaign.running.live import Display
 from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage import files as storage
 from pneudrive.campaign.storage.control import ABORT, PAUSE, RESUME, STOP, ask, wait_for
+from pneudrive.campaign.storage.files import FolderLock, holder
 from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.campaign.storage.lock import FolderLock, holder
 from pneudrive.errors import CampaignError, ConnectionLostError, ProtocolError, RigError
 
 HERE = Path(__file__).parent

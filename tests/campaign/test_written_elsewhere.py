@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneudrive.campaign.cycle import KINDS, Cycle
-from pneudrive.campaign.preliminary import preliminary_friction
+from pneudrive.campaign.cycle import KINDS, Cycle, Head
 from pneudrive.campaign.running.checks import FLAGS
-from pneudrive.campaign.status import status_of
+from pneudrive.campaign.status import preliminary_friction, status_of
 from pneudrive.campaign.storage.folder import COLUMNS, Campaign
-from pneudrive.campaign.storage.head import Head
 from pneudrive.friction.campaign.reading import _plans, read_part
 from pneudrive.friction.motion import Settled
 from pneudrive.rig.interface import Identity

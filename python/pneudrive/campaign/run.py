@@ -10,20 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import own_code
-from pneudrive.campaign.options import Options
-from pneudrive.campaign.planning.plan import Plan, lay_out
+from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.preflight import check_levels
 from pneudrive.campaign.planning.protocol import Protocol, read_protocol
-from pneudrive.campaign.running.campaign_run import CampaignRun
-from pneudrive.campaign.running.live import Display, guarded
-from pneudrive.campaign.running.live_files import LiveFiles
-from pneudrive.campaign.running.prompt import Terminal
+from pneudrive.campaign.running.campaign_run import CampaignRun, Options, Terminal
+from pneudrive.campaign.running.live import Display, LiveFiles, guarded
 from pneudrive.campaign.storage.control import Requests
-from pneudrive.campaign.storage.files import make_folder
-from pneudrive.campaign.storage.folder import ABOUT, LOG, Campaign, create, tidy
-from pneudrive.campaign.storage.folder_plan import plan_of
-from pneudrive.campaign.storage.journal import Journal
-from pneudrive.campaign.storage.lock import FolderLock, now
+from pneudrive.campaign.storage.files import FolderLock, Journal, make_folder, now
+from pneudrive.campaign.storage.folder import ABOUT, LOG, Campaign, create, plan_of, tidy
 from pneudrive.errors import CampaignError, RigError
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.plain_data import plain
@@ -31,9 +25,11 @@ from pneudrive.rig.plain_data import plain
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from pneudrive.campaign.running.prompt import Prompt
+    from pneudrive.campaign.planning.points import Plan
+    from pneudrive.campaign.running.campaign_run import Prompt
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Identity, Rig
+
 
 #: Ends of a run without an error.
 DONE, ENDED = "done", "ended"

@@ -1,4 +1,4 @@
-"""Progress of a campaign, read only from its folder."""
+"""Progress of a campaign, and preliminary friction of its finished cycles, read only from its folder."""
 
 from __future__ import annotations
 
@@ -6,16 +6,21 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem
-from pneudrive.campaign.storage.folder_plan import plan_of
-from pneudrive.campaign.storage.lock import Holder, holder
-from pneudrive.errors import CampaignError, ProtocolError
+import numpy as np
+
+from pneudrive.campaign.storage.files import Holder, holder
+from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem, plan_of, read_samples
+from pneudrive.errors import CampaignError, ProtocolError, RecordingError
 from pneudrive.repr_tables import Shown
+from pneudrive.rig.interface import SHARED, Hold
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
+    from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import CycleFile
+    from pneudrive.rig.interface import Identity, Samples
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,3 +89,89 @@ def status_of(folder: str | Path) -> Status:
     return Status(
         campaign, tuple(files), planned, extra, remaining, dict(flags), tuple(problems), holder(campaign.path)
     )
+
+
+#: Kinds of cycles that have a preliminary estimate.
+MEASURED = ("sweep", "sentinel", "stop")
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A finished cycle with its preliminary estimate.
+
+    Attributes
+    ----------
+    cycle : Cycle
+    flags : dict
+    friction_n : float
+        Mean friction of a sweep, or greatest force after a stop. NaN if it was not or cannot be estimated.
+    """
+
+    cycle: Cycle
+    flags: dict[str, int]
+    friction_n: float = float("nan")
+
+
+def finished_of(files: Sequence[CycleFile], identity: Identity) -> list[Finished]:
+    """Return finished cycles with their estimates, from their files.
+
+    Raises
+    ------
+    CampaignError
+        If a file is damaged.
+    """
+    wanted = [file for file in files if file.head.cycle.kind in MEASURED]
+    frictions = {}
+    for file, samples in zip(wanted, read_samples(wanted), strict=True):
+        if isinstance(samples, CampaignError):
+            raise samples
+        frictions[file.path] = preliminary_friction(samples, file.head.cycle, identity)
+    return [Finished(f.head.cycle, f.head.flags, frictions.get(f.path, float("nan"))) for f in files]
+
+
+def preliminary_friction(samples: Samples, cycle: Cycle, identity: Identity) -> float:
+    """Return the estimate of a sweep, a control run or a stop, N; NaN if the samples do not allow it."""
+    from pneudrive.friction.extraction import extract
+    from pneudrive.friction.motion import Settled
+
+    try:
+        recording = _recording(samples, cycle, identity)
+        if cycle.kind == "stop":
+            return _after_stop(samples, cycle, identity)
+        levels = extract(recording, Settled()).levels
+    except RecordingError:
+        return float("nan")
+    return min(levels, key=lambda level: abs(level.speed_m_s - (cycle.speed_m_s or 0.0))).friction_n
+
+
+def _recording(samples: Samples, cycle: Cycle, identity: Identity):  # noqa: ANN202 - see Recording
+    from pneudrive.signals.recording import Recording
+
+    with np.errstate(invalid="ignore"):
+        time = np.where(np.isfinite(samples.time_s), samples.time_s, -np.inf)
+        good = (time >= np.maximum.accumulate(time)) & np.isfinite(time)
+    channels = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
+    return Recording(
+        name=cycle.key,
+        **{name: getattr(samples, name)[good] for name in channels},
+        **{name: getattr(identity, name) for name in SHARED},
+        accuracy=dict(identity.accuracy),
+        limits=dict(identity.limits),
+    )
+
+
+def _after_stop(samples: Samples, cycle: Cycle, identity: Identity) -> float:
+    """Return the largest force against the motion in the move after the longest hold."""
+    holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
+    number = max(holds)[1] + 1 if holds else len(cycle.steps) - 2
+    part = np.flatnonzero((samples.step == number) & np.isfinite(samples.force_n) & np.isfinite(samples.position_m))
+    if part.size < 2:
+        return float("nan")
+    ambient = identity.ambient_pressure_pa
+    force = (
+        samples.force_n[part]
+        + (samples.pressure_a_pa[part] - ambient) * identity.area_a_m2
+        - (samples.pressure_b_pa[part] - ambient) * identity.area_b_m2
+    )
+    way = samples.position_m[part[-1]] - samples.position_m[part[0]]
+    return float(np.max(np.sign(way) * force))

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.campaign.options import Options
-from pneudrive.campaign.run import run_campaign
+from pneudrive.campaign.run import Options, run_campaign
 from pneudrive.control.controller import Controller
 from pneudrive.control.loop import run
 from pneudrive.friction.campaign.characteristics import characterise

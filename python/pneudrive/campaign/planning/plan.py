@@ -1,35 +1,48 @@
-"""The plan of a campaign: every cycle in order, its time and its size on disk."""
+"""The plan of a campaign: every cycle in order, and its text: blocks with content, time and data, and the verdict."""
 
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+import math
+from collections import Counter
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.batching import many_objects
-from pneudrive.campaign.planning.order import ordered_blocks, ordered_cells
-from pneudrive.campaign.planning.planned import BYTES_PER_SAMPLE, Plan, Planned, size_of
+from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.planning.points import (
-    VENTED,
-    Builder,
+    BYTES_PER_SAMPLE,
     Cell,
-    Pair,
+    Plan,
+    Planned,
     Way,
+    axis_use,
     cycle_count,
-    cycle_samples,
-    cycle_time_s,
-    pairs,
+    ordered_blocks,
+    ordered_cells,
+    size_of,
 )
-from pneudrive.campaign.planning.preflight import check, check_range
+from pneudrive.campaign.planning.preflight import check, check_range, margins
+from pneudrive.campaign.planning.protocol import VENTED, Pair
+from pneudrive.campaign.running.live import duration
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.files.bounds import within
-from pneudrive.rig.interface import Hold
+from pneudrive.repr_tables import aligned
+from pneudrive.rig.interface import Hold, Move, Sampling
 from pneudrive.rig.plain_data import identity_of, plain
 
 if TYPE_CHECKING:
-    from pneudrive.campaign.cycle import Cycle
+    from collections.abc import Sequence
+
     from pneudrive.campaign.planning.protocol import Protocol
-    from pneudrive.rig.interface import Envelope, Identity
+    from pneudrive.rig.interface import Envelope, Identity, Step
+    from pneudrive.units import Pressure
+
+
+#: Samples per stroke of a cycle that only prepares: enough to show a fault (assumed).
+PREPARING = Sampling(samples_per_stroke=500, burst_rate_hz=0.0)
+#: Rate of samples at rest while a sensor is checked (assumed).
+CHECKING = Sampling(hold_rate_hz=1000.0, burst_rate_hz=0.0)
 
 
 def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
@@ -66,9 +79,8 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     check_range(protocol, envelope)
     count = cycle_count(protocol)
     within("cycles", count, f"the protocol asks for {count:,} cycles or more", ProtocolError, protocol.origin)
-    layout = _Layout(protocol, Builder(protocol, identity, envelope))
     with many_objects():
-        planned = layout.run()
+        planned = _Layout(protocol, identity, envelope).run()
     seen: set[str] = set()
     for one in planned:
         if one.cycle.key in seen:
@@ -88,21 +100,20 @@ def cell_name(levels: dict[str, str], cell: Cell) -> str:
 
 
 class _Layout:
-    """Collector of the cycles, block by block."""
+    """Cycles of one protocol on one rig, block by block, in the order in which they run."""
 
-    def __init__(self, protocol: Protocol, builder: Builder) -> None:
-        self.protocol, self.make = protocol, builder
-        self.way: Way = builder.way
+    def __init__(self, protocol: Protocol, identity: Identity, envelope: Envelope) -> None:
+        self.protocol, self.ambient_pa = protocol, identity.ambient_pressure_pa
+        self.way = Way.on(protocol, envelope)
+        self.first = protocol.pressure.levels[0]
+        self.block, self.levels = 1, dict[str, str]()
         self.planned: list[Planned] = []
-        self._takes: dict[str, tuple[float, int]] = {}  # cell or key -> time on the axis, samples
-        self.at = VENTED.absolute_pa(builder.ambient_pa)
-        highest = [
-            max(side, key=lambda p: p.absolute_pa(builder.ambient_pa))
-            for side in zip(*protocol.pressure.levels, strict=True)
-        ]
-        self.highest = Pair(*highest)
+        self._steps: dict[str, tuple[Step, ...]] = {}  # of each cell
+        self._uses: dict[str, tuple[float, int]] = {}  # cell or key -> time on the axis, samples
+        self._pressures = VENTED.absolute_pa(self.ambient_pa)
 
     def run(self) -> list[Planned]:
+        """Return the cycles of all blocks."""
         chosen = self._fraction()
         before: dict[str, str] = {}
         number = 0
@@ -114,7 +125,8 @@ class _Layout:
             ]
             if cells:
                 number += 1
-                self._block(number, levels, before, cells)
+                self.block, self.levels = number, levels
+                self._block(before, cells)
                 before = levels
         return self.planned
 
@@ -135,59 +147,266 @@ class _Layout:
                 )
         return set(fraction.cells)
 
-    def _block(self, block: int, levels: dict[str, str], before: dict[str, str], cells: list[tuple[Cell, int]]) -> None:
-        p, make, blank_m_s = self.protocol, self.make, self.protocol.before_block.blank_stroke_m_s
-        make.begin_block(block, levels)
+    def _block(self, before: dict[str, str], cells: list[tuple[Cell, int]]) -> None:
+        p, levels, blank_m_s = self.protocol, self.levels, self.protocol.before_block.blank_stroke_m_s
         for name, factor in p.hard.items():
-            if before.get(name) != levels[name] or (block > 1 and before == levels):
+            if before.get(name) != levels[name] or (self.block > 1 and before == levels):
                 ask = factor.ask or f"{name}: {{level}}. Confirm when it is in place."
-                self._add(make.operator(name, ask.replace("{level}", levels[name])), wait_s=factor.time_s)
-        self._prepare(new=block == 1 or any(before.get(name) != levels.get(name) for name in ("seal", "drive")))
+                self._operator(name, ask.replace("{level}", levels[name]), factor.time_s)
+        self._prepare(new=self.block == 1 or any(before.get(name) != levels.get(name) for name in ("seal", "drive")))
         if blank_m_s is not None:
-            self._add(make.blank("before", blank_m_s))
+            self._add("blank-before", "blank", self._out_and_back(blank_m_s), speed_m_s=blank_m_s)
         every = p.sentinel.every if p.sentinel is not None else 0
-        sentinels = 0
         for index, (cell, repeat) in enumerate(cells):
             if every and index % every == 0:
-                sentinels += 1
-                self._add(make.sentinel(sentinels))
-            self._add(make.point(cell, repeat), cell=cell)
+                self._sentinel(index // every + 1)
+            self._point(cell, repeat)
         if every:
-            self._add(make.sentinel(sentinels + 1))
+            self._sentinel(math.ceil(len(cells) / every) + 1)
         if blank_m_s is not None:
-            self._add(make.blank("after", blank_m_s))
+            self._add("blank-after", "blank", self._out_and_back(blank_m_s), speed_m_s=blank_m_s)
 
     def _prepare(self, *, new: bool) -> None:
         """Run in new parts, warm up, then check the sensors. The zero of the sensors is then that of the warm rig."""
-        make, warm_up, checks = self.make, self.protocol.warm_up, self.protocol.before_block
+        p, warm_up, checks = self.protocol, self.protocol.warm_up, self.protocol.before_block
         if warm_up is not None:
-            if new and warm_up.run_in_cycles:
-                self._add(make.warm_up("run-in", warm_up.run_in_cycles, warm_up.speed_m_s))
-            if warm_up.cycles:
-                self._add(make.warm_up("warm-up", warm_up.cycles, warm_up.speed_m_s))
+            for word, times in (("run-in", warm_up.run_in_cycles if new else 0), ("warm-up", warm_up.cycles)):
+                if times:
+                    steps = self._out_and_back(warm_up.speed_m_s, times)
+                    self._add(word, "warm-up", steps, self.first, sampling=PREPARING)
         if checks.tare_s is not None:
-            self._add(make.standing("tare", Hold(checks.tare_s, released=True), VENTED))
+            hold = Hold(checks.tare_s, released=True)
+            self._add("tare", "tare", (hold,), sampling=CHECKING, released=True)
         weight = checks.known_weight
         if weight is not None:
             mass, force = f"{weight.mass_kg:g} kg", weight.mass_kg * STANDARD_GRAVITY_M_S2
             on = f"Uncouple the drive and hang the known weight of {mass} on the force sensor, pulling in +x."
             off = f"Take the weight of {mass} off and couple the drive again."
-            self._add(make.operator("weight-on", on), wait_s=weight.change_s)
-            self._add(make.standing("weight", Hold(weight.time_s, weight_n=force), VENTED, weight.mass_kg))
-            self._add(make.operator("weight-off", off), wait_s=weight.change_s)
+            self._operator("weight-on", on, weight.change_s)
+            hold = Hold(weight.time_s, weight_n=force)
+            self._add("weight", "weight", (hold,), sampling=CHECKING, weight_kg=weight.mass_kg)
+            self._operator("weight-off", off, weight.change_s)
         if checks.leak_check_s is not None:
-            self._add(make.standing("leak", Hold(checks.leak_check_s, shut=True), self.highest))
+            sides = zip(*p.pressure.levels, strict=True)
+            highest = Pair(*(max(side, key=lambda pressure: pressure.absolute_pa(self.ambient_pa)) for side in sides))
+            self._add("leak", "leak", (Hold(checks.leak_check_s, shut=True),), highest, sampling=CHECKING)
 
-    def _add(self, cycle: Cycle, *, wait_s: float = 0.0, cell: Cell | None = None) -> None:
-        now = (cycle.pressure_a_pa, cycle.pressure_b_pa)
-        if now != self.at:
+    def _operator(self, word: str, text: str, wait_s: float) -> None:
+        self._add(f"operator/{word}", "operator", (), wait_s=wait_s, text=text)
+
+    def _sentinel(self, number: int) -> None:
+        """Add a control run. They are counted from 1 in each block."""
+        sentinel = self.protocol.sentinel
+        assert sentinel is not None
+        pair = self.first if sentinel.pressure is None else Pair(sentinel.pressure, sentinel.pressure)
+        steps = self._out_and_back(sentinel.speed_m_s)
+        self._add(f"sentinel/n{number}", "sentinel", steps, pair, speed_m_s=sentinel.speed_m_s)
+
+    def _point(self, cell: Cell, repeat: int) -> None:
+        """Add the cycle that measures a cell."""
+        if cell.name not in self._steps:
+            self._steps[cell.name] = self._sweep(cell) if cell.place is None else self._stop(cell)
+        self._add(
+            f"{cell.name}/r{repeat}",
+            cell.kind,
+            self._steps[cell.name],
+            cell.pressures,
+            cell=cell,
+            repeat=repeat,
+            speed_m_s=cell.speed_m_s,
+            stop_s=cell.stop_s,
+            released=cell.released,
+        )
+
+    def _add(
+        self,
+        key: str,
+        kind: str,
+        steps: tuple[Step, ...],
+        pair: Pair = VENTED,
+        *,
+        wait_s: float = 0.0,
+        cell: Cell | None = None,
+        sampling: Sampling | None = None,
+        **rest: Any,  # noqa: ANN401 - the optional fields of Cycle
+    ) -> None:
+        """Add a cycle to the plan."""
+        pressures = pair.absolute_pa(self.ambient_pa)
+        cycle = Cycle(
+            f"b{self.block}/{key}",
+            kind,
+            steps,
+            sampling or self.protocol.sampling,
+            *pressures,
+            block=self.block,
+            levels=self.levels,
+            start_m=self.way.low_m,
+            **rest,
+        )
+        if pressures != self._pressures:
             wait_s += self.protocol.pressure.settling_s
-            self.at = now
+            self._pressures = pressures
         name = cell.name if cell is not None else cycle.key
-        if name not in self._takes:
-            self._takes[name] = cycle_time_s(cycle, self.way.limits), cycle_samples(cycle, self.way.limits)
-        axis_s, samples = self._takes[name]
+        if name not in self._uses:
+            self._uses[name] = axis_use(cycle, self.way.limits)
+        axis_s, samples = self._uses[name]
         self.planned.append(Planned(cycle, axis_s, wait_s, samples, cell))
 
+    def _out_and_back(self, speed_m_s: float, times: int = 1) -> tuple[Step, ...]:
+        return (Move(self.way.high_m, speed_m_s), Move(self.way.low_m, speed_m_s)) * times
 
-__all__ = ["BYTES_PER_SAMPLE", "Plan", "Planned", "cell_name", "draft", "lay_out", "pairs", "size_of"]
+    def _sweep(self, cell: Cell) -> tuple[Step, ...]:
+        """Return the strokes of a sweep that give the requested time at constant speed."""
+        speeds, speed = self.protocol.speed, cell.speed_m_s
+        assert speeds is not None
+        cruise = self.way.cruise_s(speed)
+        strokes = min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes) if cruise else 1
+        back = speed if cell.direction == "both" else speeds.return_speed_m_s
+        out_speed = back if cell.direction == "-x" else speed
+        back_speed = back if cell.direction == "+x" else speed
+        return (Move(self.way.high_m, out_speed), Move(self.way.low_m, back_speed)) * strokes
+
+    def _stop(self, cell: Cell) -> tuple[Step, ...]:
+        """Return the steps of a stop: preconditioning, uninterrupted stroke, interrupted stroke, way back."""
+        stop = self.protocol.stop
+        assert stop is not None
+        assert cell.place is not None
+        assert cell.stop_s is not None
+        low, high, back = self.way.low_m, self.way.high_m, stop.preconditioning.speed_m_s
+        sign = 1.0 if cell.direction == "+x" else -1.0
+        near, far = (low, high) if sign > 0.0 else (high, low)
+        at = cell.place.at(low, high)
+        begin = near if stop.approach_m is None else at - sign * stop.approach_m
+        end = far if stop.recovery_m is None else at + sign * stop.recovery_m
+        speed = cell.speed_m_s
+        to_begin = [Move(near, back)] if begin == near else [Move(near, back), Move(begin, back)]
+        steps: list[Step] = list(self._out_and_back(back, stop.preconditioning.strokes))
+        steps += [*to_begin, Move(end, speed)] * stop.reference_strokes + to_begin
+        if cell.stop_s == 0.0:
+            steps += [Move(end, speed)]
+        else:
+            approach = stop.approach_speed_m_s or speed
+            steps += [Move(at, approach), Hold(cell.stop_s, released=cell.released), Move(end, speed)]
+        return _without_standing([*steps, Move(low, back)], low)
+
+
+def _without_standing(steps: list[Step], start_m: float) -> tuple[Step, ...]:
+    """Remove moves of zero length."""
+    out: list[Step] = []
+    at = start_m
+    for step in steps:
+        if isinstance(step, Move):
+            if step.to_m == at:
+                continue
+            at = step.to_m
+        out.append(step)
+    return tuple(out)
+
+
+def show(plan: Plan) -> str:
+    """Return the whole text: blocks with their content and time, and the verdict."""
+    rig = f'on "{plan.identity.name}"{" (simulated: its data are synthetic)" if plan.identity.synthetic else ""}'
+    return "\n".join(
+        [
+            f"{plan.protocol.name}, {rig}",
+            "",
+            *_blocks(plan),
+            "",
+            *_contents(plan),
+            "",
+            *_verdict(plan),
+        ]
+    )
+
+
+def size(count: float) -> str:
+    """Return a number of bytes as text."""
+    for unit, factor in (("GB", 1e9), ("MB", 1e6)):
+        if count >= factor:
+            return f"{count / factor:.3g} {unit}"
+    return f"{count / 1e3:.3g} kB"
+
+
+def _clock(seconds: float) -> str:
+    minutes = round(seconds / 60.0)
+    return f"{minutes // 60}:{minutes % 60:02d}"
+
+
+def _blocks(plan: Plan) -> list[str]:
+
+    groups: dict[int, list[Planned]] = {}
+    for one in plan.planned:
+        groups.setdefault(one.cycle.block, []).append(one)
+    rows = [["block", "set-up", "cells", "cycles", "strokes", "time, h:min", "data"]]
+    for block, group in [*groups.items(), (0, list(plan.planned))]:
+        levels = group[0].cycle.levels
+        rows.append(
+            [
+                str(block or "all"),
+                ", ".join(f"{name} {level}" for name, level in levels.items()) if block and levels else "-",
+                str(len({(str(one.cycle.levels), one.cell.name) for one in group if one.cell is not None})),
+                str(len(group)),
+                str(sum(one.strokes for one in group)),
+                _clock(sum(one.time_s for one in group)),
+                size(size_of(group)),
+            ]
+        )
+    return aligned(rows if len(groups) > 1 else rows[:2], right_from=2, indent="").splitlines()
+
+
+def _contents(plan: Plan) -> list[str]:
+
+    p = plan.protocol
+    kinds = Counter(one.cycle.kind for one in plan.planned)
+    operator_s = sum(one.wait_s for one in plan.planned if one.cycle.kind == "operator")
+    settling_s = sum(one.wait_s for one in plan.planned) - operator_s
+    axis_s = sum(one.axis_s for one in plan.planned)
+    seed = f" (seed {p.seed})" if p.order.kind == "randomised" else ""
+    each = f"{p.pressure.settling_s:g} s each, assumed"
+    waits = f", settling after changes of pressure {duration(settling_s)} ({each})" if settling_s else ""
+    hands = f", operator {duration(operator_s)} (assumed)" if operator_s else ""
+    return [
+        f"cycles   {', '.join(f'{kind} {count}' for kind, count in kinds.items())}",
+        *_factors(plan),
+        f"order    {p.order.kind}{seed}; repeats {p.repeats}, replicates {p.order.replicates}",
+        f"time     {duration(plan.time_s)}: axis {duration(axis_s)}{waits}{hands}",
+        f"data     {plan.samples} samples, {size(plan.bytes)} "
+        f"({BYTES_PER_SAMPLE:g} bytes per sample, measured on files of the simulated rig)",
+    ]
+
+
+def _factors(plan: Plan) -> list[str]:
+    p, out = plan.protocol, []
+    if p.speed is not None:
+        out.append(f"speed    {_range(p.speed.levels_m_s, 1e3, 'mm/s')}")
+    if p.stop is not None:
+        out.append(f"stop     {_range(p.stop.durations_s, 1.0, 's')}")
+        out.append(f"restart  {_range(p.stop.restart_speed_m_s, 1e3, 'mm/s')}")
+    return [*out, f"pressure {_pressures(p.pressure.levels)}"]
+
+
+def _pressures(levels: Sequence[Pair]) -> str:
+    """Return the pressures as text, absolute or gauge as stated."""
+    (a, b) = levels[0]
+    if len(levels) == 1:
+        return f"{_bar(a)} in both chambers" if a == b else f"{_bar(a)} in chamber a, {_bar(b)} in chamber b"
+    if all(a == b for a, b in levels):
+        return f"{len(levels)} levels in both chambers, {_bar(a)} to {_bar(levels[-1][0])}"
+    last = levels[-1]
+    return f"{len(levels)} pairs, a {_bar(a)} and b {_bar(b)} to a {_bar(last[0])} and b {_bar(last[1])}"
+
+
+def _bar(pressure: Pressure) -> str:
+    return f"{pressure.to('bar'):.6g} bar {'gauge' if pressure.gauge else 'abs'}"
+
+
+def _range(levels: Sequence[float], factor: float, unit: str) -> str:
+    if len(levels) == 1:
+        return f"{factor * levels[0]:.4g} {unit}"
+    return f"{len(levels)} levels, {factor * levels[0]:.4g} to {factor * levels[-1]:.4g} {unit}"
+
+
+def _verdict(plan: Plan) -> list[str]:
+
+    asked = [f"{name} {value:.4g} of {limit:.4g} {unit}" for name, (value, limit, unit) in margins(plan).items()]
+    return [f"pre-flight: passed ({', '.join(asked)})", *(f"note: {note}" for note in plan.notes)]

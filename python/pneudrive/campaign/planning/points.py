@@ -1,49 +1,28 @@
-"""The cells of a protocol (combinations of levels), and the cycle that measures each on a given rig."""
+"""The cells of a protocol (combinations of levels) in running order, and the table of planned cycles on a rig."""
 
 from __future__ import annotations
 
+import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from itertools import product
+from typing import TYPE_CHECKING, TypeVar
 
-from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.planning.protocol_values import AMBIENT
+from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Hold, Move, Sampling
 from pneudrive.rig.motion import Limits, move
 from pneudrive.rig.sampling import step_samples
 
 if TYPE_CHECKING:
-    from pneudrive.campaign.planning.protocol import Protocol
-    from pneudrive.campaign.planning.protocol_values import Place
+    from collections.abc import Callable, Iterable, Sequence
+
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.planning.protocol import Pair, Place, Protocol
     from pneudrive.rig.interface import Envelope, Identity, Step
-    from pneudrive.units import Pressure
-
-#: Samples per stroke of a cycle that only prepares: enough to show a fault (assumed).
-PREPARING = Sampling(samples_per_stroke=500, burst_rate_hz=0.0)
-#: Rate of samples at rest while a sensor is checked (assumed).
-CHECKING = Sampling(hold_rate_hz=1000.0, burst_rate_hz=0.0)
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Pressures in both chambers, as stated."""
-
-    a: Pressure
-    b: Pressure
-
-    @property
-    def name(self) -> str:
-        """Part of a key: ``a0.5/b0.5``, bar gauge; ``a1.5abs`` if stated absolute."""
-        return f"a{_bar(self.a)}/b{_bar(self.b)}"
-
-    def absolute_pa(self, ambient_pa: float) -> tuple[float, float]:
-        """Return both pressures as absolute pressures, Pa."""
-        return self.a.absolute_pa(ambient_pa), self.b.absolute_pa(ambient_pa)
-
-
-#: Chambers open to ambient.
-VENTED = Pair(AMBIENT, AMBIENT)
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -86,24 +65,6 @@ class Cell:
             parts = [f"t{self.stop_s:.6g}", self.pressures.name, speed, held, self.place.name, self.direction]
         return "/".join([self.kind, *(part for part in parts if part)])
 
-    def levels(self) -> dict[str, Any]:
-        """Return the level of each factor by its name."""
-        if self.place is None:
-            return {"speed": self.speed_m_s, "turn": self.turn, "pressure": self.pressures.name}
-        return {
-            "stop": self.stop_s,
-            "pressure": self.pressures.name,
-            "restart": self.speed_m_s,
-            "position": self.place.name,
-            "axis": "released" if self.released else "held",
-            "direction": self.direction,
-        }
-
-
-def pairs(protocol: Protocol) -> list[Pair]:
-    """Return the pairs of pressures in the order given."""
-    return [Pair(a, b) for a, b in protocol.pressure.levels]
-
 
 def sweep_cells(protocol: Protocol) -> list[Cell]:
     """Return the cells of the sweep, pressure outermost, speeds in the requested order."""
@@ -118,7 +79,7 @@ def sweep_cells(protocol: Protocol) -> list[Cell]:
     }[order]
     return [
         Cell("sweep", pair, speed, protocol.directions, turn)
-        for pair in pairs(protocol)
+        for pair in protocol.pressure.levels
         for turn, speeds in runs
         for speed in speeds
     ]
@@ -132,7 +93,7 @@ def stop_cells(protocol: Protocol) -> list[Cell]:
     directions = ("+x", "-x") if protocol.directions == "both" else (protocol.directions,)
     return [
         Cell("stop", pair, speed, direction, stop_s=duration, released=released, place=place)
-        for pair in pairs(protocol)
+        for pair in protocol.pressure.levels
         for place in stop.position
         for released in stop.released
         for speed in stop.restart_speed_m_s
@@ -185,179 +146,190 @@ class Way:
         return max(self.length_m / speed_m_s - self.limits.ramp_time_s(speed_m_s), 0.0)
 
 
-class Builder:
-    """Builder of the cycles of one protocol on one rig.
-
-    Parameters
-    ----------
-    protocol : Protocol
-    identity : Identity
-    envelope : Envelope
-    """
-
-    def __init__(self, protocol: Protocol, identity: Identity, envelope: Envelope) -> None:
-        self.protocol, self.ambient_pa = protocol, identity.ambient_pressure_pa
-        self.way = Way.on(protocol, envelope)
-        self.first = pairs(protocol)[0]
-        self.block, self.levels = 1, dict[str, str]()
-        self._steps: dict[str, tuple[Step, ...]] = {}
-
-    def begin_block(self, block: int, levels: dict[str, str]) -> None:
-        """Begin a block at these levels of the hard-to-change factors."""
-        self.block, self.levels = block, levels
-
-    def point(self, cell: Cell, repeat: int) -> Cycle:
-        """Return the cycle that measures a cell."""
-        if cell.name not in self._steps:
-            self._steps[cell.name] = self._sweep(cell) if cell.place is None else self._stop(cell)
-        return self._cycle(
-            f"{cell.name}/r{repeat}",
-            cell.kind,
-            self._steps[cell.name],
-            cell.pressures,
-            repeat=repeat,
-            speed_m_s=cell.speed_m_s,
-            stop_s=cell.stop_s,
-            released=cell.released,
-        )
-
-    def strokes(self, speed_m_s: float) -> int:
-        """Return the number of strokes of a sweep that gives the requested time at constant speed."""
-        speeds = self.protocol.speed
-        cruise = self.way.cruise_s(speed_m_s)
-        if speeds is None or cruise == 0.0:
-            return 1
-        return min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes)
-
-    def sentinel(self, number: int) -> Cycle:
-        """Return a control run. They are counted from 1 in each block."""
-        sentinel = self.protocol.sentinel
-        assert sentinel is not None
-        pair = self.first if sentinel.pressure is None else Pair(sentinel.pressure, sentinel.pressure)
-        steps = self._out_and_back(sentinel.speed_m_s, 1)
-        return self._cycle(f"sentinel/n{number}", "sentinel", steps, pair, speed_m_s=sentinel.speed_m_s)
-
-    def warm_up(self, word: str, cycles: int, speed_m_s: float) -> Cycle:
-        """Return the strokes of a warm-up or run-in."""
-        return self._cycle(word, "warm-up", self._out_and_back(speed_m_s, cycles), self.first, sampling=PREPARING)
-
-    def standing(self, kind: str, hold: Hold, pair: Pair, weight_kg: float | None = None) -> Cycle:
-        """Return a cycle at rest: zero run, leak check or known weight."""
-        return self._cycle(kind, kind, (hold,), pair, sampling=CHECKING, released=hold.released, weight_kg=weight_kg)
-
-    def blank(self, word: str, speed_m_s: float) -> Cycle:
-        """Return a blank stroke; `word` is before or after."""
-        return self._cycle(f"blank-{word}", "blank", self._out_and_back(speed_m_s, 1), VENTED, speed_m_s=speed_m_s)
-
-    def operator(self, word: str, text: str) -> Cycle:
-        """Return an operator's step."""
-        return self._cycle(f"operator/{word}", "operator", (), VENTED, text=text)
-
-    def _cycle(
-        self,
-        key: str,
-        kind: str,
-        steps: tuple[Step, ...],
-        pair: Pair,
-        *,
-        sampling: Sampling | None = None,
-        **rest: Any,  # noqa: ANN401 - the optional fields of Cycle
-    ) -> Cycle:
-        return Cycle(
-            f"b{self.block}/{key}",
-            kind,
-            steps,
-            sampling or self.protocol.sampling,
-            *pair.absolute_pa(self.ambient_pa),
-            block=self.block,
-            levels=self.levels,
-            start_m=self.way.low_m,
-            **rest,
-        )
-
-    def _out_and_back(self, speed_m_s: float, times: int) -> tuple[Step, ...]:
-        return (Move(self.way.high_m, speed_m_s), Move(self.way.low_m, speed_m_s)) * times
-
-    def _sweep(self, cell: Cell) -> tuple[Step, ...]:
-        speeds = self.protocol.speed
-        back = cell.speed_m_s if speeds is None or cell.direction == "both" else speeds.return_speed_m_s
-        out_speed = back if cell.direction == "-x" else cell.speed_m_s
-        back_speed = back if cell.direction == "+x" else cell.speed_m_s
-        once = (Move(self.way.high_m, out_speed), Move(self.way.low_m, back_speed))
-        return once * self.strokes(cell.speed_m_s)
-
-    def _stop(self, cell: Cell) -> tuple[Step, ...]:
-        """Return the steps of a stop: preconditioning, uninterrupted stroke, interrupted stroke, way back."""
-        stop = self.protocol.stop
-        assert stop is not None
-        assert cell.place is not None
-        assert cell.stop_s is not None
-        low, high, back = self.way.low_m, self.way.high_m, stop.preconditioning.speed_m_s
-        sign = 1.0 if cell.direction == "+x" else -1.0
-        near, far = (low, high) if sign > 0.0 else (high, low)
-        at = cell.place.at(low, high)
-        begin = near if stop.approach_m is None else at - sign * stop.approach_m
-        end = far if stop.recovery_m is None else at + sign * stop.recovery_m
-        speed = cell.speed_m_s
-        to_begin = [Move(near, back)] if begin == near else [Move(near, back), Move(begin, back)]
-        steps: list[Step] = list(self._out_and_back(back, stop.preconditioning.strokes))
-        steps += [*to_begin, Move(end, speed)] * stop.reference_strokes + to_begin
-        if cell.stop_s == 0.0:
-            steps += [Move(end, speed)]
-        else:
-            approach = stop.approach_speed_m_s or speed
-            steps += [Move(at, approach), Hold(cell.stop_s, released=cell.released), Move(end, speed)]
-        return _without_standing([*steps, Move(low, back)], low)
-
-
-def _without_standing(steps: list[Step], start_m: float) -> tuple[Step, ...]:
-    """Remove moves of zero length."""
-    out: list[Step] = []
-    at = start_m
-    for step in steps:
-        if isinstance(step, Move):
-            if step.to_m == at:
-                continue
-            at = step.to_m
-        out.append(step)
-    return tuple(out)
-
-
 @lru_cache(maxsize=4096)
-def move_time_s(distance_m: float, speed_m_s: float, limits: Limits) -> float:
-    """Return the time of a move from rest to rest, s."""
-    return move(distance_m, speed_m_s, limits).duration_s if distance_m else 0.0
+def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: Sampling) -> tuple[float, int]:
+    """Return time, s, and samples of a step from rest to rest, as `pneudrive.rig.sampling.schedule` spaces them."""
+    if isinstance(step, Hold):
+        time_s = step.duration_s
+    else:
+        time_s = move(distance_m, step.speed_m_s, limits).duration_s if distance_m else 0.0
+    return time_s, step_samples(time_s, isinstance(step, Move), sampling)
 
 
-def step_times_s(cycle: Cycle, limits: Limits) -> list[float]:
-    """Return the time of each step of a cycle, s."""
-    at, out = cycle.start_m, []
+def axis_use(cycle: Cycle, limits: Limits) -> tuple[float, int]:
+    """Return the time of the axis for a cycle, moves and holds, s, and the number of samples."""
+    at, time_s, samples = cycle.start_m, 0, int(bool(cycle.steps))
     for step in cycle.steps:
+        distance = 0.0
         if isinstance(step, Move):
             assert at is not None
-            out.append(move_time_s(step.to_m - at, step.speed_m_s, limits))
-            at = step.to_m
-        else:
-            out.append(step.duration_s)
+            distance, at = step.to_m - at, step.to_m
+        step_s, count = _time_and_samples(step, distance, limits, cycle.sampling)
+        time_s, samples = time_s + step_s, samples + count
+    return time_s, samples
+
+
+def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
+    """Return the levels of the hard-to-change factors block by block, one replicate after the other.
+
+    Equal levels of the factor that is hardest to change follow each other, even if levels are shuffled.
+    """
+    blocks: list[dict[str, str]] = []
+    for replicate in range(1, protocol.order.replicates + 1):
+        shuffled: list[list[str]] = []
+        for name, factor in protocol.hard.items():
+            levels = factor.levels
+            if protocol.order.kind == "randomised":
+                levels = shuffle(levels, str, f"{protocol.seed}/replicate {replicate}/{name}")
+            shuffled.append(levels)
+        blocks += [dict(zip(protocol.hard, levels, strict=True)) for levels in product(*shuffled)]
+    return blocks
+
+
+def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
+    """Return the cells of a block with their repeat (from 1) in running order."""
+    repeats = range(1, protocol.repeats + 1)
+    families = (sweep_cells(protocol), stop_cells(protocol))
+    kind = protocol.order.kind
+    if kind == "as-given":  # a change of pressure is slow: the list is repeated at each pressure
+        out = []
+        for cells in families:
+            for pair in protocol.pressure.levels:
+                here = [cell for cell in cells if cell.pressures == pair]
+                out += [(cell, repeat) for repeat in repeats for cell in here]
+        return out
+    if kind == "interleaved":
+        return [(cell, repeat) for repeat in repeats for cells in families for cell in _interleaved(cells)]
+    every = [cell for cells in families for cell in cells]
+    return [
+        (cell, repeat)
+        for repeat in repeats
+        for cell in shuffle(every, lambda cell: cell.name, f"{protocol.seed}/b{block}/r{repeat}")
+    ]
+
+
+def shuffle(items: Sequence[T], name: Callable[[T], str], seed: str) -> list[T]:
+    """Shuffle by the hash of seed and name.
+
+    The order is equal on every machine and version, and independent of other items.
+    """
+    return sorted(items, key=lambda item: hashlib.sha256(f"{seed}\0{name(item)}".encode()).digest())
+
+
+def alternate(items: Sequence[T]) -> list[T]:
+    """Take items alternately from the first and the second half, which separates neighbouring levels in time.
+
+    Examples
+    --------
+    >>> alternate([1, 2, 3, 4, 5])
+    [1, 4, 2, 5, 3]
+    """
+    half = (len(items) + 1) // 2
+    out: list[T] = []
+    for index in range(half):
+        out += items[index : index + 1]
+        out += items[half + index : half + index + 1]
     return out
 
 
-def cycle_time_s(cycle: Cycle, limits: Limits) -> float:
-    """Return the time of the axis for a cycle, moves and holds, s."""
-    return sum(step_times_s(cycle, limits))
+def _interleaved(cells: list[Cell]) -> list[Cell]:
+    """Alternate within each pressure; pressures follow one after the other."""
+    by_pressure: dict[str, list[Cell]] = {}
+    for cell in cells:
+        by_pressure.setdefault(cell.pressures.name, []).append(cell)
+    columns = [alternate(group) for group in alternate(list(by_pressure.values()))]
+    return [cell for row in zip(*columns, strict=True) for cell in row]
 
 
-def cycle_samples(cycle: Cycle, limits: Limits) -> int:
-    """Return the number of samples of a cycle, as `pneudrive.rig.sampling.schedule` spaces them."""
-    times = step_times_s(cycle, limits)
-    steps = zip(times, cycle.steps, strict=True)
-    return sum(_samples(time, isinstance(step, Move), cycle.sampling) for time, step in steps) + bool(cycle.steps)
+#: Bytes per sample in a cycle's file: 15 (long stops) to 21 (fast sweeps) on simulated rigs, as `write_cycle`
+#: writes it; `test_plan_on_rig` holds the estimate against files.
+BYTES_PER_SAMPLE = 20.0
+#: Bytes of a cycle's file beside its samples, measured likewise: Parquet's metadata and the header.
+BYTES_PER_CYCLE = 5000.0
 
 
-@lru_cache(maxsize=4096)
-def _samples(duration_s: float, moving: bool, sampling: Sampling) -> int:
-    return step_samples(duration_s, moving, sampling)
+@dataclass(frozen=True)
+class Planned:
+    """A cycle of a plan.
+
+    Attributes
+    ----------
+    cycle : Cycle
+    axis_s : float
+        Time of its moves and holds, exact for the axis' limits.
+    wait_s : float
+        Time before it: settling after a change of pressure, or the operator's work. Assumed, as in the protocol.
+    samples : int
+    cell : Cell or None
+        Condition that it measures. None for a cycle that prepares or checks.
+    """
+
+    cycle: Cycle
+    axis_s: float
+    wait_s: float
+    samples: int
+    cell: Cell | None = None
+
+    @property
+    def time_s(self) -> float:
+        """Total time, s."""
+        return self.axis_s + self.wait_s
+
+    @property
+    def strokes(self) -> int:
+        """Number of moves."""
+        return sum(isinstance(step, Move) for step in self.cycle.steps)
 
 
-def _bar(pressure: Pressure) -> str:
-    return f"{pressure.value_pa / 1e5:.6g}{'' if pressure.gauge else 'abs'}"
+@dataclass(frozen=True, repr=False)
+class Plan(Shown):
+    """The cycles of a protocol on a rig, in order.
+
+    Attributes
+    ----------
+    protocol, identity, envelope
+    planned : tuple of Planned
+        In the order in which they are run.
+    notes : tuple of str
+        Cautions.
+    """
+
+    protocol: Protocol
+    identity: Identity
+    envelope: Envelope
+    planned: tuple[Planned, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def cycles(self) -> tuple[Cycle, ...]:
+        """All cycles, in order."""
+        return tuple(one.cycle for one in self.planned)
+
+    @property
+    def time_s(self) -> float:
+        """Total time, s, without homing and changes of pressure."""
+        return sum(one.time_s for one in self.planned)
+
+    @property
+    def samples(self) -> int:
+        """Total number of samples."""
+        return sum(one.samples for one in self.planned)
+
+    @property
+    def strokes(self) -> int:
+        """Total number of moves."""
+        return sum(one.strokes for one in self.planned)
+
+    @property
+    def bytes(self) -> float:
+        """Size on disk, estimated by `BYTES_PER_SAMPLE`."""
+        return size_of(self.planned)
+
+    def remaining_s(self, done: set[str]) -> float:
+        """Return the time of the cycles whose keys are not given, s."""
+        return sum(one.time_s for one in self.planned if one.cycle.key not in done)
+
+
+def size_of(planned: Iterable[Planned]) -> float:
+    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`; an operator's step writes a file too."""
+    return sum(BYTES_PER_SAMPLE * one.samples + BYTES_PER_CYCLE for one in planned)

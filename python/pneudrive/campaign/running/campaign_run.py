@@ -6,20 +6,19 @@ import asyncio
 import concurrent.futures
 import errno
 import re
+import select
 import shutil
+import sys
 import time
-from typing import TYPE_CHECKING, Any
+import uuid
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from pneudrive.campaign.running.attempt import Attempts, GivenUpError, Measured, as_own_error
-from pneudrive.campaign.running.checks import arrival_flags, serious
-from pneudrive.campaign.running.measuring_conditions import FAULT, NO_ANSWER, MeasuringBounds, look
-from pneudrive.campaign.running.prompt import wait_for_answer
-from pneudrive.campaign.running.rig_thread import RigThread
-from pneudrive.campaign.storage.control import ABORT, PAUSE, RESUME, STOP
-from pneudrive.campaign.storage.documents import Documents
-from pneudrive.campaign.storage.files import REMEDIES
+from pneudrive.campaign.running.attempt import Attempts, GivenUpError, Measured, RigThread, as_own_error
+from pneudrive.campaign.running.checks import FAULT, NO_ANSWER, MeasuringBounds, arrival_flags, look, serious
+from pneudrive.campaign.storage.control import ABORT, CTRL_C, LOOK_S, PAUSE, RESUME, STOP, Requests
+from pneudrive.campaign.storage.files import REMEDIES, now, user
 from pneudrive.campaign.storage.folder import CYCLES, Head, write_cycle, write_truth
-from pneudrive.campaign.storage.lock import now, user
 from pneudrive.errors import CampaignError, ConnectionLostError
 
 if TYPE_CHECKING:
@@ -28,15 +27,160 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.options import Options
-    from pneudrive.campaign.planning.plan import Plan
+    from pneudrive.campaign.planning.points import Plan
     from pneudrive.campaign.running.live import Display
-    from pneudrive.campaign.running.prompt import Prompt
-    from pneudrive.campaign.storage.control import Requests
+    from pneudrive.campaign.storage.files import FolderLock, Journal
     from pneudrive.campaign.storage.folder import Campaign, CycleFile
-    from pneudrive.campaign.storage.journal import Journal
-    from pneudrive.campaign.storage.lock import FolderLock
     from pneudrive.rig.interface import Rig
+
+
+#: Ways of an answer.
+AT_TERMINAL = "terminal"
+
+
+class Prompt(Protocol):
+    """Source of answers to prompts. This base class never answers."""
+
+    @property
+    def there(self) -> bool:
+        """Whether answers are possible."""
+        ...
+
+    def show(self, text: str) -> None:
+        """Show a text."""
+        ...
+
+    def line(self, seconds: float) -> str | None:
+        """Wait for a line; return None if no line came."""
+        ...
+
+
+class Terminal:
+    """The user at the terminal of this process, if there is a terminal."""
+
+    def __init__(self) -> None:
+        self._open = True
+
+    @property
+    def there(self) -> bool:
+        """Whether standard input is a terminal."""
+        try:
+            return self._open and sys.stdin.isatty() and sys.stdout.isatty()
+        except (AttributeError, ValueError):  # closed or missing
+            return False
+
+    def show(self, text: str) -> None:
+        """Show a text."""
+        try:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        except (OSError, ValueError):
+            self._open = False
+
+    def line(self, seconds: float) -> str | None:
+        """Wait for a line."""
+        ready, _, _ = select.select([sys.stdin], [], [], seconds)
+        if not ready:
+            return None
+        text = sys.stdin.readline()
+        self._open = bool(text)
+        return text.strip() if text else None
+
+
+class Answer(NamedTuple):
+    """Answer in a pause: whether the campaign continues, who answered, and how."""
+
+    goes_on: bool
+    name: str
+    how: str
+
+    def __str__(self) -> str:
+        """Return a description in words."""
+        who = "at the keyboard" if self.how == AT_TERMINAL else f"by {self.name}"
+        return f"{'resumed' if self.goes_on else 'ended'} {who}"
+
+
+def wait_for_answer(requests: Requests, prompt: Prompt, operator: str) -> Answer:
+    """Wait for an answer to a pause, at the terminal or from another process.
+
+    Parameters
+    ----------
+    requests : Requests
+    prompt : Prompt
+    operator : str
+        Name of a person who only presses Enter.
+    """
+    while True:
+        request = requests.take()
+        if request is not None and (request.word in (ABORT, RESUME) or request.by == CTRL_C):
+            return Answer(request.word == RESUME, request.by, "another process")
+        if not prompt.there:
+            requests.wait()
+            continue
+        line = prompt.line(LOOK_S)
+        if line is not None:
+            return Answer(line.lower() not in ("a", "abort", "end"), line or operator, AT_TERMINAL)
+
+
+#: The stream of the events, and the name of a campaign as a device.
+STREAM, DEVICE = "primary", "campaign"
+
+
+class Documents:
+    """Publisher of the documents of one run.
+
+    Parameters
+    ----------
+    subscribers : sequence of callable
+        Called as ``subscriber(name, document)``, in the thread that runs the campaign.
+    source : str
+        Source of the data of an event.
+    metadata : dict
+        Metadata of the start document.
+    """
+
+    def __init__(
+        self, subscribers: Sequence[Callable[[str, dict], None]], source: str, metadata: dict[str, Any]
+    ) -> None:
+        self._subscribers, self._source = tuple(subscribers), source
+        self._descriptor, self._events = "", 0
+        self._run = self._publish("start", {**metadata, "scan_id": 1})
+
+    def _publish(self, name: str, content: dict[str, Any]) -> str:
+        document = {"uid": str(uuid.uuid4()), "time": time.time(), **content}
+        for subscriber in self._subscribers:
+            subscriber(name, document)
+        return document["uid"]
+
+    def event(self, data: dict[str, Any]) -> None:
+        """Publish an event for a finished cycle, and before the first event the descriptor of its keys."""
+        if not self._descriptor:
+            kinds = {name: "string" if isinstance(value, str) else "number" for name, value in data.items()}
+            keys = {
+                name: {"source": self._source, "dtype": kind, "shape": [], "object_name": DEVICE}
+                for name, kind in kinds.items()
+            }
+            content = {
+                "run_start": self._run,
+                "name": STREAM,
+                "data_keys": keys,
+                "object_keys": {DEVICE: list(keys)},
+                "configuration": {DEVICE: {"data": {}, "timestamps": {}, "data_keys": {}}},
+                "hints": {},
+            }
+            self._descriptor = self._publish("descriptor", content)
+        self._events += 1
+        times = dict.fromkeys(data, time.time())
+        content = {"descriptor": self._descriptor, "seq_num": self._events, "data": data, "timestamps": times}
+        self._publish("event", {**content, "filled": {}})
+
+    def stop(self, exit_status: str, reason: str = "") -> None:
+        """Publish the end of the run: ``success``, ``abort`` or ``fail``."""
+        count = {STREAM: self._events} if self._events else {}
+        self._publish(
+            "stop", {"run_start": self._run, "exit_status": exit_status, "reason": reason, "num_events": count}
+        )
+
 
 #: Bytes on the disk per sample while a cycle is written, and per cycle beside its samples.
 SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
@@ -46,6 +190,37 @@ LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.
 
 class EndedError(Exception):
     """Error: a person ended the campaign. The message has the person's name."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a campaign run.
+
+    Parameters
+    ----------
+    operator : str
+        Name of the person at the rig.
+    yes : bool
+        Operator's steps count as done without an operator.
+    patience_s : float
+        Longest wait for good conditions before the campaign ends.
+    steady_s : float
+        Time of good conditions before the campaign continues.
+    look_s : float
+        Interval of the queries of the rig while waiting.
+    attempts : int
+        Number of attempts at a cycle before the campaign ends.
+    bad_in_a_row : int
+        Number of cycles in a row with serious flags after which the campaign ends: a sensor is broken.
+    """
+
+    operator: str = ""
+    yes: bool = False
+    patience_s: float = 600.0
+    steady_s: float = 3.0
+    look_s: float = 1.0
+    attempts: int = 5
+    bad_in_a_row: int = 3
 
 
 class CampaignRun:

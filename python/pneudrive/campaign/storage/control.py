@@ -18,8 +18,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pneudrive.campaign.storage.files import PART, make_folder, no_links, write_whole
-from pneudrive.campaign.storage.lock import Holder, holder, now
+from pneudrive.campaign.storage.files import PART, Holder, holder, make_folder, no_links, now, write_whole
 from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_json
 

@@ -26,8 +26,7 @@ def _campaign() -> None:
 
 def plan(protocol: Protocol, rig: BenchRig = "default") -> None:
     """Show the plan of a protocol on a rig (cycles, time, data), and check it against the limits of the rig."""
-    from pneudrive.campaign.planning.plan import lay_out
-    from pneudrive.campaign.planning.plan_words import show
+    from pneudrive.campaign.planning.plan import lay_out, show
     from pneudrive.campaign.planning.preflight import check_levels
     from pneudrive.campaign.planning.protocol import read_protocol
     from pneudrive.rig.loading import load_rig, opened

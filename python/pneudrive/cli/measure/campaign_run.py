@@ -89,7 +89,7 @@ def resume(
     """
     from pneudrive.campaign.run import resume_campaign
     from pneudrive.campaign.storage.control import RESUME, ask, wait_for
-    from pneudrive.campaign.storage.lock import holder
+    from pneudrive.campaign.storage.files import holder
 
     running = holder(folder)
     if running is not None and running.state in ("paused", "operator"):
@@ -164,7 +164,7 @@ def abort(folder: Folder) -> None:
 
 
 def _options(operator: str, yes: bool, patience: str) -> Options:
-    from pneudrive.campaign.options import Options
+    from pneudrive.campaign.run import Options
     from pneudrive.errors import CommandError
 
     seconds = quantity("--timeout", patience, "s")
@@ -223,6 +223,6 @@ def _end(result: Result, again: str) -> None:
 
 
 def _me(operator: str) -> str:
-    from pneudrive.campaign.storage.lock import user
+    from pneudrive.campaign.storage.files import user
 
     return operator or user()

@@ -85,8 +85,7 @@ def run_experiments(
 
 def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> list[Experiment]:
     """Run one campaign. Return a list with one entry, for worker processes."""
-    from pneudrive.campaign.options import Options
-    from pneudrive.campaign.run import run_campaign
+    from pneudrive.campaign.run import Options, run_campaign
     from pneudrive.rig import load_rig
 
     bench = load_rig(rig, seed=seed)

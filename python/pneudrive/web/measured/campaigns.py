@@ -9,12 +9,11 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.preliminary import finished_of
-from pneudrive.campaign.running.live_files import read_live
-from pneudrive.campaign.status import status_of
+from pneudrive.campaign.running.live import read_live
+from pneudrive.campaign.status import finished_of, status_of
 from pneudrive.campaign.storage.control import WORDS, ask
+from pneudrive.campaign.storage.files import holder
 from pneudrive.campaign.storage.folder import CYCLES, LOG
-from pneudrive.campaign.storage.lock import holder
 from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, protocol_named
 from pneudrive.web.messages import pack
@@ -24,8 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from pneudrive.campaign.preliminary import Finished
-    from pneudrive.campaign.status import Status
+    from pneudrive.campaign.status import Finished, Status
     from pneudrive.web.workspace import Workspace
 
 PAUSE_S = 0.3  # least time between two readings of a folder with changed cycles; a slow reading lengthens it
@@ -42,8 +40,7 @@ def planned(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
     CommandError, ProtocolError
         As for `campaign_job`, or a cycle of the plan breaks a limit of the rig.
     """
-    from pneudrive.campaign.planning.plan import lay_out
-    from pneudrive.campaign.planning.plan_words import show
+    from pneudrive.campaign.planning.plan import lay_out, show
     from pneudrive.campaign.planning.preflight import check_levels
     from pneudrive.campaign.planning.protocol import read_protocol
     from pneudrive.rig.loading import load_rig, opened
@@ -54,8 +51,7 @@ def planned(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
         check_levels(asked, bench)
         plan = lay_out(asked, bench.identity(), bench.limits())
     python = (
-        "from pneudrive.campaign.planning.plan import lay_out\n"
-        "from pneudrive.campaign.planning.plan_words import show\n"
+        "from pneudrive.campaign.planning.plan import lay_out, show\n"
         "from pneudrive.campaign.planning.protocol import read_protocol\nfrom pneudrive.rig import load_rig\n\n"
         f"rig, asked = load_rig({RIG!r}), read_protocol({name!r})\n"
         "plan = lay_out(asked, rig.identity(), rig.limits())\nprint(show(plan))\n"
