@@ -1,11 +1,8 @@
 """Bins of position: both directions paired at equal position, and the spread of the means of strokes.
 
-Friction and offset against position: both directions paired at equal position.
-
-Statistical uncertainty from the spread between strokes, never only from samples inside a stroke.
-
-Samples inside a stroke share the stroke's lubrication, temperature and position pattern, so they are not independent.
-Their spread divided by the root of their number is therefore many times too small.
+Statistical uncertainty comes from the spread between strokes, never only from samples inside a stroke. These share the
+stroke's lubrication, temperature and position pattern, so they are not independent. Their spread divided by the root
+of their number is therefore many times too small.
 """
 
 from __future__ import annotations
@@ -25,7 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-
 
 MAXIMUM_BINS = 100
 MINIMUM_BINS = 5

@@ -1,10 +1,8 @@
-"""One cycle over bins of position: force balance of each direction, means, sliding, uncertainties.
+"""One cycle over bins of position: force balance of each direction, means, sliding, uncertainties, hysteresis loop.
 
 A cycle is a recording with a plan: one speed, set pressures. A speed level of a recording is a cycle without a plan.
 Samples may be unevenly spaced: bins have equal weight, so a burst around a reversal has only the weight of its travel.
 The selection of strokes, their means, scatter and breakaway are computed by ``strokes.py``, as for a speed level.
-
-Hysteresis loops: friction over position and speed around a reversal, from the samples of some cycles.
 """
 
 from __future__ import annotations
@@ -26,18 +24,15 @@ from pneudrive.friction.strokes import Side, Strokes
 from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from pneudrive.friction.conditions import Condition
-
-    Array = NDArray[np.float64]
-    from collections.abc import Sequence
-
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording
 
+    Array = NDArray[np.float64]
 
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 MINIMUM_SAMPLES = 20

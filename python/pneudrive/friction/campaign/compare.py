@@ -1,15 +1,13 @@
 """Comparison of two campaigns: new and worn, one seal and another, before and after grease.
 
-Comparability of two campaigns: required common properties of rig and protocol (checks.toml).
+A check of comparability comes first: common properties of rig and protocol (checks.toml). Friction over speed is then
+compared cycle by cycle in one model:
 
-Comparison of friction over speed of two campaigns, cycle by cycle in one model.
-
-log F = point + campaign (level + slope u + bend u^2 + pressures) + block + drift + cycle,   u = log10 speed
+  log F = point + campaign (level + slope u + bend u^2 + pressures) + block + drift + cycle,   u = log10 speed
 
 A point is a speed at a pair of pressures that both campaigns have. The scatter of cycles may differ between campaigns.
-
 Each compared property is one statistical test. Holm's correction [holm1979] keeps the probability of a false difference
-at 5 % for all tests together. A check of comparability comes first.
+at 5 % for all tests together.
 """
 
 from __future__ import annotations
@@ -42,11 +40,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult
-
-    Array = NDArray[np.float64]
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement
 
+    Array = NDArray[np.float64]
 
 TABLE = Path(__file__).with_name("checks.toml")
 

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-
 POSITIVE_SHARE = 0.2  # of the median friction: least friction for relative scatter
 FEWEST = 4  # cycles
 #: Least standard error at a speed, share of the scatter of its cycles, even if neighbouring speeds and

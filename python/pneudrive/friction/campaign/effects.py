@@ -1,16 +1,8 @@
-"""Effects on friction: pressure, air, position, direction, time; each with its interval.
-
-The reading of the force sensor, divided into the force of the air and the friction of the seal.
+"""Effects of air, direction and stick-slip on friction, the zero of the sensor, and the sources of the band.
 
 While the piston drags, it pumps air through ports, lines and regulators: pressure falls in the chamber that grows and
 rises in the other one. The force opposes the motion like friction and rises with speed. If pressures are measured in
 the chambers, the force of the air is known and subtracted. If they are measured at the regulator, it is unknown.
-
-Sources of the width of the band: one entry per source, over all points of all curves.
-
-Stick-slip in a campaign: place, size, and the speed below which it starts.
-
-Zero of the force sensor from zero runs, and the difference between the directions without it.
 """
 
 from __future__ import annotations
@@ -35,19 +27,19 @@ from pneudrive.friction.campaign.result import (
 from pneudrive.friction.campaign.sensors import GROWING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate
-    from pneudrive.friction.conditions import Condition
-
-    Array = NDArray[np.float64]
-    from collections.abc import Callable, Sequence
-
     from pneudrive.friction.campaign.points import Points
     from pneudrive.friction.campaign.sensors import Gain
+    from pneudrive.friction.conditions import Condition
     from pneudrive.friction.cycle import CycleData
     from pneudrive.signals.force_calibration import ForceCalibration
+
+    Array = NDArray[np.float64]
 
 
 def air_shares(fits: Fits, bands: Sequence[CurveBand], *, separated: bool) -> tuple[AirShare, ...]:

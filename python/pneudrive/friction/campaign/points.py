@@ -1,12 +1,8 @@
 """Cycles as points of curves over speed: common positions, conditions, speed levels, excluded cycles, repeats.
 
-All sliding cycles of a campaign over common positions: one friction, one offset, one force of the air per cycle.
-
 Cycles at high speed need a longer path to settle than slow ones. Friction varies over the path, so means over different
 parts differ. The pattern over position is found from all cycles together. Each cycle's mean is then its value over the
 common range.
-
-Cycles as points of curves over speed: conditions, speed levels, excluded cycles, joined repeats.
 """
 
 from __future__ import annotations
@@ -29,14 +25,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.friction.campaign.reading import CampaignData
+    from pneudrive.friction.conditions import Condition
     from pneudrive.friction.cycle import CycleData
 
     Array = NDArray[np.float64]
-    from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.conditions import Condition
-
     Whole = NDArray[np.int64]
-
 
 ITERATIONS = 8
 ENOUGH_CYCLES = 4  # least number for a pattern over position

@@ -1,13 +1,11 @@
 """Cycles of a campaign folder, or speed levels of recordings, reduced to one form.
 
-A file of a cycle as a recording with a plan. Damaged samples are left out and counted. Cycles at rest.
+A file of a cycle is a recording with a plan. Damaged samples are left out and counted. Unreadable cycles are named and
+left out. Several processes read the cycles.
 
-Reader of all cycles of a campaign folder, in several processes; unreadable cycles are named and left out.
-
-Recordings as a campaign without a plan: each speed level of each recording is a cycle.
-
-Set speeds and pressures are the measured ones: pressures that differ by less than 0.1 bar are one condition. Labels
-give seal, mounting and drive; each label of a run is a block. The order of the recordings in time is not known.
+Recordings are a campaign without a plan: each speed level of each recording is a cycle. Set speeds and pressures are
+the measured ones: pressures that differ by less than 0.1 bar are one condition. Labels give seal, mounting and drive;
+each label of a run is a block. The order of the recordings in time is not known.
 """
 
 from __future__ import annotations
@@ -63,13 +61,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.campaign.storage.folder import Campaign, Head
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.friction.motion import SampleChoice
     from pneudrive.rig.interface import Samples
 
     Array = NDArray[np.float64]
-    from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.friction.level import Level, RecordingResult
-
 
 T = TypeVar("T")
 LOST_SHARE = 0.5  # of a cycle's samples: largest share of damaged ones

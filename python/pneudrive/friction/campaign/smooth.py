@@ -1,4 +1,4 @@
-"""Curves over speed with scatter between cycles: a smoothing spline inside a mixed model.
+"""Curves over speed with scatter between cycles, and outliers: a smoothing spline inside a mixed model.
 
 A curve is a line and a deviation from it whose smoothness follows from the data. The deviation is an integrated Wiener
 process. Its estimate is the cubic smoothing spline, and its posterior gives the band [wahba1983]. Curves of one
@@ -6,17 +6,12 @@ campaign share their shape as far as the data support this. Smoothness refers to
 is logarithmic at low and proportional at high speed, so both the Stribeck part and the viscous part are smooth curves
 over it.
 
-Outliers: cycles that do not fit any curve. They are found one at a time, by comparison with all others.
-
-Two outliers inflate the scatter against which each is judged, and an outlier makes a good repeat look like an outlier.
-Each cycle is therefore compared with its prediction from all others [cook1982]: neighbours in speed, other pressures,
-repeats.
-The cycle with the largest deviation relative to the robust scatter is removed, and the model is fitted again. This
-repeats. The number
-of outliers follows from probability [box1968]: an outlier may show any friction, but is rare. Finally each removed
-cycle is compared with the prediction from the good cycles, and is used again if it agrees with this prediction. A cycle
-is
-suspect if the data do not decide.
+Outliers are cycles that do not fit any curve. Two outliers inflate the scatter against which each is judged, and an
+outlier makes a good repeat look like an outlier. Each cycle is therefore compared with its prediction from all others
+[cook1982]: neighbours in speed, other pressures, repeats. The cycle with the largest deviation relative to the robust
+scatter is removed, and the model is fitted again. This repeats. The number of outliers follows from probability
+[box1968]: an outlier may show any friction, but is rare. Finally each removed cycle is compared with the prediction
+from the good cycles, and is used again if it agrees with this prediction. A cycle is suspect if the data do not decide.
 """
 
 from __future__ import annotations
@@ -44,7 +39,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-
 
 #: Speed above which stretched speed is proportional to speed; below, to its logarithm (assumed).
 PROPORTIONAL_FROM_M_S = 0.1

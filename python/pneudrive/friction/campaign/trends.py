@@ -1,10 +1,7 @@
 """Trends of friction: over time, travel and temperature, over position, over the pressures of both chambers.
 
-Changes: drift with time, run-in with travel, temperature, interruptions; and repeatability of a cycle.
-
-Friction over position: its pattern over the common range, trend and harmonics. Cycles are the repeats.
-
-Effects of both chamber pressures on friction: slopes at each speed, interaction, and determined effects.
+Drift, run-in and repeatability come from the cycles of one condition. The pattern over position has a trend and
+harmonics, with the cycles as repeats. Slopes over both pressures are given at each speed, with their interaction.
 """
 
 from __future__ import annotations
@@ -28,18 +25,17 @@ from pneudrive.friction.conditions import PA_PER_BAR, TOLD, Condition, classify_
 from pneudrive.friction.sentences import say_all
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pneudrive.friction.campaign.curves import Fits
-    from pneudrive.friction.cycle import CycleData
-
-    Array = NDArray[np.float64]
     from collections.abc import Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from pneudrive.estimate.estimates import FTest
+    from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.points import Points
+    from pneudrive.friction.cycle import CycleData
     from pneudrive.friction.sentences import Said
 
+    Array = NDArray[np.float64]
 
 HOUR_S = 3600.0
 UNITS = {"time": "N/h", "travel": "N/decade", "temperature": "N/K"}  # of the effects of these causes

@@ -1,17 +1,15 @@
 """Friction around a stop: uninterrupted sliding as the reference, relaxation while held, recovery after the restart.
 
-Uninterrupted sliding as the reference of a stop: its level at the stop, and its course over the travel.
+Recovery is the distance after a restart until friction has returned to that of uninterrupted sliding:
 
-Distance and time after a restart until friction has returned to that of uninterrupted sliding.
-
-excess(s) = E exp(-s/L) + c        s: travel since the breakaway peak
+  excess(s) = E exp(-s/L) + c        s: travel since the breakaway peak
 
 c is the rest at the end of the move. Friction has recovered when the excess over c has fallen to 5 % of its start.
 This distance does not depend on noise, unlike "no longer distinguishable".
 
-Relaxation of the force while the piston is held: amount, rate and form.
+Relaxation of the force while the piston is held has one of four forms:
 
-log           f = a - R log10(1 + t/t0)          R per decade: creep of an elastomer
+  log           f = a - R log10(1 + t/t0)          R per decade: creep of an elastomer
   exponential   f = a - A [1 - exp(-t/tau)]        one time constant: a film that is squeezed out
   two times     f = a - A1 [1 - exp(-t/tau1)] - A2 [1 - exp(-t/tau2)]
   none          f = a
@@ -49,7 +47,6 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
     Array = NDArray[np.float64]
-
 
 SAME_SPEED = 0.05  # speeds that differ by less than this share are equal
 POINTS = 400  # over a stroke: means of neighbouring samples

@@ -1,10 +1,8 @@
 """Breakaway against stop duration and pressure: slope per decade, laws in comparison, limits of the stops.
 
-The results of the stops of one series: breakaway against stop duration.
+The age of a contact follows from the peaks after stops, in the form of a drive's friction:
 
-The age of a contact from peaks after stops, in the form of a drive's friction.
-
-dphi/dt = 1 - phi |v|/L      age: the duration of the stop while the piston rests, L/|v| while it slides
+  dphi/dt = 1 - phi |v|/L      age: the duration of the stop while the piston rests, L/|v| while it slides
   Fd = B (1 + s_a p_a + s_b p_b) psi(phi/tau)
 
 A peak after a stop of duration t therefore exceeds the earlier friction at the speed v by Fd(t) - Fd(L/v). The excess
@@ -14,8 +12,6 @@ after a restart has fallen to 5 % at
 
 This gives L for each time tau. B and the pressure coefficients are found by least squares, and tau by a scan over its
 values.
-
-Sentences on determined and undetermined values of the stops of a series.
 """
 
 from __future__ import annotations
@@ -48,19 +44,16 @@ from pneudrive.friction.sentences import say
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
+    from pneudrive.friction.campaign.stops.dwell_models import DwellForm, DwellLawFit
     from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.conditions import Condition
+    from pneudrive.friction.sentences import Statement
 
     Array = NDArray[np.float64]
-    from collections.abc import Iterator
-
-    from pneudrive.friction.campaign.stops.dwell_models import DwellForm
-    from pneudrive.friction.sentences import Statement
 
 
 def inertia_of(stops: Sequence[Stop]) -> float:

@@ -1,22 +1,20 @@
 """Breakaway over stop duration: laws, a curve without a law, and optimal stops for a law.
 
-Laws of breakaway over stop duration, fitted side by side and compared by information criteria.
+The laws are fitted side by side and compared by information criteria:
 
-y = a_c + B_c psi(t; shape) at each condition c; the shape is common to all conditions
+  y = a_c + B_c psi(t; shape) at each condition c; the shape is common to all conditions
 
 psi is a growth of the core, named as in drive files, with a time and an exponent. The interval of the shape comes from
 its profile, and is open if the data do not limit it.
 
-Breakaway increment against stop duration without a law: a curve over the logarithm of the duration.
+The curve without a law is one over the logarithm of the duration:
 
-y = level_c + slope_c u + bend + place + drift + block + block slope + scatter,   u = log10(stop duration)
+  y = level_c + slope_c u + bend + place + drift + block + block slope + scatter,   u = log10(stop duration)
 
 at each condition c. The bend is smooth over u (a slow and a quicker part), and partly common to all conditions. The
 bend, the blocks, their slopes and the scatter between cycles are random effects. Results are averages over the possible
 sizes of these effects (`pneudrive.estimate.mixed`). Intervals therefore cover the choice of the law as well as the
 scatter.
-
-Optimal stops for a dwell law.
 """
 
 from __future__ import annotations
@@ -39,9 +37,9 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
     from pneudrive.friction.conditions import Condition
 
+    Array = NDArray[np.float64]
 
 KATO_EXPONENT = 0.4  # assumed if not free: stops of a few decades do not determine it
 EXPONENTS = np.round(np.linspace(0.15, 1.0, 18), 3)

@@ -1,20 +1,18 @@
 """Height of a breakaway peak from noisy samples.
 
-Height of a peak between a steep rise and a slow fall: a sharp or rounded corner.
-
-F(t) = p + r (t - c) + d S(t - c) + q S(t - c)^2,   S(u) = s ln(1 + exp(u / s))
-
-Smoothing reduces the height of a corner; a fit does not. This module does not treat peaks that are round over several
-samples. The parameters p, r, d, q are linear. Corner c and roundness s are evaluated on a grid. The height is the
-average over the grid, weighted by the quality of each fit. Its uncertainty therefore includes the uncertainty of c and
-s.
-
 The largest of many noisy samples is too high, and the largest of smoothed ones is too low. Therefore one half of the
 samples gives the place of the peak, and the other half its height. Then the halves are exchanged. The noise that
-selected the
-place does not
-enter the height. Samples are smoothed by local parabolas. Their width is the largest whose peak agrees within noise
-with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little and a flat one much.
+selected the place does not enter the height. Samples are smoothed by local parabolas. Their width is the largest whose
+peak agrees within noise with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little and a flat
+one much.
+
+A peak between a steep rise and a slow fall is a sharp or rounded corner:
+
+  F(t) = p + r (t - c) + d S(t - c) + q S(t - c)^2,   S(u) = s ln(1 + exp(u / s))
+
+Smoothing reduces the height of a corner; a fit does not. Peaks that are round over several samples are not treated as
+corners. The parameters p, r, d, q are linear. Corner c and roundness s are evaluated on a grid. The height is the
+average over the grid, weighted by the quality of each fit. Its uncertainty therefore includes that of c and s.
 """
 
 from __future__ import annotations
@@ -35,7 +33,6 @@ if TYPE_CHECKING:
     from pneudrive.estimate.separable import Scan
 
     Array = NDArray[np.float64]
-
 
 #: Parts of the excess down to which samples on both sides are fitted: the widest that a corner describes.
 DEPTHS = (0.6, 0.35, 0.2)

@@ -49,7 +49,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-
 #: Share of the increment above which the air's force or inertia spoils a peak; share of the stop for the loading.
 SPOILS = 0.1
 LEAST_RATE_HZ = 5000.0  # least rate of samples around a restart
