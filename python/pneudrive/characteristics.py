@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pneudrive.estimate.estimates import Estimate, FTest
 from pneudrive.friction.campaign.characteristics import campaign_friction, characterise, recorded_characteristics
+from pneudrive.friction.campaign.dependences import fit_campaign
 from pneudrive.friction.campaign.files import write_characteristics
-from pneudrive.friction.campaign.fits import fit_campaign
 from pneudrive.friction.campaign.result import CampaignCharacteristics, Curve, CycleResult
 from pneudrive.friction.conditions import BOTH, Condition, Skipped
 from pneudrive.friction.sentences import Statement

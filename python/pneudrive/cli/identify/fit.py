@@ -65,7 +65,7 @@ def fit(
         Fit file to write; with --by one file for each value.
     """
     from pneudrive.errors import CommandError, nearest
-    from pneudrive.friction.campaign.fits import NO_POINTS, with_dependences
+    from pneudrive.friction.campaign.dependences import NO_POINTS, with_dependences
     from pneudrive.identify.static.laws import CANDIDATES
     from pneudrive.identify.static.model import PRESSURE_FORMS
 

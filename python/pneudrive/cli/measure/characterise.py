@@ -85,8 +85,8 @@ def _campaign(recordings: list[Path], layout: Path | None, out: Path, choice: Sa
     """Characterise one campaign folder."""
     from pneudrive.errors import CommandError
     from pneudrive.friction.campaign.characteristics import campaign_friction
+    from pneudrive.friction.campaign.dependences import ALL, fit_campaign
     from pneudrive.friction.campaign.files import write_characteristics
-    from pneudrive.friction.campaign.fits import ALL, fit_campaign
     from pneudrive.report.campaign.page import write_campaign_report
 
     if len(recordings) > 1 or layout is not None:

@@ -22,8 +22,7 @@ from pneudrive.friction.campaign.effects import (
     thresholds,
 )
 from pneudrive.friction.campaign.files import friction_map
-from pneudrive.friction.campaign.plausible import suspicions
-from pneudrive.friction.campaign.points import Points, condensed, points_of
+from pneudrive.friction.campaign.points import Points, condensed, points_of, suspicions
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
 from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult, Ranges
 from pneudrive.friction.campaign.statements import statements

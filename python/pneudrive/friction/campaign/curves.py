@@ -9,8 +9,8 @@ import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.friction.budget import CycleTerms, SharedTerms
-from pneudrive.friction.campaign.plausible import OUTLIER
 from pneudrive.friction.campaign.points import (
+    OUTLIER,
     CurveSpeeds,
     Points,
     block_shares,

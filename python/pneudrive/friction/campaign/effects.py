@@ -15,7 +15,7 @@ import numpy as np
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
 from pneudrive.friction.campaign.curves import CurveBand, Fits, drag, fit_response, in_newton
-from pneudrive.friction.campaign.plausible import NAMES, STICK_SLIP
+from pneudrive.friction.campaign.points import NAMES, STICK_SLIP
 from pneudrive.friction.campaign.result import (
     AirShare,
     Asymmetry,

@@ -15,9 +15,9 @@ from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.threads import one_thread
+from pneudrive.friction.campaign.stops.course import Phases, find_phases
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.peak import find_breakaway
-from pneudrive.friction.campaign.stops.phases import Phases, find_phases
 from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.rig.interface import Sampling
 

@@ -18,18 +18,22 @@ from pneudrive.friction.campaign.reading import condition_of, read_or_skip, reco
 from pneudrive.friction.campaign.stops.course import (
     SAME_SPEED,
     ForceRelaxation,
+    Phases,
     Recovery,
     Running,
     UninterruptedStroke,
     bin_excess,
+    find_phases,
+    mean_velocity,
     read_strokes,
     recover,
     relax,
     running_level,
+    steady_part,
+    stop_step,
     strokes_of,
 )
 from pneudrive.friction.campaign.stops.peak import BreakawayPeak, find_breakaway
-from pneudrive.friction.campaign.stops.phases import Phases, find_phases, mean_velocity, steady_part, stop_step
 from pneudrive.friction.conditions import Skipped
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Move
