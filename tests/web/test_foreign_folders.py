@@ -25,7 +25,7 @@ from pneudrive.report.page import FIGURES, Report
 from pneudrive.signals.layout import labels_from_name
 from pneudrive.signals.tables.column_units import header_unit, split_name
 from pneudrive.signals.tables.names import family_of
-from pneudrive.signals.tables.preamble import read_preamble
+from pneudrive.signals.tables.sniff import read_preamble
 from pneudrive.signals.tables.text_table import TextForm
 from pneudrive.simulation.trajectory import whole
 from pneudrive.units import parse

@@ -7,6 +7,7 @@ import os
 import pickle
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from typing import IO, TYPE_CHECKING, TypeVar
@@ -83,7 +84,7 @@ def in_processes(work: Callable[..., list[Result]], tasks: Sequence[tuple]) -> l
     PneudriveError
         The error of `work`.
     """
-    command = child.command("pneudrive.signals.pool_worker")
+    command = child.command("pneudrive.signals.pool")
     environment = {**os.environ, "POLARS_MAX_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     # Results come by files: a read from a pipe cannot be interrupted if a library's threads take the signal.
     with contextlib.ExitStack() as stack:
@@ -128,3 +129,16 @@ def _stop(running: list[tuple[subprocess.Popen, IO[bytes]]]) -> None:
         if process.poll() is None:
             process.kill()
             process.wait()
+
+
+def main() -> None:
+    """Do the work of a child process: read (function, arguments) from stdin, write the returned list or the error."""
+    with many_objects():
+        work, task = pickle.load(sys.stdin.buffer)
+    try:
+        result: object = work(*task)
+    except PneudriveError as error:
+        result = error
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)
+    pickle.dump(result, sys.stdout.buffer)
