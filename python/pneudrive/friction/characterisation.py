@@ -141,7 +141,7 @@ def _shown(level: Level, label: str) -> Iterator[ShownValue]:
         sign = "+x" if direction > 0 else "-x"
         yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", abs(side.velocity_m_s), "m/s")
     used = sum(side.strokes for side in level.sides.values())
-    yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(level.strokes)}")
+    yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(level.table.strokes)}")
     for name, value, u in (
         ("friction", level.friction_n, level.expanded_n),
         ("offset", level.offset_n, COVERAGE_FACTOR * level.u_offset_n),
