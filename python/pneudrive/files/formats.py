@@ -260,8 +260,8 @@ def open_mf4(path: Path) -> Opened:
 def open_mat(path: Path) -> Opened:
     """Open a MAT file (v5 to v7.3); fields of structures have dotted names.
 
-    An array of structures, such as the signals of a Simulink scope, has columns with the texts of ``label``, or names
-    with the number of the structure: ``signals[1].values``.
+    The signals of a Simulink scope are an array of structures. Its columns have the names in ``label``. Without labels
+    they are numbered: ``signals[1].values``.
     """
     pymatreader = _optional("pymatreader", "mat")
     flat: dict[str, NDArray[Any]] = {}

@@ -1,4 +1,4 @@
-"""Columns of a foreign table as evidence: what a header states, and properties of the numbers."""
+"""Columns of a foreign table as evidence: statements of the header, and properties of the numbers."""
 
 from __future__ import annotations
 

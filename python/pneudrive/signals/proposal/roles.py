@@ -98,7 +98,7 @@ def families(names: Iterable[str]) -> list[str]:
 
 @dataclass
 class RoleSearch:
-    """The columns of a table, and what was found of their roles.
+    """Columns of a table with guesses and questions about their roles.
 
     ``taken`` has the numbers of columns whose role is decided, including those without a role.
     """

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Role:
-    """What a column may be.
+    """Role that a column may have.
 
     Attributes
     ----------
