@@ -233,7 +233,7 @@ def _readers(sources: list[Source]) -> Iterator[tuple[str, Callable[[], Recordin
 class _Results:
     """The results of recordings one after the other: rows and points of all, samples of those that are shown.
 
-    Recordings with the samples of an earlier one count once. Of many recordings, an unusable one is left out.
+    Recordings with the samples of an earlier one count once. An unusable recording is left out if there are many.
     """
 
     def __init__(self, *, large: bool) -> None:

@@ -291,7 +291,7 @@ def _budget(
 
 
 def level_flags(level: Level) -> list[str]:
-    """Return the flags of a speed class, beside those of its samples and its doubtful values."""
+    """Return the flags of a speed class, without those of its samples and of its doubtful values."""
     sides = list(level.sides.values())
     speeds = [abs(side.velocity_m_s) for side in sides]
     stick_slip = any(side.stick_slip for side in sides)
