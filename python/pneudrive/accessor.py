@@ -11,12 +11,15 @@ import xarray as xr
 from pneudrive import units
 from pneudrive.datasheet.strokes import stroke_of
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.simulation.exhaust import exhaust_air
 from pneudrive.simulation.trajectory import attributes
 from pneudrive.units import UnitFloat
 
 if TYPE_CHECKING:
     from pneudrive.datasheet.strokes import StrokeNumbers
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
+    from pneudrive.simulation.exhaust import ExhaustAir
 
 _JOULE = " [J]"
 
@@ -127,6 +130,31 @@ class Pneu:
         begins, within = zip((float(time[0]), 0.0), *changes, strict=True)
         ends = [*begins[1:], math.inf]
         return [stroke_of(self._run, drive, *span) for span in zip(begins, ends, within, strict=True)]
+
+    def exhaust_air(self, drive: Drive | Circuit) -> ExhaustAir | None:
+        """Return the temperature of the air that leaves the cylinders, and the number of exhausts.
+
+        Parameters
+        ----------
+        drive : Drive or Circuit
+            The one of the run: its ambient pressure.
+
+        Returns
+        -------
+        ExhaustAir or None
+            None if no gas leaves a cylinder.
+
+        Examples
+        --------
+        >>> import pneudrive as pn
+        >>> drive = pn.Drive.load("catalogue:reference")
+        >>> air = pn.simulate(drive, "0 s: 0.6, 1 s: -0.6", "2 s").pneu.exhaust_air(drive)
+        >>> air.exhausts, air.mean_k < 273.15
+        (2, True)
+        """
+        suffix = {"Pa": "_pa", "K": "_k", "kg/s": "_kg_s"}
+        columns = {f"{name}{suffix.get(one.attrs.get('units'), '')}": one.to_numpy() for name, one in self._run.items()}
+        return exhaust_air(columns | {"time_s": self._run["time"].to_numpy()}, drive.ambient.pressure_pa)
 
     def energy(self) -> dict[str, UnitFloat]:
         """Return the energy balance of the run: heat, work and enthalpy over its boundary, positive inward.

@@ -139,12 +139,15 @@ conductance = "2 dm3/(s bar)"
 [components.one]
 kind = "tank"
 volume = "1 l"
+heat_transfer = "0 W/(m2 K)"
 [components.two]
 kind = "tank"
 volume = "0.3 l"
+heat_transfer = "0 W/(m2 K)"
 [components.three]
 kind = "tank"
 volume = "0.2 l"
+heat_transfer = "0 W/(m2 K)"
 [components.control]
 kind = "flow-control"
 needle_conductance = "0.2 dm3/(s bar)"
@@ -463,6 +466,7 @@ kind = "tube/distributed"
 length = "1.5 m"
 diameter = "6 mm"
 cells = 4
+heat_transfer = "{laminar!r} W/(m2 K)"
 copies = ["tube_a", "tube_b"]
 [components.cylinder]
 kind = "cylinder/rodless"

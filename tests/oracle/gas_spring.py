@@ -27,9 +27,13 @@ moving_mass = "48 kg"
 [components.upper]
 kind = "tank"
 volume = "20 l"
+wall_area = "1 m2"
+heat_transfer = "30 W/(m2 K)"
 [components.lower]
 kind = "tank"
 volume = "40 l"
+wall_area = "1 m2"
+heat_transfer = "30 W/(m2 K)"
 """
 
 

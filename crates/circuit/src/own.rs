@@ -4,8 +4,8 @@
 
 pub use crate::component::{
     Acts, Brings, Build, Choice, Component, Holds, Instance, Kind as ComponentKind, LINEAR_ABOVE, Node, Port,
-    PortKind, Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals, Vessel, axis, chamber, exhaust, gas, kinds,
-    pilot, register,
+    PortKind, Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals, Vessel, WallHeat, axis, chamber, exhaust, gas,
+    kinds, pilot, register,
 };
 #[doc(hidden)]
 pub use crate::component::{count, join};

@@ -16,7 +16,7 @@ pub use flow::edge::Edge;
 pub use flow::formula_path::FormulaPath;
 pub use flow::gap::Gap;
 pub use flow::restriction::{OtherRestriction, Restriction};
-pub use flow::series::Series;
+pub use flow::series::{Series, TubeWall};
 pub use flow::table_edge::TableEdge;
 pub use foreign::{Family, Foreign, Member};
 pub use gas::column::Column;

@@ -4,6 +4,7 @@ mod edge;
 mod formula;
 mod iso6358;
 mod laminar;
+pub mod pipe;
 mod series;
 pub use edge::{leaking, opened};
 pub use formula::{FlowFormula, MASS_FLOW};

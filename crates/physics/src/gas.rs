@@ -5,6 +5,7 @@ mod virial;
 pub use ideal::IdealGas;
 pub use virial::Virial;
 
+use crate::heat::Transport;
 use math::{Lane, Real};
 use std::ops::Deref;
 
@@ -14,6 +15,8 @@ pub struct Gas<P> {
     ideal: IdealGas<P>,
     /// Numbers of the virial coefficient. `None` for an ideal gas.
     pub virial: Option<Virial<P>>,
+    /// Viscosity and conductivity, the same in all lanes.
+    pub transport: Transport,
 }
 
 impl<P: Real> Gas<P> {
@@ -21,6 +24,12 @@ impl<P: Real> Gas<P> {
     #[must_use]
     pub fn with(self, virial: Option<Virial<P>>) -> Self {
         Gas { virial, ..self }
+    }
+
+    /// Creates the gas with a viscosity and a conductivity.
+    #[must_use]
+    pub fn conducting(self, transport: Transport) -> Self {
+        Gas { transport, ..self }
     }
 }
 
@@ -31,6 +40,7 @@ impl<R: Lane> Gas<R> {
         Gas {
             ideal: IdealGas::gather(&math::field(each, |gas| &gas.ideal)),
             virial: virial.map(|each| Virial::gather(&each)),
+            transport: each[0].transport,
         }
     }
 }
@@ -46,7 +56,7 @@ impl<P> Deref for Gas<P> {
 
 impl<P: Copy> From<&IdealGas<P>> for Gas<P> {
     fn from(ideal: &IdealGas<P>) -> Self {
-        Gas { ideal: *ideal, virial: None }
+        Gas { ideal: *ideal, virial: None, transport: Transport::AIR }
     }
 }
 

@@ -29,6 +29,10 @@ pub struct Axis {
 const STICK_STIFFNESS: f64 = 5e5;
 const STICK_DAMPING: f64 = 1e-3;
 
+/// Heat-transfer coefficient in the controller model if the drive states none, W/(m2 K) (assumed): the law of heat
+/// transfer gives 20 to 60 W/(m2 K) in strokes.
+const HEAT_TRANSFER: f64 = 30.0;
+
 /// The only component whose kind begins with this text.
 fn only<'c>(circuit: &'c Circuit, kind: &str, what: &str) -> Result<&'c Component, Error> {
     let mut each = circuit.components.iter().filter(|own| own.kind.starts_with(kind));
@@ -121,7 +125,7 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
         stroke,
         mass,
         load: of_loads("force") - weight,
-        heat_transfer: given(cylinder, "heat_transfer")?,
+        heat_transfer: number(cylinder, "heat_transfer").unwrap_or(HEAT_TRANSFER),
         wall_temperature: number(cylinder, "wall_temperature").unwrap_or(ambient.temperature),
         valve,
         friction_shares: [1.0; 2],

@@ -102,7 +102,7 @@ class Mismatch(Described):
     bristle_stiffness: Factor = _factor("the stiffness of the contact in stick")
     conductance: Factor = _factor("the conductance of the valve")
     moving_mass: Factor = _factor("the moving mass, loads included")
-    heat_transfer: Factor = _factor("the heat-transfer coefficient")
+    heat_transfer: Factor = _factor("the heat-transfer coefficient, or of its law")
     dead_volume: Factor = _factor("both dead volumes")
     supply_pressure: Factor = _factor("the absolute pressure of the supply")
     supply_conductance: Factor = Field(
@@ -165,7 +165,7 @@ _FRICTION = {
 }
 _CYLINDER = {
     "moving_mass": ("moving_mass",),
-    "heat_transfer": ("heat_transfer",),
+    "heat_transfer": ("heat_transfer", "heat_transfer_scale"),
     "dead_volume": ("dead_volume_a", "dead_volume_b"),
 }
 _VALVE = {

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.files.provenance import values
+from pneudrive.describe.system import PISTON
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SAID = "each identified value moved to both ends of its interval; effects added with the correlations of the values"
+SAID = "each value with an interval moved to both its ends; effects added with the correlations of the values"
+#: Factors of the laws of heat transfer in chambers and in tubes at the ends of their interval. Source: heat page.
+HEAT_SPREAD, TUBE_SPREAD = (0.5, 2.0), (1.0 / 1.4, 1.4)
 
 
 class Ends(NamedTuple):
@@ -38,10 +41,8 @@ class Ends(NamedTuple):
 def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a drive, or a circuit, which has none
     """Return the drives at the ends of each identified value, and the names of values with an open interval."""
     origins: dict[str, Any] = getattr(drive, "provenance", None) or {}
-    if not origins:
-        return [], []
-    known = values(drive)
-    found, left_out = [], []
+    found, left_out = _ends_of_heat(drive, origins), []
+    known = values(drive) if origins else {}
     for name, origin in origins.items():
         mark = known[name].mark
         low, high = origin.bounds_si(mark)
@@ -55,6 +56,24 @@ def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a dri
         )
         found.append(Ends(name, origin.confidence, origin.correlation, low_end, high_end))  # type: ignore[arg-type]
     return found, left_out
+
+
+def _ends_of_heat(drive: Any, known: Any) -> list[Ends]:  # noqa: ANN401 - a drive or a circuit
+    """Return the drive at both ends of the factor of its heat transfer, which is the same for all its chambers.
+
+    Empty if no chamber follows the law with an assumed factor.
+    """
+    kinds = {name: one.kind for name, one in drive.circuit.components.items()}
+    prefix, spreads = drive.key_prefix, {}
+    for name, one in drive.circuit.components.items():
+        key = f"{prefix}{name}.heat_transfer_scale"
+        is_given = one.has_heat_law and one.fields["heat_transfer_scale"] in one.model_fields_set
+        if one.has_heat_law and not is_given and key not in known and (prefix or name == PISTON):
+            spreads[key] = TUBE_SPREAD if kinds[name].startswith("tube") else HEAT_SPREAD
+    if HEAT_SPREAD not in spreads.values():
+        return []
+    low, high = (drive.replace({key: ends[side] for key, ends in spreads.items()}) for side in (0, 1))
+    return [Ends("heat_transfer_scale", 0.95, {}, low, high)]
 
 
 def with_intervals(

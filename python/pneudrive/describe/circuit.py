@@ -420,8 +420,9 @@ class Circuit(Described):
                 lines = [line for line in lines if not line.startswith("end_stop_")]
                 lines += end_stops.assumed("end_stop_", given, stops[name])
             out += [("{}." + escaped(line), name) for line in lines]
+        heat = "" if any(one.has_heat_law for one in self.components.values()) else ", and no heat exchange"
         for name, volume in self.joint_volumes:
-            line = f"the joint of {{}} has {1e6 * volume:.3g} cm3, from the volumes of its ports, and no heat exchange"
+            line = f"the joint of {{}} has {1e6 * volume:.3g} cm3, from the volumes of its ports{heat}"
             out.append((line, name))
         return out + [(escaped(line), "") for line in settled]
 

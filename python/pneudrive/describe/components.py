@@ -165,7 +165,8 @@ class Component(Described):
     def numbers(self, ambient_pa: float) -> dict[str, float]:
         """Return the known parameters by their keys, in SI, pressures absolute."""
         out = {}
-        for key in (p["key"] for p in self.entry["parameters"] if self._has(p)):
+        acting = (p for p, has_effect in self._acting() if has_effect or not p["only"].startswith("no "))
+        for key in (p["key"] for p in acting):
             sizes = self._values(flow_keys(self.entry, key))
             value = sizes[0]
             if any(sizes[1:]):
@@ -223,6 +224,11 @@ class Component(Described):
             if value.source is not None:
                 yield f"{key} = {inline(value.value)}", value.source
 
+    @property
+    def has_heat_law(self) -> bool:
+        """Whether its heat transfer follows from a law, because no coefficient is stated."""
+        return "heat_transfer" in self.fields and getattr(self, self.fields["heat_transfer"]) is None
+
     def assumed(self) -> Iterator[str]:
         """Yield the assumed values, which have no source, as ``key = value``."""
         for key, value in self.origins.items():
@@ -244,7 +250,8 @@ class Component(Described):
         for parameter, has_effect in self._acting():
             if not has_effect and self.fields[parameter["key"]] in self.model_fields_set:
                 key, _, option = parameter["only"].partition(" = ")
-                yield f"{parameter['key']} has no effect without {f'{key} = {option!r}' if option else key}"
+                needed = f"without {f'{key} = {option!r}' if option else key}"
+                yield f"{parameter['key']} has no effect {needed.replace('without no', 'with')}"
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the component as its table: its class is made again on loading."""
@@ -319,7 +326,7 @@ def rows(entry: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         default = follows or (needed if is_bare(parameter) else str(kind.default(kind.fields[key])))
         assumed = f" (assumed: {parameter['assumed']})" if parameter["assumed"] else ""
         only, was = parameter["only"], parameter["was"]
-        meaning = parameter["meaning"] + (f"; acts only with {only}" if only else "")
+        meaning = parameter["meaning"] + (f"; acts only with {only}".replace("with no", "without") if only else "")
         out.append((key, takes, default + assumed, meaning + (f"; in older files `{was}`" if was else "")))
         out += [(other, _SIZES[_last(other)].written or "", "", f"Alternative to {key}") for other in keys[1:]]
     for choice in entry["choices"]:

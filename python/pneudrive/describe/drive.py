@@ -39,7 +39,10 @@ if TYPE_CHECKING:
     from pneudrive.simulation.session import Session
 
 # Defaults without a source: results that use them say so.
-_ASSUMED = {"cylinder": ("heat_transfer",), "valve": ("critical_pressure_ratio", "subsonic_index", "linear_above")}
+_ASSUMED = {
+    "cylinder": ("heat_transfer_scale",),
+    "valve": ("critical_pressure_ratio", "subsonic_index", "linear_above"),
+}
 
 
 class _FileOrTable(classmethod):
@@ -417,6 +420,7 @@ class Drive(Described):
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)
             given = part.to_dict()
+            given |= {"heat_transfer_scale": 1.0} if "heat_transfer" in given else {}
             out += [f"{table}.{key} = {part.default(key)}" for key in keys if key not in given]
         stop = self.cylinder.end_stop
         given = [key for key, name in zip(stop.keys(), type(stop).model_fields, strict=True) if name in stop.stored()]

@@ -47,6 +47,8 @@ def is_needed(parameter: Mapping[str, Any], given: Mapping[str, Any] | None = No
 def acts(parameter: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
     """Return whether a parameter has an effect with these numbers and choices."""
     key, equals, option = parameter["only"].partition(" = ")
+    if key.startswith("no "):
+        return given.get(key.removeprefix("no ")) is None
     return not key or (given.get(key) == option if equals else bool(given.get(key)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
@@ -18,8 +19,15 @@ if TYPE_CHECKING:
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are stated for less (assumed).
 HIGHEST_PA = 20e5
-#: Temperatures of the model, K: -40 to 200 degC; constant heat capacities, seals and heat transfer (assumed).
-COLDEST_K, HOTTEST_K = 233.15, 473.15
+#: Excess of the heat capacity over that of the model, -, which gives a note (assumed).
+CAPACITY_OFF = 0.02
+#: Heat capacity cp of an ideal gas over the model's constant, less 1, at `CAPACITY_CELSIUS`. Source: coolprop2014.
+CAPACITY_CELSIUS = (20.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0)
+CAPACITY_EXCESS = {
+    "air": (-0.0002, 0.0014, 0.0056, 0.0117, 0.0196, 0.0292, 0.0399, 0.0633, 0.0872),
+    "nitrogen": (0.0008, 0.0014, 0.0034, 0.0071, 0.0127, 0.0202, 0.0293, 0.0507, 0.0739),
+    "carbon-dioxide": (-0.0047, 0.0317, 0.0873, 0.1369, 0.1815, 0.2217, 0.2581, 0.3216, 0.3745),
+}
 #: Part of the pressure by which a gas may differ from its law, ideal or with a second coefficient (assumed).
 IDEAL_OFF, VIRIAL_OFF = 0.05, 0.1
 #: Largest acceleration of a piston by the pressure on one side, m/s2: a piston of 6 mm bore and 5 g has 4e3 (assumed).
@@ -48,7 +56,7 @@ def warnings(described: Drive | Circuit, columns: Mapping[str, Any]) -> list[str
     """
     time = columns["time_s"]
     places = list(_places(described, columns))
-    found = [*_pressures(places, time), *_temperatures(places, time), *_gas(described, places, time)]
+    found = [*_pressures(places, time), *_hot(described, places, time), *_gas(described, places, time)]
     found += _masses(described, places, time)
     return [*found, *_pistons(described, columns), *_singular_poses(described, columns)]
 
@@ -73,25 +81,29 @@ def _pressures(places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa:
         )
 
 
-def _temperatures(places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    cold = [place for place in places if place.temperature_k.min() < COLDEST_K]
-    hot = [place for place in places if place.temperature_k.max() > HOTTEST_K]
-    ends = []
-    if cold:
-        worst = min(cold, key=lambda place: float(place.temperature_k.min()))
-        when = time_s[int(worst.temperature_k.argmin())]
-        ends.append(
-            f"cools to {_celsius(worst.temperature_k.min())} in {worst.name} at {when:.4g} s{_others(cold, worst)}"
-        )
-    if hot:
-        worst = max(hot, key=lambda place: float(place.temperature_k.max()))
+def _hot(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
+    """Yield a note if the heat capacity of the hottest gas is far from the constant of the model."""
+    excesses = CAPACITY_EXCESS.get(_gas_name(described))
+    worst = max(places, key=lambda place: float(place.temperature_k.max()), default=None)
+    if excesses is None or worst is None:
+        return
+    hottest = float(worst.temperature_k.max())
+    k = min(bisect(CAPACITY_CELSIUS, hottest - ZERO_CELSIUS_K), len(excesses) - 1)
+    (low, high), (before, after) = CAPACITY_CELSIUS[k - 1 : k + 1], excesses[k - 1 : k + 1]
+    excess = before + (after - before) * (hottest - ZERO_CELSIUS_K - low) / (high - low)
+    if k > 0 and excess > CAPACITY_OFF:
         when = time_s[int(worst.temperature_k.argmax())]
-        ends.append(
-            f"heats up to {_celsius(worst.temperature_k.max())} in {worst.name} at {when:.4g} s{_others(hot, worst)}"
+        yield (
+            f"the gas in {worst.name} reaches {_celsius(hottest)} at {when:.4g} s, "
+            f"where its heat capacity is {100.0 * excess:.1f} % higher than the model's"
         )
-    if ends:
-        limits = f"{COLDEST_K - ZERO_CELSIUS_K:g} to {HOTTEST_K - ZERO_CELSIUS_K:g} degC"
-        yield f"the gas {' and '.join(ends)}: the model is stated for {limits} (assumed)"
+
+
+def _gas_name(described: Drive | Circuit) -> str:
+    """Return the name of the gas: air by its gas constant, empty for an unknown gas."""
+    gas = described.gas
+    is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
+    return "air" if is_air else gas.name or ""
 
 
 def _others(places: list[_GasVolume], worst: _GasVolume) -> str:
@@ -105,9 +117,8 @@ def _celsius(temperature_k: float) -> str:
 
 def _gas(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a warning if the second virial coefficient contributes more to the pressure than the gas law allows."""
-    gas = described.gas
-    is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
-    coefficients = VIRIAL.get("nitrogen" if is_air else str(gas.name))  # air is taken as nitrogen
+    gas, name = described.gas, _gas_name(described)
+    coefficients = VIRIAL.get("nitrogen" if name == "air" else name)  # air is taken as nitrogen
     if coefficients is None:
         return
     most = IDEAL_OFF if gas.model == "ideal" else VIRIAL_OFF

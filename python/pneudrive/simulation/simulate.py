@@ -15,7 +15,7 @@ from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.references import bibtex
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation import command as commands
-from pneudrive.simulation import humidity, run_limits
+from pneudrive.simulation import exhaust, humidity, run_limits
 from pneudrive.simulation.session import core_error
 from pneudrive.simulation.start import check_tolerance, ready
 from pneudrive.simulation.trajectory import meaning
@@ -245,7 +245,7 @@ def run(
     except (ValueError, RuntimeError) as error:
         raise core_error(error, SimulationError) from None
     result["warnings"] += _open_ledger(result["ledger"], rtol) + humidity.warnings(drive, result["columns"])
-    result["warnings"] += run_limits.warnings(drive, result["columns"])
+    result["warnings"] += [*run_limits.warnings(drive, result["columns"]), *exhaust.notes(drive, result["columns"])]
     for message in result["warnings"]:
         warn(message)
     by_numbers = None

@@ -50,6 +50,7 @@ DRAWN = (
     "mass of the piston",
     "valve time",
     "cushion",
+    "heat transfer",
 )
 #: Of the draws.
 SEED = 0
@@ -63,6 +64,8 @@ LONGEST, LONGER_S = 1.4, 0.1
 LAST_M = 2e-6
 #: Power of a tube's bore that its conductance follows, near enough for its spread.
 BORE_POWER = 2.3
+#: Power of the factor of the heat transfer in chambers that gives that in tubes: 1.4 for 2.
+TUBE_HEAT_POWER = 0.485
 
 
 class Setting(NamedTuple):
@@ -263,6 +266,10 @@ class DriveStrokes:
             if f"dead_volume_{end}" in self.choice.cylinder.assumed:
                 factors[f"cylinder.dead_volume_{end}"] = dead
                 factors[f"cylinder.cushion_{end}_port_volume"] = dead
+        low, high = np.log(spread.heat_transfer)
+        heat = low + (high - low) * draws[:, DRAWN.index("heat transfer")]
+        factors["cylinder.heat_transfer_scale"] = np.exp(heat)
+        factors |= {f"tube_{end}.heat_transfer_scale": np.exp(TUBE_HEAT_POWER * heat) for end in "ab"}
         own = share["mass of the piston"] * ("moving_mass" in self.choice.cylinder.assumed)
         factors["cylinder.moving_mass"] = 1.0 + spread.assumed * own
         for key in ("time_on", "time_off", "delay"):

@@ -80,6 +80,9 @@ class TaskSpreads(Described):
     temperature_k: Annotated[tuple[float, float], Between("K", "degC")] = Field(
         default=(283.15, 308.15), description="of air and cylinder"
     )
+    heat_transfer: Annotated[tuple[float, float], _Factors("")] = Field(
+        default=(0.5, 2.0), description="factors of the heat transfer in chambers, by ratio; smaller ones for tubes"
+    )
     assumed: Share = Field(default=0.3, description="of assumed dead volumes, piston masses and valve times, +-")
 
 

@@ -87,7 +87,7 @@ def cases(task: SizingTask, outward: bool) -> Array:
     for row, share in ((1, SLOW), (2, FAST)):
         for name in _HELPS:
             rows[row, DRAWN.index(name)] = share
-        for name in ("friction", "valve time", "mass of the piston"):
+        for name in ("friction", "valve time", "mass of the piston", "heat transfer"):
             rows[row, DRAWN.index(name)] = 1.0 - share
         rows[row, DRAWN.index("load")] = share if pulls else FAST
     return rows

@@ -393,13 +393,18 @@ def _of_chambers(drive: Drive) -> list[Cause]:
                   "add ports, fittings and tubes up to the valve to cylinder.dead_volume", _dead_volume("ab"),
                   bounds=SHARE, free=("cylinder.dead_volume.a", "cylinder.dead_volume.b")),
     ]  # fmt: skip
-    if drive.cylinder.heat_transfer_w_m2_k > 0.0:
+    is_stated = drive.cylinder.heat_transfer_w_m2_k is not None
+    key, field, unit = (
+        ("cylinder.heat_transfer", "heat_transfer_w_m2_k", "W/(m^2 K)")
+        if is_stated
+        else ("cylinder.heat_transfer_scale", "heat_transfer_scale", "")
+    )
+    if getattr(drive.cylinder, field) > 0.0:
         out.append(
             Cause("heat transfer", "chamber", "{size} heat transfer to the walls", "share", 0.3, 0.3,
-                      "fit cylinder.heat_transfer to the pressure decay after a fast fill with the valve shut",
-                      _value("cylinder.heat_transfer", "W/(m^2 K)",
-                             lambda d, share: d.cylinder.heat_transfer_w_m2_k * (1.0 + share)),
-                      bounds=SHARE, free=("cylinder.heat_transfer",))
+                      f"fit {key} to the pressure decay after a fast fill with the valve shut",
+                      _value(key, unit, lambda d, share: getattr(d.cylinder, field) * (1.0 + share)),
+                      bounds=SHARE, free=(key,))
         )  # fmt: skip
     return out
 

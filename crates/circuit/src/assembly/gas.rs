@@ -3,6 +3,7 @@
 use crate::ground::Lifted;
 use crate::specification;
 use math::Lane;
+use physics::heat::Transport;
 use physics::{Gas, IdealGas, Virial};
 
 /// Source of the virial coefficients.
@@ -19,7 +20,9 @@ pub(super) fn gas<P: Lane>(lifted: &Lifted<specification::Gas>) -> Gas<P> {
         b: virial.number(|own| own.b_m3_kg),
         c: virial.number(|own| own.c_k),
     });
-    Gas::from(&ideal).with(virial)
+    let specification::Gas { heat_capacity_ratio, gas_constant_j_kg_k, .. } = *lifted.value;
+    let transport = Transport::of(&IdealGas::new(heat_capacity_ratio, gas_constant_j_kg_k));
+    Gas::from(&ideal).with(virial).conducting(transport)
 }
 
 /// Least pressure fraction of a third virial coefficient that gives a warning (assumed).

@@ -1,7 +1,8 @@
 //! The nodes of joints, from what the joined components bring.
 
 use crate::component::{
-    Brings, Build, Chain, Instance, Leg, Node, PortId, PortKind, Starting, Vessel, bring, joint_volume,
+    Brings, Build, Chain, Instance, Leg, Node, PortId, PortKind, Starting, Vessel, WallHeat, bring,
+    joint_volume,
 };
 use crate::ground::{AxisId, Error, GasId};
 use crate::part::ChamberLaw;
@@ -53,6 +54,8 @@ pub(super) struct Wiring<'a, P> {
     pub around: Option<GasId>,
     pub joint_volumes: Vec<(String, P)>,
     pub chains: Vec<Chain>,
+    /// Whether joints exchange heat by law: some component does.
+    pub has_heat_law: bool,
 }
 
 /// Contributions of the components to a joint of gas.
@@ -66,6 +69,8 @@ struct Brought<P> {
     ports: f64,
     /// Volume inside restrictions, m3.
     room: Option<P>,
+    /// Bore of the narrowest tube, m.
+    bore: Option<P>,
 }
 
 /// Contributions of the components to a joint of masses.
@@ -130,7 +135,7 @@ where
     /// Returns what the components bring to a joint of gas.
     fn brought(&self, joint: &Joint) -> Result<Brought<P>, Error> {
         let (mut held, mut volume, mut own_name, mut ports) = (Vec::new(), None, None, 0.0);
-        let mut room = None::<P>;
+        let (mut room, mut bore) = (None::<P>, None::<P>);
         if joint.ambient {
             held.push((if self.build.is_like { String::new() } else { AMBIENT.into() }, None));
         }
@@ -156,16 +161,20 @@ where
                 Brings::Room { volume } => room = Some(room.map_or(volume, |room| room + volume)),
                 _ => {}
             }
+            if self.each[component].kind().key.starts_with("tube") {
+                let own = self.each[component].number("diameter");
+                bore = Some(bore.map_or(own, |bore| bore.min(own)));
+            }
             let chain = self.chains.iter().find(|chain| chain.ends().contains(&(component, port)));
             if let Some(more) = chain.and_then(|chain| chain.room(self.each, self.build.ambient[1])) {
                 room = Some(room.map_or(more, |room| room + more));
             }
         }
-        Ok(Brought { held, volume, own_name, ports, room })
+        Ok(Brought { held, volume, own_name, ports, room, bore })
     }
 
     fn gas(&mut self, joint: &Joint) -> Result<GasId, Error> {
-        let Brought { held, volume, own_name, ports, room } = self.brought(joint)?;
+        let Brought { held, volume, own_name, ports, room, bore } = self.brought(joint)?;
         match (&held[..], volume) {
             ([(one, _), (other, _), ..], _) => {
                 refuse(format!("{one} and {other} hold the same joint: put a fitting between them"))
@@ -180,13 +189,21 @@ where
                 Ok(self.build.circuit.reservoir(pressure, temperature))
             }
             ([], volume) => {
+                let own_volume = P::c(joint_volume(ports));
                 let mut vessel = volume.unwrap_or_else(|| Vessel {
                     law: ChamberLaw::EnergyBalance,
-                    dead_volume: P::c(joint_volume(ports)),
+                    dead_volume: own_volume,
                     wall: P::zero(),
-                    heat_transfer: P::zero(),
+                    heat: if self.has_heat_law {
+                        WallHeat::Joint { volume: own_volume, diameter: bore }
+                    } else {
+                        WallHeat::Constant(P::zero())
+                    },
                     wall_temperature: self.build.ambient[1],
                 });
+                if let WallHeat::Vessel { port, .. } = &mut vessel.heat {
+                    *port = port.or(bore);
+                }
                 if let Some(room) = room {
                     vessel.dead_volume += room;
                 }

@@ -121,7 +121,9 @@ where
     let build = Build::new(gas, is_air, ambient, is_like);
     let nodes = each.iter().map(|own| vec![Node::Shut; own.kind().ports.len()]).collect();
     let chains = joints.chains(each);
-    let mut wiring = Wiring { each, build, nodes, around: None, joint_volumes: Vec::new(), chains };
+    let has_heat_law = each.iter().any(Instance::has_heat_law);
+    let mut wiring =
+        Wiring { each, build, nodes, around: None, joint_volumes: Vec::new(), chains, has_heat_law };
     for joint in &joints.each {
         let is_merged = |port| wiring.chains.iter().any(|chain| chain.is_inside(port));
         if !joint.ports.first().copied().is_some_and(is_merged) {
@@ -147,6 +149,7 @@ where
             build.circuit.own(&each[i].name);
         }
     }
+    build.size_walls();
     check_met(&build)?;
     Ok(Joined { build, joint_volumes })
 }

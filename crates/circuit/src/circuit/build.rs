@@ -9,6 +9,7 @@ use ode::{Structure, System};
 use physics::Gas;
 use physics::constants::STANDARD_GRAVITY;
 use physics::friction::Contact;
+use physics::heat::Heat;
 use physics::mechanics::Inertia;
 use std::sync::{Arc, LazyLock};
 
@@ -97,15 +98,28 @@ impl<R: Lane> Circuit<R> {
         heat_transfer: R,
         wall_temperature: R,
     ) -> GasId {
+        self.vessel(law, [dead_volume, dead_wall], Heat::Newton(heat_transfer), wall_temperature)
+    }
+
+    /// Adds a volume with a law of heat transfer. Its dead volume, m3, has a wall, m2, at a temperature, K.
+    pub fn vessel(
+        &mut self,
+        law: ChamberLaw,
+        [dead_volume, dead_wall]: [R; 2],
+        heat: Heat<R>,
+        wall_temperature: R,
+    ) -> GasId {
         let node = self.next_gas();
+        self.shape_by(usize::from(heat.least_flow().is_some()));
         let mut part = Volume {
             dead_volume,
             dead_wall,
-            heat_transfer,
+            heat,
             wall_temperature,
             node,
             starts_as: node,
             law,
+            stored_wall: false,
             scales: [1.0; 2],
         };
         part.set_scales(self.common.gas.heat_capacity_ratio.get(0), self.common.gas.gas_constant.get(0));
@@ -115,8 +129,13 @@ impl<R: Lane> Circuit<R> {
 
     /// Makes a volume start with the pressure and temperature of another one.
     pub(crate) fn starts_as(&mut self, volume: GasId, other: GasId) {
-        let volume = self.parts.volumes.iter_mut().find(|(_, part)| part.node == volume.0);
-        volume.expect("a volume").1.starts_as = other.0;
+        self.volume_mut(volume).starts_as = other.0;
+    }
+
+    /// Returns a volume that was added.
+    pub(crate) fn volume_mut(&mut self, id: GasId) -> &mut Volume<R> {
+        let volume = self.parts.volumes.iter_mut().find(|(_, part)| part.node == id.0);
+        &mut volume.expect("a volume").1
     }
 
     pub(crate) fn is_reservoir(&self, id: GasId) -> bool {

@@ -6,6 +6,7 @@ pub(crate) mod glance;
 
 use crate::ground::{AxisNode, Common, GasId, GasNode};
 use crate::part::flow::restriction::passing;
+use crate::part::gas::volume::wetted;
 use crate::part::{ChamberLaw, Cylinder, Face, Parts, Volume};
 use math::{Both, Dual, Lane, Over, Real, Work};
 use ode::Dense;
@@ -97,9 +98,7 @@ const AXIS_OF_PLAIN: usize = 8;
 /// Quantities that follow from the states of both chambers.
 struct Chambers<S> {
     rates: [S; 2],
-    volume: S,
-    pressure: S,
-    temperature: S,
+    node: GasNode<S>,
 }
 
 impl<R: Lane> Fused<R> {
@@ -108,9 +107,11 @@ impl<R: Lane> Fused<R> {
         let [(_, cylinder)] = &parts.cylinders[..] else { return None };
         let few = cylinder.axis.friction.as_ref().is_none_or(|contact| contact.states().len() <= 1);
         let law = ChamberLaw::EnergyBalance;
-        if parts.has_others() || !few || cylinder.volumes.iter().any(|volume| volume.law != law) {
+        let [a, b] = &cylinder.volumes;
+        if parts.has_others() || !few || a.law != law {
             return None;
         }
+        let volume = a.beside(b)?;
         let mut edges = [Vec::new(), Vec::new()];
         for (restriction, (_, part)) in parts.restrictions.iter().enumerate() {
             let [from, to] = [part.path.from, part.path.to].map(GasId::index);
@@ -126,7 +127,7 @@ impl<R: Lane> Fused<R> {
             }
             edges[side].push(Edge { restriction, reservoir, inward });
         }
-        let ([a, b], [face_a, face_b]) = (&cylinder.volumes, &cylinder.faces);
+        let [face_a, face_b] = &cylinder.faces;
         let Common { gas, ambient_pressure, ambient_temperature } = common;
         let ideal: IdealGas<Both<R>> = gas.beside(gas);
         let common = Common {
@@ -134,7 +135,7 @@ impl<R: Lane> Fused<R> {
             ambient_pressure: Both::same(*ambient_pressure),
             ambient_temperature: Both::same(*ambient_temperature),
         };
-        Some(Fused { edges, volume: a.beside(b), face: face_a.beside(face_b), common, ports: Vec::new() })
+        Some(Fused { edges, volume, face: face_a.beside(face_b), common, ports: Vec::new() })
     }
 
     /// Copies the open restrictions and the state of the reservoirs.
@@ -202,11 +203,9 @@ impl<P: Real> Fused<P> {
             let out = S::from(ports.limit).lt(node.p);
             let choked = ports.law.choked(out, &reservoir, &own).times(ports.gain);
             let m_dot = passing(choked * ports.law.share(out, &reservoir, &own), ports.gain);
-            node.m_dot += m_dot;
-            node.h_dot += m_dot * (cp * S::select(out, node.t, S::from(ports.temperature)));
+            node.receive(m_dot, m_dot * (cp * S::select(out, node.t, S::from(ports.temperature))));
         }
-        let (volume, pressure, temperature) = (node.volume, node.p, node.t);
-        Chambers { rates: self.volume.rates(&mut node, &self.common), volume, pressure, temperature }
+        Chambers { rates: self.volume.rates(&mut node, &self.common), node }
     }
 }
 
@@ -291,8 +290,8 @@ impl<R: Lane> Whole<'_, R> {
         let [x, v, m_a, u_a, m_b, u_b] = *outer;
         let axis = cylinder.stands([x, v]);
         let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
-        let Chambers { rates, pressure, .. } = fused.chambers(Both::same(cylinder.least_wall), states);
-        let acceleration = cylinder.moves(axis, pressure.0, z, dz, common).a;
+        let Chambers { rates, node } = fused.chambers(Both::same(cylinder.least_wall), states);
+        let acceleration = cylinder.moves(axis, node.p.0, z, dz, common).a;
         let [m_dot, u_dot] = rates.map(|both| both.0);
         *out = [
             known[0] + v,
@@ -320,10 +319,13 @@ impl<R: Lane> Whole<'_, R> {
             Dual::variable(Both([m_a, m_b]), 1),
             Dual::variable(Both([u_a, u_b]), 2),
         ];
-        let chambers = fused.chambers(Both::same(cylinder.least_wall), seeded);
-        let Chambers { rates, volume, pressure, .. } = chambers;
-        // The velocity enters only through the work -p dV/dt, and dV/dt is dV/dx times the velocity.
-        let by_v = [Both::zero(), -(pressure.re * volume.eps[0])];
+        let Chambers { rates, node } = fused.chambers(Both::same(cylinder.least_wall), seeded);
+        let (pressure, growth) = (node.p, node.volume.eps[0]);
+        // The velocity enters only through dV/dt, which is dV/dx times the velocity: the work -p dV/dt, and heat.
+        let mut by_v = [Both::zero(), -(pressure.re * growth)];
+        if let Some(slope) = fused.volume.heat.by_volume_rate(&wetted(&node).map(|number| number.re)) {
+            by_v[1] += slope * growth;
+        }
         // By reference, because iterating over an array by value copies it.
         for (side, first) in [2, 4].into_iter().enumerate() {
             let columns = [0, first, first + 1];

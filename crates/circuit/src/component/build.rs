@@ -1,6 +1,6 @@
 //! The circuit under construction, to which components add their parts.
 
-use super::instance::{Brings, Instance, Terminals, Vessel};
+use super::instance::{Brings, Instance, Terminals, Vessel, WallHeat};
 use super::kind::Kind;
 use crate::circuit::{Circuit, Path};
 use crate::component::mechanics::end_stop::Ends;
@@ -8,9 +8,14 @@ use crate::component::{Quantity, Starting, Timing};
 use crate::ground::{AxisId, Between, Error, GasId, Part};
 use crate::part::{CheckValve, Edge, Family, Foreign, InputId, Kept, Member, PartId, Wall};
 use math::{Deps, Lane, Over};
-use physics::flow::Iso6358;
+use physics::flow::{BORE_CONDUCTANCE, Iso6358};
 use physics::friction::Contact;
+use physics::heat::{Film, Geometry, Heat, Pipe};
 use physics::{Bounds, Gas};
+use std::f64::consts::PI;
+
+/// Least diameter of a port, m (assumed): smaller than any port, for volumes that no path reaches.
+const LEAST_PORT: f64 = 1e-4;
 
 /// Target of an input, known once the circuit is built.
 #[derive(Clone, Copy, Debug)]
@@ -88,6 +93,8 @@ pub struct Build<P> {
     pub open: Vec<InputId>,
     /// Sonic conductance of each restriction and its ends.
     pub paths: Vec<(P, GasId, GasId)>,
+    /// Volumes whose heat transfer needs a diameter that follows from the paths at them.
+    unsized_walls: Vec<(GasId, WallHeat<P>)>,
     /// Whether names are omitted, because a circuit of the same parts has them.
     pub is_like: bool,
     /// Name, meaning and target.
@@ -116,6 +123,7 @@ impl<P: Lane> Build<P> {
             legs: Vec::new(),
             open: Vec::new(),
             paths: Vec::new(),
+            unsized_walls: Vec::new(),
             is_like,
             inputs: Vec::new(),
             columns: vec![("time_s".into(), Quantity::Time)],
@@ -125,8 +133,41 @@ impl<P: Lane> Build<P> {
 
     /// A volume.
     pub fn volume(&mut self, vessel: Vessel<P>) -> GasId {
-        let Vessel { law, dead_volume, wall, heat_transfer, wall_temperature } = vessel;
-        self.circuit.volume(law, dead_volume, wall, heat_transfer, wall_temperature)
+        let Vessel { law, dead_volume, wall, heat: described, wall_temperature } = vessel;
+        let (heat, is_unsized) = match described {
+            WallHeat::Constant(coefficient) => (Heat::Newton(coefficient), false),
+            WallHeat::Vessel { scale, bore, area, port } => {
+                let area = area.unwrap_or(P::c(f64::INFINITY));
+                let size = Geometry { bore, area, port: port.unwrap_or(bore) };
+                (Heat::Film(Film::new(scale, &size, &self.gas)), port.is_none())
+            }
+            WallHeat::Tube { scale, diameter } => (Heat::Pipe(Pipe::new(scale, diameter, &self.gas)), false),
+            WallHeat::Joint { .. } => (Heat::Pipe(Pipe::new(P::one(), P::one(), &self.gas)), true),
+        };
+        let node = self.circuit.vessel(law, [dead_volume, wall], heat, wall_temperature);
+        if is_unsized {
+            self.unsized_walls.push((node, described));
+        }
+        node
+    }
+
+    /// Sets the diameters that follow from the paths at a volume, when all paths are known.
+    pub(crate) fn size_walls(&mut self) {
+        for (node, described) in std::mem::take(&mut self.unsized_walls) {
+            let bore =
+                (self.widest(node) * P::c(4.0 / (PI * BORE_CONDUCTANCE))).max(P::c(LEAST_PORT * LEAST_PORT));
+            let (gas, bore) = (self.gas, bore.sqrt());
+            let volume = self.circuit.volume_mut(node);
+            match (described, &mut volume.heat) {
+                (WallHeat::Joint { volume: own, diameter }, heat) => {
+                    let diameter = diameter.unwrap_or(bore);
+                    volume.dead_wall = P::c(4.0) * own / diameter;
+                    *heat = Heat::Pipe(Pipe::new(P::one(), diameter, &gas));
+                }
+                (_, Heat::Film(film)) => film.set_port(bore, &gas),
+                _ => {}
+            }
+        }
     }
 
     /// Makes gas start at a pressure and a temperature.
@@ -193,9 +234,12 @@ impl<P: Lane> Build<P> {
     /// Adds the heat-storing wall of volumes, and the column of its temperature.
     pub fn wall(&mut self, of: &Instance<P>, nodes: &[GasId]) {
         let signal = self.circuit.signal();
+        for node in nodes {
+            self.circuit.volume_mut(*node).stored_wall = true;
+        }
         self.circuit.add(Wall {
             capacity: of.number("wall_capacity"),
-            heat_transfer: of.number("heat_transfer"),
+            heat_transfer: of.given("heat_transfer"),
             outward: of.number("wall_outer_area") * of.number("wall_outer_heat_transfer"),
             start: of.given("wall_temperature").unwrap_or(self.ambient[1]),
             signal,

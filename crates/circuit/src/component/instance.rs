@@ -108,6 +108,12 @@ impl<P: Lane> Instance<P> {
         self.given(key).expect("a number that was checked")
     }
 
+    /// Returns whether its heat transfer follows from the laws of `physics::heat`, because no coefficient is stated.
+    pub(crate) fn has_heat_law(&self) -> bool {
+        let mut each = self.kind().parameters.iter().zip(&self.numbers);
+        each.any(|(row, number)| row.key == "heat_transfer" && number.is_none())
+    }
+
     /// Returns the contribution of a path with a sonic conductance to others in series. Such paths are merged by a rule
     /// for the subsonic index 0.5.
     pub fn in_series(&self, conductance: P) -> Option<[P; 2]> {
@@ -138,7 +144,39 @@ pub enum Brings<P> {
     Along,
 }
 
-/// A volume, m3, with a wall: m2, W/(m2 K), K.
+/// Heat transfer between the gas of a volume and its wall.
+#[derive(Clone, Copy, Debug)]
+pub enum WallHeat<P> {
+    /// A constant coefficient, W/(m2 K).
+    Constant(P),
+    /// The law of a chamber or a tank.
+    Vessel {
+        /// Factor of the law.
+        scale: P,
+        /// Diameter of the vessel, m.
+        bore: P,
+        /// Area of its piston, m2; `None`: a tank.
+        area: Option<P>,
+        /// Diameter of its port, m; `None`: that of the tube, or by the conductance there.
+        port: Option<P>,
+    },
+    /// The law of a tube.
+    Tube {
+        /// Factor of the law.
+        scale: P,
+        /// Inner diameter, m.
+        diameter: P,
+    },
+    /// The law of a tube for a joint.
+    Joint {
+        /// Volume that has a wall, m3.
+        volume: P,
+        /// Diameter of the narrowest tube at the joint, m; `None`: by the conductance there.
+        diameter: Option<P>,
+    },
+}
+
+/// A volume, m3, with a wall: m2, K.
 #[derive(Clone, Debug)]
 pub struct Vessel<P> {
     /// Mass and energy balance of the gas.
@@ -147,8 +185,8 @@ pub struct Vessel<P> {
     pub dead_volume: P,
     /// Wetted wall of that volume, m2.
     pub wall: P,
-    /// Heat-transfer coefficient to the wall, W/(m2 K).
-    pub heat_transfer: P,
+    /// Heat transfer to the wall.
+    pub heat: WallHeat<P>,
     /// Temperature of the wall, K.
     pub wall_temperature: P,
 }

@@ -2,7 +2,7 @@
 
 use super::{Brings, Build, Instance, Node, bring, series};
 use crate::circuit::Path;
-use crate::component::Quantity;
+use crate::component::{Quantity, tube_wall};
 use crate::ground::Error;
 use crate::part::Series;
 use math::{Deps, Lane, Over};
@@ -100,7 +100,9 @@ impl Chain {
         });
         let path = build.between(from, to);
         let most = forward.conductance.max(backward.conductance);
-        let part = build.flow_part(Series { forward, backward, path }, &[most]);
+        let ambient = build.ambient[1];
+        let walls = members().filter_map(|own| tube_wall(own, ambient, &build.gas)).collect();
+        let part = build.flow_part(Series { forward, backward: Some(backward), walls, path }, &[most]);
         for &(own, entered) in &self.0 {
             let path = Path::along(part, 0);
             let path = if entered == 0 { path } else { path.backward() };

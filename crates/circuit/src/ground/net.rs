@@ -24,6 +24,14 @@ pub struct GasNode<S> {
     pub h_dot: S,
     /// Heat from the wall, W.
     pub heat: S,
+    /// Temperature of the wall, K.
+    pub wall_temperature: S,
+    /// Sum of the sizes of all flows, kg/s, if the heat transfer depends on flows.
+    pub turnover: S,
+    /// Least flow m_0 of that sum, kg/s.
+    pub(crate) least_flow: S,
+    /// Whether the heat transfer depends on flows.
+    pub(crate) is_stirred: bool,
 }
 
 /// A moving mass, or a carriage whose motion is prescribed.
@@ -145,6 +153,22 @@ impl<S: Real> GasNode<S> {
             m_dot: o,
             h_dot: o,
             heat: o,
+            wall_temperature: one,
+            turnover: o,
+            least_flow: o,
+            is_stirred: false,
+        }
+    }
+
+    /// Adds a mass flow into the node, kg/s, with its enthalpy, W.
+    #[inline(always)]
+    pub(crate) fn receive(&mut self, m_dot: S, h_dot: S) {
+        self.m_dot += m_dot;
+        self.h_dot += h_dot;
+        if self.is_stirred {
+            // Exactly zero without flow.
+            let least = self.least_flow;
+            self.turnover += m_dot.fma(m_dot, least * least).sqrt() - least;
         }
     }
 }

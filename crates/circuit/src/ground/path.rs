@@ -38,14 +38,10 @@ pub(crate) fn post_ideal<S: Real>(net: &mut Net<S>, path: Between, (m_dot, backw
 fn exchange<S: Real>(net: &mut Net<S>, path: Between, m_dot: S, h_dot: S) {
     let Between { from, to, boundary } = path;
     if !boundary[0] {
-        let one = &mut net.gas[from.0];
-        one.m_dot -= m_dot;
-        one.h_dot -= h_dot;
+        net.gas[from.0].receive(-m_dot, -h_dot);
     }
     if !boundary[1] {
-        let two = &mut net.gas[to.0];
-        two.m_dot += m_dot;
-        two.h_dot += h_dot;
+        net.gas[to.0].receive(m_dot, h_dot);
     }
 }
 

@@ -8,10 +8,12 @@ use circuit::{ChamberLaw, Circuit, Driven, InputId, PistonSide};
 use math::Dual;
 use ode::System;
 use physics::friction::{Composition, Contact, SealLips};
+use physics::heat::{Film, Geometry, Heat};
+use physics::{Gas, IdealGas};
 
 /// A single-rod cylinder on a valve of four edges, of which one is drawn towards the reservoir for each chamber, with a
 /// leak of one chamber and friction that grows with the pressure. It starts at the pressure of the exhaust.
-fn drive(key: &str) -> (Circuit<f64>, Vec<InputId>, Vec<f64>) {
+fn drive(key: &str, has_law: bool) -> (Circuit<f64>, Vec<InputId>, Vec<f64>) {
     let mut circuit = empty();
     let (supply, exhaust) = (circuit.reservoir(7e5, 310.0), circuit.reservoir(AMBIENT, ROOM));
     let values = [
@@ -27,7 +29,10 @@ fn drive(key: &str) -> (Circuit<f64>, Vec<InputId>, Vec<f64>) {
     let friction = Contact::new(friction, Some(lips), Composition::NONE);
     let axis = circuit.axis(2.0, 0.3, -6.0, Some(friction));
     let [a, b] = [(5e-4, true), (4e-4, false)].map(|(area, grows)| {
-        let gas = circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 1e-3, 50.0, 285.0);
+        let size = Geometry { bore: 0.025, area, port: 5e-3 };
+        let film = Heat::Film(Film::new(1.3, &size, &Gas::from(&IdealGas::air())));
+        let heat = if has_law { film } else { Heat::Newton(50.0) };
+        let gas = circuit.vessel(ChamberLaw::EnergyBalance, [1e-5, 1e-3], heat, 285.0);
         circuit.face(gas, axis, grows, 0.3, PistonSide::new(area, 0.08, 2.0 * area));
         gas
     });
@@ -60,8 +65,8 @@ fn states(y: &[f64]) -> Vec<Vec<f64>> {
 
 #[test]
 fn its_rates_are_those_of_nodes_to_the_bit_and_its_jacobian_is_the_whole() {
-    for key in ["lugre", "stribeck"] {
-        let (mut circuit, edges, y) = drive(key);
+    for (key, has_law) in [("lugre", false), ("stribeck", false), ("lugre", true), ("stribeck", true)] {
+        let (mut circuit, edges, y) = drive(key, has_law);
         let n = y.len();
         // Shut, towards either end, one chamber with two open edges, and both chambers on the supply.
         for open in

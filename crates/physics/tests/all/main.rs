@@ -7,6 +7,7 @@ mod flow;
 mod friction;
 mod friction_energy;
 mod friction_motion;
+mod heat;
 mod maxwell_slip;
 mod published_hysteresis;
 mod rate_and_state;

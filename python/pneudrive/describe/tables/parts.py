@@ -237,6 +237,11 @@ class Cylinder(Described):
 
     `leakage` is the sonic conductance of the gap past the piston, between the chambers; its critical pressure ratio
     is assumed to be 0.2.
+
+    The heat transfer to the walls follows from a law [woodfield2007, geankoplis1993]. `heat_transfer_scale` is its
+    factor, which is known within a factor of 2; `port_diameter` is the bore of the ports, by default that of a nozzle
+    with the conductance of the valve. A stated `heat_transfer` is a constant coefficient instead; the dead volumes
+    then have no wall.
     """
 
     table_name: ClassVar[str] = "cylinder"
@@ -248,7 +253,9 @@ class Cylinder(Described):
     dead_volume_m3: Annotated[PerChamber, EachChamber("m^3", "cm3", Bounds(above=0.0))]
     moving_mass_kg: Mass
     incline_rad: Angle = 0.0
-    heat_transfer_w_m2_k: Annotated[float, Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = 30.0
+    heat_transfer_w_m2_k: Annotated[float | None, Quantity("W/(m^2 K)", "W/(m2 K)", NOT_NEGATIVE)] = None
+    heat_transfer_scale: Annotated[float, Quantity("", bounds=NOT_NEGATIVE)] = 1.0
+    port_diameter_m: Annotated[float | None, Quantity("m", "mm", Bounds(above=0.0))] = None
     wall_temperature_k: Annotated[float | None, Quantity("K", "K", Bounds(above=0.0))] = None
     leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
     end_stop: EndStop = EndStop()
@@ -269,7 +276,9 @@ class Cylinder(Described):
         out: dict[str, Any] = {"rod_diameter_m": 0.0, "wall_temperature_k": ambient_k} | self.stored()
         a, b = out.pop("dead_volume_m3")
         out |= {"dead_volume_a_m3": a, "dead_volume_b_m3": b, "end_stop": self.end_stop.stored()}
-        return {key: value for key, value in out.items() if key != "leakage_m3_s_pa" or value}
+        left_out = {"heat_transfer_scale"} if "heat_transfer_w_m2_k" in out else set()
+        left_out |= set() if out["leakage_m3_s_pa"] else {"leakage_m3_s_pa"}
+        return {key: value for key, value in out.items() if key not in left_out}
 
     @property
     def area_a_m2(self) -> float:

@@ -51,7 +51,7 @@ _REMEDIES = {
     "valve.*": "measure the valve by itself (ISO 6358)",
     "cylinder.dead_volume.a": "record motion near the end of chamber a",
     "cylinder.dead_volume.b": "record motion near the end of chamber b",
-    "cylinder.heat_transfer": "record a pressure that settles with the valve shut after a fast fill",
+    "cylinder.heat_transfer*": "record a pressure that settles with the valve shut after a fast fill",
     "cylinder.wall_temperature": "measure it",
     "cylinder.moving_mass": "record fast reversals, or weigh it",
     "load.mass": "record fast reversals, or weigh it",

@@ -24,8 +24,8 @@ RTOL = 1e-5
 SIDES = ("a", "b")
 #: Natural frequency of the moving mass on the machine that drags it, rad/s: fast, so that the motion has no compliance.
 STIFF_RAD_S = 4000.0
-#: Start values where the circuit has none (assumed): W/(m2 K) of a wall of 1 m2, J/K, W/(m2 K).
-HEAT, CAPACITY, OUTER = 30.0, 5e3, 30.0
+#: Start values where the circuit has none (assumed): J/K, W/(m2 K).
+CAPACITY, OUTER = 5e3, 30.0
 #: Share of the gas that a leak of the start value exchanges in this time, s (assumed).
 LEAK_SHARE, LEAK_TIME_S = 0.01, 100.0
 #: Groups of numbers: short name -> meaning.
@@ -45,6 +45,7 @@ UNITS = {
     "dead_volume_a": "m3",
     "dead_volume_b": "m3",
     "heat_transfer": "W/(m2 K)",
+    "heat_transfer_scale": "",
     "wall_capacity": "J/K",
     "wall_outer_heat_transfer": "W/(m2 K)",
     "coefficient": "kg K/(s Pa2)",
@@ -173,27 +174,23 @@ class DrivenCircuit:
                 if kind != "heat":
                     remedy = "describe the dead volume as a tank at the piston's port"
                     raise FitError(f"{name}: chamber {one} has no tank", remedy=remedy)
-                out.append(self._number(self.piston, "heat_transfer"))
+                out.append(self._heat(self.piston))
             elif kind == "barrel":
-                self._heated(tank)
                 numbers.setdefault(f"perimeter_{one}", 0.0)
                 out.append(self._number(self.piston, f"perimeter_{one}", 0.3))
             else:
                 out += self._of_wall(tank, kind)
         return out
 
-    def _heated(self, tank: str) -> dict[str, float]:
-        numbers = self.parts[tank]["numbers"]
-        if not numbers.get("wall_area"):
-            numbers["wall_area"] = 1.0
-        if not numbers.get("heat_transfer"):
-            numbers["heat_transfer"] = HEAT / numbers["wall_area"]
-        return numbers
+    def _heat(self, component: str) -> Number:
+        """Return the coefficient of heat transfer if the circuit states it, else the factor of its law."""
+        is_stated = "heat_transfer" in self.parts[component]["numbers"]
+        return self._number(component, "heat_transfer" if is_stated else "heat_transfer_scale", 1.0)
 
     def _of_wall(self, tank: str, kind: str) -> list[Number]:
-        numbers = self._heated(tank)
+        numbers = self.parts[tank]["numbers"]
         if kind == "heat":
-            return [self._number(tank, "heat_transfer")]
+            return [self._heat(tank)]
         for key, value in (("wall_capacity", CAPACITY), ("wall_outer_area", 1.0), ("wall_outer_heat_transfer", OUTER)):
             if not numbers.get(key):
                 numbers[key] = value
@@ -271,13 +268,13 @@ class DrivenCircuit:
     def heat_w_k(self, side: str) -> float | None:
         """Return the heat transfer between gas and wall per kelvin, for dead volume and piston faces.
 
-        None without a tank.
+        None without a tank, or if the coefficient is not constant.
         """
         tank = self.tanks[side]
-        if tank is None:
+        numbers, faces = self.parts[tank or self.piston]["numbers"], 2.0 * self.areas_m2[SIDES.index(side)]
+        if tank is None or "heat_transfer" not in numbers:
             return None
-        numbers, faces = self.parts[tank]["numbers"], 2.0 * self.areas_m2[SIDES.index(side)]
-        return float(numbers.get("heat_transfer", 0.0)) * (float(numbers.get("wall_area", 0.0)) + faces)
+        return float(numbers["heat_transfer"]) * (float(numbers.get("wall_area", 0.0)) + faces)
 
     def volumes_m3(self, position_m: Array) -> dict[str, Array]:
         """Return the volume of each chamber at these positions."""

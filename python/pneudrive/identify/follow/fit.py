@@ -442,6 +442,8 @@ _WRITTEN = {
 
 
 def _written(key: str, value: float) -> str:
+    if key == "heat_transfer_scale":
+        return f"{float(value)!r}"
     unit = _WRITTEN.get(key) or ("m" if key.startswith("perimeter") else "m3" if "volume" in key else "W/(m2 K)")
     return f"{float(value)!r} {unit}"
 

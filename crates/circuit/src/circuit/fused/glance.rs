@@ -27,11 +27,10 @@ impl Whole<'_, f64> {
         let [x, v, m_a, u_a, m_b, u_b, ..] = *y else { unreachable!("the states of a cylinder") };
         let axis = cylinder.stands([x, v]);
         let states = [Both::same(x), Both::same(v), Both([m_a, m_b]), Both([u_a, u_b])];
-        let Chambers { rates, pressure, temperature, .. } =
-            fused.chambers(Both::same(cylinder.least_wall), states);
-        let ([p_a, p_b], [t_a, t_b], [m_dot_a, m_dot_b]) = (pressure.0, temperature.0, rates[0].0);
+        let Chambers { rates, node } = fused.chambers(Both::same(cylinder.least_wall), states);
+        let ([p_a, p_b], [t_a, t_b], [m_dot_a, m_dot_b]) = (node.p.0, node.t.0, rates[0].0);
         let mut dz = [0.0];
-        let axis = cylinder.moves(axis, pressure.0, z, &mut dz[..z.len()], common);
+        let axis = cylinder.moves(axis, node.p.0, z, &mut dz[..z.len()], common);
         [axis.x, axis.v, axis.a, axis.friction, -axis.end_stop, p_a, t_a, m_dot_a, p_b, t_b, m_dot_b]
     }
 }

@@ -1,6 +1,7 @@
 use crate::circuit::Path;
 use crate::component::{
-    Build, Component, Instance, Kind, Port, Quantity, Stroke, Symbol, Terminals, Vessel, gas, table,
+    Build, Component, Instance, Kind, Port, Quantity, Stroke, Symbol, TUBE_WALL, Terminals, Vessel, gas,
+    table, tube_heat,
 };
 use crate::ground::Error;
 use crate::part::{ChamberLaw, Column};
@@ -15,12 +16,12 @@ impl Component for Line {
     const KIND: Kind = Kind {
         key: "tube/distributed",
         title: "Tube with waves",
-        text: "N lengths of gas with inertia and friction between N + 1 cells with a wall, those at the ends half as long: \
+        text: "N lengths of gas with inertia and friction between N + 1 cells with a wall, Nu = 3.66 for laminar flow and Gnielinski's for turbulent flow, those at the ends half as long: \
                l/A m' = p1 - p2 - (f l/d + zeta) m |m|/(2 rho A^2), f Re = 64 for laminar and 0.3164 Re^0.75 for turbulent flow; no outflow of a cell \
                is supersonic. \
                N = ceil(12.8 f_max L/c) keeps the speed of sound to 1 % up to f_max. The bore at each end chokes the flow: \
                C = 0.2 dm3/(s bar) per mm2, b = 0.528.",
-        sources: &["modelica-straight-pipe", "iso6358-2013"],
+        sources: &["modelica-straight-pipe", "iso6358-2013", "gnielinski1976"],
         ports: &[Port { volume: 0.0, ..gas("1") }, Port { volume: 0.0, ..gas("2") }],
         parameters: table! {
             length: "m", physics::above(0.0), "Length L";
@@ -31,9 +32,7 @@ impl Component for Line {
             friction_scale: "1", physics::at_least(0.0), default 1.0, "Factor on the friction of a smooth pipe";
             loss: "1", physics::at_least(0.0), default 0.0, "Coefficient zeta of local losses, bends included, over the whole tube";
             viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "usual for air at 20 degC", "Dynamic viscosity";
-            heat_transfer: "W/(m2 K)", physics::at_least(0.0), follows "laminar flow, 3.66 times 0.026 W/(m K) over the diameter (assumed)",
-                "Heat-transfer coefficient to the wall";
-            wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
+            ..TUBE_WALL;
         },
         open: true,
         discrete: &["cells", "bandwidth"],
@@ -64,7 +63,7 @@ impl Component for Line {
             |cells| cells.get(0),
         );
         let length = whole / P::c(n);
-        let heat_transfer = own.given("heat_transfer").unwrap_or_else(|| P::c(LAMINAR_HEAT) / diameter);
+        let heat = tube_heat(own);
         let wall_temperature = own.given("wall_temperature").unwrap_or(build.ambient[1]);
         let n = n as usize;
         let cells: Vec<_> = (0..=n)
@@ -74,7 +73,7 @@ impl Component for Line {
                     law: ChamberLaw::EnergyBalance,
                     dead_volume: area * own_length,
                     wall: P::c(PI) * diameter * own_length,
-                    heat_transfer,
+                    heat,
                     wall_temperature,
                 });
                 build.gas_starts(node, format_args!("{}.cell_{cell}", own.name));
@@ -117,8 +116,6 @@ impl Component for Line {
 /// Number of lengths for which the speed of sound is right to 1 %, by frequency, length and speed of sound: (pi/6)^2/24
 /// is 1 %.
 const CELLS: f64 = 12.8;
-/// Nusselt number of laminar flow in a round pipe times the thermal conductivity of air, W/(m K).
-pub(in crate::component) const LAMINAR_HEAT: f64 = 3.66 * 0.026;
 /// Error scale of a mass flow for each cross-section, kg/(s m2): ambient air at the speed of sound.
 const SCALE: f64 = 400.0;
 

@@ -1,9 +1,9 @@
 use crate::circuit::Path;
-use crate::component::flow::line::{self, LAMINAR_HEAT};
+use crate::component::flow::line;
 use crate::component::flow::tube::{self, SYMBOL, Tube, steady};
 use crate::component::{
-    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Row, Terminals, Vessel, gas,
-    table,
+    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Row, TUBE_WALL, Terminals,
+    Vessel, gas, table, tube_heat,
 };
 use crate::ground::Error;
 use crate::part::ChamberLaw;
@@ -26,14 +26,13 @@ const STEADY: [Row; 5] = *table! {
     LINEAR_ABOVE;
 };
 
-const WALL: [Row; 2] = *table! {
-    heat_transfer: "W/(m2 K)", physics::at_least(0.0), follows "laminar flow, 3.66 times 0.026 W/(m K) over the diameter (assumed)",
-        "Heat-transfer coefficient to the wall";
-    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", "Temperature of the wall";
+const KIND: Kind = Kind {
+    sources: &["iso6358-2013", "gnielinski1976"],
+    ports: PORTS,
+    open: true,
+    symbol: SYMBOL,
+    ..Kind::PLAIN
 };
-
-const KIND: Kind =
-    Kind { sources: &["iso6358-2013"], ports: PORTS, open: true, symbol: SYMBOL, ..Kind::PLAIN };
 
 /// Iterations for the halves of a tube. Each iteration leaves less than half of the error.
 const ITERATIONS: usize = 60;
@@ -57,11 +56,11 @@ impl Component for Lumped {
     const KIND: Kind = Kind {
         key: "tube/lumped",
         title: "Tube, lumped",
-        text: "The whole volume of the tube with its wall, between two equal flow paths by ISO 6358 that have in series the C \
+        text: "The whole volume of the tube with its wall, Nu = 3.66 for laminar flow and Gnielinski's for turbulent flow, between two equal flow paths by ISO 6358 that have in series the C \
                and b of the steady tube; subsonic flow is up to 0.7 % higher. It stores gas and heat, without waves.",
         parameters: table! {
             ..STEADY;
-            ..WALL;
+            ..TUBE_WALL;
         },
         outputs: &[
             ("mass_flow_kg_s", "kg/s", "mass flow from port 1 into the tube"),
@@ -77,7 +76,7 @@ impl Component for Lumped {
             law: ChamberLaw::EnergyBalance,
             dead_volume: P::c(0.25 * PI) * diameter * diameter * length,
             wall: P::c(PI) * diameter * length,
-            heat_transfer: own.given("heat_transfer").unwrap_or_else(|| P::c(LAMINAR_HEAT) / diameter),
+            heat: tube_heat(own),
             wall_temperature: own.given("wall_temperature").unwrap_or(build.ambient[1]),
         });
         build.gas_starts(cell, format!("{}.cell", own.name));
@@ -108,7 +107,7 @@ impl Component for Auto {
         title: "Tube, steady or with waves",
         text: "A steady tube, kind tube, where L < c/(20 f_max) with c = 343.2 m/s, 0.86 m for 20 Hz; else one with waves, \
                kind tube/distributed. Each model uses its own keys.",
-        sources: &["modelica-straight-pipe", "iso6358-2013"],
+        sources: &["modelica-straight-pipe", "iso6358-2013", "gnielinski1976"],
         parameters: table! {
             ..STEADY;
             bandwidth: "Hz", physics::above(0.0), default 20.0, assumed "usual for a positioning drive",
@@ -117,7 +116,7 @@ impl Component for Auto {
             friction_scale: "1", physics::at_least(0.0), default 1.0, "With waves: factor on the friction of a smooth pipe";
             loss: "1", physics::at_least(0.0), default 0.0, "With waves: coefficient zeta of local losses, bends included, over the whole tube";
             viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "usual for air at 20 degC", "With waves: dynamic viscosity";
-            ..WALL;
+            ..TUBE_WALL;
         },
         discrete: line::Line::KIND.discrete,
         outputs: line::Line::KIND.outputs,
@@ -144,9 +143,9 @@ impl Component for Auto {
             return line::Line::compose(own, at, build);
         }
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
-        let edge = build.passage(tube::law(own, steady(own), build), from, to);
+        let path = tube::steady_path(own, from, to, build);
         for output in 0..2 {
-            build.column(own, output, Quantity::Flow([Some(Path::of(edge)), None]));
+            build.column(own, output, Quantity::Flow([Some(path), None]));
         }
     }
 }

@@ -1,9 +1,11 @@
 use crate::circuit::Path;
 use crate::component::{
-    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Stroke, Symbol, Terminals, gas,
-    table,
+    Brings, Build, Component, Instance, Kind, LINEAR_ABOVE, Port, Quantity, Stroke, Symbol, TUBE_WALL,
+    Terminals, gas, table, tube_wall,
 };
-use math::Lane;
+use crate::ground::GasId;
+use crate::part::Series;
+use math::{Deps, Lane, Over};
 use physics::flow::{Iso6358, NOZZLE_RATIO};
 use std::f64::consts::PI;
 
@@ -15,9 +17,10 @@ impl Component for Tube {
         key: "tube",
         title: "Tube, steady",
         text: "A flow path by ISO 6358 with C = 0.029 d^2/sqrt(L/d^1.25 + 510) and b = 474 C/d^2 (d and L in m, C in m3/(s Pa); \
-               an empirical formula, assumed), and half of the volume pi d^2 L/4 at each end. It has no waves: for tubes \
+               an empirical formula, assumed), and half of the volume pi d^2 L/4 at each end. Its wall brings the gas to T_w + (T - T_w) exp(-A h/(m cp)), h by \
+               Nu = 3.66 for laminar flow and Gnielinski's for turbulent flow. It has no waves: for tubes \
                much shorter than a quarter of the wave length. Smooth-pipe theory at 7 bar gives C some 10 to 15 % higher.",
-        sources: &["iso6358-2013"],
+        sources: &["iso6358-2013", "gnielinski1976"],
         ports: &[Port { volume: 0.0, ..gas("1") }, Port { volume: 0.0, ..gas("2") }],
         parameters: table! {
             length: "m", physics::above(0.0), "Length L";
@@ -27,6 +30,7 @@ impl Component for Tube {
             critical_pressure_ratio: "1", physics::between(0.0, 1.0), follows "conductance and diameter, by an empirical formula (assumed)",
                 "Measured critical pressure ratio b";
             LINEAR_ABOVE;
+            ..TUBE_WALL;
         },
         open: true,
         outputs: &[("mass_flow_kg_s", "kg/s", "mass flow from port 1 to port 2")],
@@ -43,11 +47,33 @@ impl Component for Tube {
         Some(steady(own))
     }
 
-    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
+    fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>)
+    where
+        Deps: Over<P>,
+    {
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
-        let edge = build.passage(law(own, steady(own), build), from, to);
-        build.column(own, 0, Quantity::Flow([Some(Path::of(edge)), None]));
+        let path = steady_path(own, from, to, build);
+        build.column(own, 0, Quantity::Flow([Some(path), None]));
     }
+}
+
+/// Adds the flow path of a steady tube, with its wall.
+pub(in crate::component) fn steady_path<P: Lane>(
+    own: &Instance<P>,
+    from: GasId,
+    to: GasId,
+    build: &mut Build<P>,
+) -> Path
+where
+    Deps: Over<P>,
+{
+    let forward = law(own, steady(own), build);
+    let Some(wall) = tube_wall(own, build.ambient[1], &build.gas) else {
+        return Path::of(build.passage(forward, from, to));
+    };
+    let (conductance, path) = (forward.conductance, build.between(from, to));
+    let part = Series { forward, backward: None, walls: vec![wall], path };
+    Path::along(build.flow_part(part, &[conductance]), 0)
 }
 
 /// Returns sonic conductance and critical pressure ratio of the whole tube.

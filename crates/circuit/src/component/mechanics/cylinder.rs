@@ -5,8 +5,9 @@ mod drawing;
 use crate::component::flow::seal::leak;
 use crate::component::mechanics::end_stop::{Driven, Ends, ends};
 use crate::component::{
-    Acts, Brings, Build, Choice, Component, Instance, Kind, LINEAR_ABOVE, Piston, Port, Quantity, Row,
-    SUBSONIC_INDEX, Stroke, Symbol, Terminals, Variable, WALL, axis, chamber, count, exhaust, join, table,
+    Acts, Brings, Build, Choice, Component, HEAT_SCALE, Instance, Kind, LINEAR_ABOVE, Piston, Port, Quantity,
+    Row, SUBSONIC_INDEX, Stroke, Symbol, Terminals, Variable, WALL, axis, chamber, count, exhaust, join,
+    table,
 };
 use crate::ground::{AxisId, Error, GasId};
 use crate::part::{ChamberLaw, PistonSide};
@@ -28,9 +29,12 @@ const PARAMETERS: &[Row] = table! {
     dead_volume_b: "m3", physics::above(0.0), "Volume of chamber b at the end of the stroke, port and line included";
     moving_mass: "kg", physics::above(0.0), "Mass of piston, rod and carriage";
     incline: "rad", physics::within(-FRAC_PI_2, FRAC_PI_2), default 0.0, "Incline of the axis; positive: x points up";
-    heat_transfer: "W/(m2 K)", physics::at_least(0.0), default 30.0, assumed "usual for air in a cylinder of this size",
-        "Heat-transfer coefficient to the wall";
-    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature", only "heat_transfer",
+    heat_transfer: "W/(m2 K)", physics::at_least(0.0), follows "the law of heat transfer in a vessel",
+        "Heat-transfer coefficient to the wall, if it is constant; the dead volume then has no wall";
+    HEAT_SCALE;
+    port_diameter: "m", physics::above(0.0), follows "the tube at the port, or the conductance there", only "no heat_transfer",
+        "Diameter of the ports, for the jet in the law of heat transfer";
+    wall_temperature: "K", physics::above(0.0), follows "the ambient temperature",
         "Temperature of the wall; start temperature if the wall stores heat";
     ..WALL;
     leakage: "m3/(s Pa)", physics::at_least(0.0), default 0.0, "Sonic conductance of the leak past the piston";
@@ -60,8 +64,9 @@ const KIND: Kind = Kind {
     key: "",
     title: "",
     text: "Two chambers of gas, each with its balance of mass and energy, a piston with friction between them, and end \
-           stops. x grows from chamber a's end to chamber b's.",
-    sources: &["bejan2016"],
+           stops. x grows from chamber a's end to chamber b's. Without a stated coefficient, the heat transfer follows from \
+           conduction, natural convection, change of density and jets.",
+    sources: &["bejan2016", "woodfield2007", "geankoplis1993"],
     ports: PORTS,
     parameters: table! {
         ..PARAMETERS;
@@ -82,9 +87,13 @@ const KIND: Kind = Kind {
 
 /// Returns the volume at the port of a chamber: the chamber itself, or the volume behind its cushion.
 fn bring_port<P: Lane>(own: &Instance<P>, end: &str, ambient_temperature: P) -> Brings<P> {
-    let behind = || own.number(&format!("cushion_{end}_port_volume"));
-    let volume = if cushioned(own, end) { behind() } else { dead_volume(own, end) };
-    Brings::Volume(vessel(own, volume, ambient_temperature))
+    let behind = |key: &str| own.number(&format!("cushion_{end}_{key}"));
+    let size = if cushioned(own, end) {
+        ["port_volume", "plunger_diameter"].map(behind)
+    } else {
+        [dead_volume(own, end), own.number("bore")]
+    };
+    Brings::Volume(vessel(own, size, ambient_temperature))
 }
 
 fn bring_rod<P: Lane>(own: &Instance<P>) -> Brings<P> {
@@ -329,7 +338,7 @@ impl Component for SingleActing {
 
     fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
         match port {
-            0 => Brings::Volume(vessel(own, dead_volume(own, "a"), ambient_temperature)),
+            0 => bring_port(own, "a", ambient_temperature),
             1 => Brings::Nothing,
             _ => bring_rod(own),
         }
@@ -341,7 +350,8 @@ impl Component for SingleActing {
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let (Some(a), Some(around), Some(axis)) = (at.gas(0), at.gas(1), at.axis(2)) else { return };
-        let b = build.volume(vessel(own, dead_volume(own, "b"), build.ambient[1]));
+        let size = [dead_volume(own, "b"), own.number("bore")];
+        let b = build.volume(vessel(own, size, build.ambient[1]));
         build.gas_starts(b, format_args!("{}.b", own.name));
         build.passage(own.path("breather_conductance", build), b, around);
         let stiffness = own.number("spring_stiffness");
@@ -390,7 +400,7 @@ impl Component for Tandem {
         match port {
             0..4 => {
                 let key = ["dead_volume_a", "dead_volume_b", "dead_volume_a2", "dead_volume_b2"][port];
-                Brings::Volume(vessel(own, own.number(key), ambient_temperature))
+                Brings::Volume(vessel(own, [own.number(key), own.number("bore")], ambient_temperature))
             }
             _ => bring_rod(own),
         }

@@ -1,5 +1,6 @@
-use crate::ground::{Between, Common, GasNode, Kind, Net, Own, OwnMut, Part, State, clip, gathered, path};
+use crate::ground::{Between, Common, GasNode, Kind, Net, Own, OwnMut, Part, State, gathered, path};
 use math::{Over, Real};
+use physics::flow::pipe::friction;
 use std::slice;
 
 gathered! {
@@ -40,21 +41,6 @@ gathered! {
             path: Between,
         }
     }
-}
-
-/// Reynolds numbers below which the flow is laminar and above which it is turbulent.
-const LAMINAR: f64 = 2000.0;
-const TURBULENT: f64 = 4000.0;
-
-/// Returns the friction factor of a smooth pipe times the Reynolds number.
-#[inline(always)]
-fn friction<S: Real>(reynolds: S) -> S {
-    let u = clip((reynolds - S::c(LAMINAR)) * S::c(1.0 / (TURBULENT - LAMINAR)));
-    let share = u * u * (S::c(3.0) - S::c(2.0) * u);
-    // The argument is never zero, so that its roots have a slope.
-    let root = reynolds.max(S::c(LAMINAR)).sqrt();
-    let blasius = S::c(0.3164) * root * root.sqrt();
-    S::c(64.0).fma(S::one() - share, blasius * share)
 }
 
 impl<P: Real> Column<P> {

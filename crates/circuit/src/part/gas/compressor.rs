@@ -40,9 +40,7 @@ impl<P: Real> Part<P> for Compressor<P> {
             None => m_dot * net.cp * t,
             Some(virial) => m_dot * virial.enthalpy(&common.gas, net[self.node].p, t),
         };
-        let node = &mut net.gas[self.node.0];
-        node.m_dot += m_dot;
-        node.h_dot += h_dot;
+        net.gas[self.node.0].receive(m_dot, h_dot);
     }
 
     fn channels(&self) -> Vec<(&'static str, Kind)> {

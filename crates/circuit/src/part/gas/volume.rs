@@ -1,9 +1,9 @@
 use crate::ground::{Common, GasNode, Given, Kind, Net, Of, Own, OwnMut, Part, State, specific_entropy};
-use math::{Lane, Over, Real};
+use math::{Both, Lane, Over, Real};
 use physics::chamber::{AsPrinted, EnergyBalance, Exchange, GasState};
 // The standard reference atmosphere, for error scales and as the zero of entropy.
 use physics::constants::{P_0, T_0};
-use physics::heat;
+use physics::heat::{Heat, Wetted};
 
 /// Fraction of the dead volume at which the piston has reached the cover, because a gap of zero height cannot be
 /// filled.
@@ -21,26 +21,61 @@ pub enum ChamberLaw {
     AsPrinted,
 }
 
-physics::parameters! {
-    /// Uniform gas in a rigid volume plus the free volume in front of the pistons.
-    pub struct Volume {
-        /// Volume outside the strokes of pistons
-        dead_volume: "m3", physics::above(0.0);
-        /// Wetted wall of the dead volume
-        dead_wall: "m2", physics::at_least(0.0);
-        /// Heat-transfer coefficient to the wall
-        heat_transfer: "W/(m2 K)", physics::at_least(0.0);
-        /// Wall temperature
-        wall_temperature: "K", physics::above(0.0);
-    } with {
-        /// Index among the gas nodes of the net
-        node: usize,
-        /// Node that gives the gas state at the start.
-        starts_as: usize,
-        /// Balance of the volume
-        law: ChamberLaw,
-        /// Absolute error scales of the two states
-        scales: [f64; 2],
+/// Uniform gas in a rigid volume plus the free volume in front of the pistons.
+#[derive(Clone, Debug)]
+pub struct Volume<P> {
+    /// Volume outside the strokes of pistons, m3.
+    pub dead_volume: P,
+    /// Wetted wall of the dead volume, m2.
+    pub dead_wall: P,
+    /// Heat transfer to the wall.
+    pub heat: Heat<P>,
+    /// Wall temperature, K.
+    pub wall_temperature: P,
+    /// Index among the gas nodes of the net.
+    pub node: usize,
+    /// Node that gives the gas state at the start.
+    pub starts_as: usize,
+    /// Balance of the volume.
+    pub law: ChamberLaw,
+    /// Whether a wall that stores heat gives the heat, so that it stays inside the circuit.
+    pub stored_wall: bool,
+    /// Absolute error scales of the two states.
+    pub scales: [f64; 2],
+}
+
+impl<R: Lane> Volume<R> {
+    pub(crate) fn gather(each: &[&Volume<f64>]) -> Self {
+        let Volume { node, starts_as, law, stored_wall, scales, .. } = *each[0];
+        Volume {
+            dead_volume: R::of_each(each, |own| own.dead_volume),
+            dead_wall: R::of_each(each, |own| own.dead_wall),
+            heat: Heat::gather(&math::field(each, |own| &own.heat)),
+            wall_temperature: R::of_each(each, |own| own.wall_temperature),
+            node,
+            starts_as,
+            law,
+            stored_wall,
+            scales,
+        }
+    }
+}
+
+impl<R: Real> Volume<R> {
+    /// Returns two of them side by side, with the choices of the first, if both have the same laws.
+    pub(crate) fn beside(&self, other: &Self) -> Option<Volume<Both<R>>> {
+        (self.law == other.law).then_some(())?;
+        Some(Volume {
+            dead_volume: Both([self.dead_volume, other.dead_volume]),
+            dead_wall: Both([self.dead_wall, other.dead_wall]),
+            heat: self.heat.beside(&other.heat)?,
+            wall_temperature: Both([self.wall_temperature, other.wall_temperature]),
+            node: self.node,
+            starts_as: self.starts_as,
+            law: self.law,
+            stored_wall: self.stored_wall,
+            scales: self.scales,
+        })
     }
 }
 
@@ -64,6 +99,12 @@ impl<P: Real> Volume<P> {
         node.volume_rate = S::zero();
         node.m_dot = S::zero();
         node.h_dot = S::zero();
+        node.wall_temperature = S::from(self.wall_temperature);
+        if let Some(least) = self.heat.least_flow() {
+            node.turnover = S::zero();
+            node.least_flow = S::from(least);
+            node.is_stirred = true;
+        }
     }
 
     /// Computes pressure and temperature from the states.
@@ -107,8 +148,7 @@ impl<P: Real> Volume<P> {
     /// Computes the rates of the states from all flows.
     #[inline(always)]
     pub(crate) fn rates<S: Over<P>>(&self, node: &mut GasNode<S>, common: &Common<P>) -> [S; 2] {
-        node.heat =
-            heat::newton(S::from(self.heat_transfer), node.wall, S::from(self.wall_temperature), node.t);
+        node.heat = self.heat.flow(&wetted(node));
         let exchange = Exchange {
             m_dot: node.m_dot,
             h_dot: node.h_dot,
@@ -120,6 +160,21 @@ impl<P: Real> Volume<P> {
             ChamberLaw::EnergyBalance => EnergyBalance::rate(node.p, &exchange),
             ChamberLaw::AsPrinted => AsPrinted::rate(&common.gas, node.p, node.t, &exchange),
         }
+    }
+}
+
+/// Returns the gas of a node with its wall.
+#[inline(always)]
+pub(crate) fn wetted<S: Real>(node: &GasNode<S>) -> Wetted<S> {
+    Wetted {
+        p: node.p,
+        t: node.t,
+        wall_temperature: node.wall_temperature,
+        area: node.wall,
+        volume: node.volume,
+        volume_rate: node.volume_rate,
+        m_dot: node.m_dot,
+        turnover: node.turnover,
     }
 }
 
@@ -203,6 +258,10 @@ impl<P: Real> Part<P> for Volume<P> {
     }
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, _common: &Common<P>, out: &mut [S]) {
+        if self.stored_wall {
+            out[..3].fill(S::zero());
+            return;
+        }
         let node = &net.gas[self.node];
         let wall = S::from(self.wall_temperature);
         out[0] = node.heat;

@@ -11,11 +11,12 @@ use physics::heat;
 /// * `A_i`: wetted wall of a volume, m2.
 /// * `h`: coefficient of heat transfer to the ambient air, on A_out, W/(m2 K).
 ///
-/// The volumes then have no other heat transfer.
+/// The volumes then have no other heat transfer. By the law of the volumes, alpha is that of each volume.
 #[derive(Clone, Debug)]
 pub struct Wall<P> {
     pub capacity: P,
-    pub heat_transfer: P,
+    /// `None`: by the law of each volume.
+    pub heat_transfer: Option<P>,
     /// h A_out, W/K.
     pub outward: P,
     /// Start temperature, K.
@@ -30,7 +31,9 @@ impl<R: Lane> Wall<R> {
         let number = |f: &dyn Fn(&Wall<f64>) -> f64| R::from_lanes(|lane| f(each[lane]));
         Wall {
             capacity: number(&|wall| wall.capacity),
-            heat_transfer: number(&|wall| wall.heat_transfer),
+            heat_transfer: each[0]
+                .heat_transfer
+                .map(|_| number(&|wall| wall.heat_transfer.expect("one law"))),
             outward: number(&|wall| wall.outward),
             start: number(&|wall| wall.start),
             signal: each[0].signal,
@@ -47,7 +50,8 @@ impl<P: Real> Wall<P> {
     /// Heat into the gas of a volume, W.
     fn gas_heat<S: Over<P>>(&self, node: usize, net: &Net<S>) -> S {
         let gas = &net.gas[node];
-        heat::newton(S::from(self.heat_transfer), gas.wall, self.temperature(net), gas.t)
+        let Some(coefficient) = self.heat_transfer else { return gas.heat };
+        heat::newton(S::from(coefficient), gas.wall, self.temperature(net), gas.t)
     }
 
     /// Heat from the air around, W.
@@ -69,11 +73,15 @@ impl<P: Real> Part<P> for Wall<P> {
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, _common: &Common<P>) {
         let [temperature] = y.first();
         net.signal[self.signal] = temperature;
+        for &node in &self.nodes {
+            net.gas[node].wall_temperature = temperature;
+        }
     }
 
     #[inline(always)]
     fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-        for &node in &self.nodes {
+        let nodes = if self.heat_transfer.is_some() { &self.nodes[..] } else { &[] };
+        for &node in nodes {
             let heat = self.gas_heat(node, net);
             net.gas[node].h_dot += heat;
         }

@@ -131,7 +131,8 @@ pub(super) fn cushion<P: Lane>(
     if !cushioned(own, end) {
         return port;
     }
-    let chamber = build.volume(vessel(own, dead_volume(own, end), build.ambient[1]));
+    let size = [dead_volume(own, end), own.number("bore")];
+    let chamber = build.volume(vessel(own, size, build.ambient[1]));
     build.circuit.starts_as(chamber, port);
     build.circuit.call_gas(chamber, format!("{}.{end}.", own.name));
     build.circuit.call_gas(port, format!("{}.{end}.port_", own.name));

@@ -1,0 +1,163 @@
+use super::{Transport, Wetted};
+use crate::Gas;
+use crate::constants::STANDARD_GRAVITY;
+use math::{Dual, Over, Real};
+use std::f64::consts::PI;
+
+/// Conduction: Nu 5.78 of a long cylinder on 4 V/A, the first zero of J0 squared.
+const CONDUCTION: f64 = 1.45;
+/// Natural convection, Nu = 0.13 Ra^(1/3).
+const NATURAL: f64 = 0.13;
+/// Jet, Nu = 0.56 Re^0.67 on the bore of the port.
+const JET: f64 = 0.56;
+/// Exponents a of sqrt(p sqrt(dT))^(1 + a) in the natural convection, and of sqrt(Re)^(1 + a) in the jet.
+const NATURAL_RISE: f64 = 1.0 / 3.0;
+const JET_RISE: f64 = 4.0 * 0.335 - 1.0;
+/// Reynolds number at which the jet becomes smooth, and at which flow counts as inflow.
+const JET_SMOOTH: f64 = 100.0;
+const FLOW_SMOOTH: f64 = 10.0;
+/// Smoothing of the temperature difference, K2, and of the rate of change, (kg/(s m3))2.
+const DIFFERENCE_SMOOTH: f64 = 1.0;
+const RATE_SMOOTH: f64 = 1e-4;
+/// Values of sqrt(p sqrt(dT)), Pa^0.5 K^0.25, and of sqrt(Re) about which the powers are approximated.
+const NATURAL_CENTRE: f64 = 1400.0;
+const JET_CENTRE: f64 = 150.0;
+/// Value of [`raised`] for the jet at rest, sqrt(Re) = 10.
+const JET_REST: f64 = 10.0 * ((1.0 + JET_RISE) * 10.0 + (1.0 - JET_RISE) * JET_CENTRE)
+    / ((1.0 - JET_RISE) * 10.0 + (1.0 + JET_RISE) * JET_CENTRE);
+
+/// Size of a vessel.
+#[derive(Clone, Copy, Debug)]
+pub struct Geometry<P> {
+    /// Diameter of the vessel D, m; 1.9 V^(1/3) of a tank.
+    pub bore: P,
+    /// Area of the piston, m2, by which the length of the chamber follows from its volume; infinite without a piston.
+    pub area: P,
+    /// Diameter d of the port through which gas enters, m.
+    pub port: P,
+}
+
+crate::parameters! {
+    /// Heat-transfer coefficient of gas in a chamber or a tank:
+    ///
+    ///   `h = c (h_cond + h_free + h_rate + h_jet)                                                    [W/(m2 K)]`
+    ///   `h_cond = 1.45 k A/V`
+    ///   `h_free = 0.13 (g cp rho^2 k^2 dT/(mu T_f))^(1/3)`
+    ///   `h_rate = sqrt(k cp) (r^2 + e^2)^(1/4),   r = (m' - rho V')/V`
+    ///   `h_jet = 0.56 (k/l) ((Re^2 + 100^2)^0.335 - 100^0.67),   Re = 4 m_in/(pi d mu)`
+    ///
+    /// A wetted wall, V volume, T_f = (T + T_w)/2, rho = p/(R T_f), dT = sqrt((T - T_w)^2 + 1 K^2), e = 0.01 kg/(s m3),
+    /// m_in = sum of (m + sqrt(m^2 + m_0^2) - m_0)/2 with m_0 at Re 10, l = sqrt(D^2 + (V/A_piston)^2).
+    ///
+    /// h_cond is the slow limit of conduction, h_rate its limit for fast changes. Sources: natural convection
+    /// [geankoplis1993], jet [woodfield2007]. The powers 1/3 and 0.335 are approximated by square roots and one
+    /// division: h_free within 5 % from 1 to 20 bar above 5 K, h_jet within 5 % from Re 300 to 3e5. The law itself is
+    /// uncertain by a factor of 2.
+    pub struct Film {
+        /// Derived: 1.45 c k
+        conduction: "W/(m K)", crate::any();
+        /// Derived: factor of the natural convection
+        natural: "W K/(m2 K Pa^0.5)", crate::any();
+        /// Derived: c sqrt(k cp)
+        layer: "W s^0.5/(m2 K)", crate::any();
+        /// Derived: 0.56 c k
+        jet: "W/(m K)", crate::any();
+        /// Derived: factor from inflow to Re
+        reynolds: "s/kg", crate::any();
+        /// Derived: D^2
+        bore_squared: "m2", crate::any();
+        /// Derived: 1/A_piston
+        per_area: "1/m2", crate::any();
+        /// Derived: 1/R
+        per_gas_constant: "kg K/J", crate::any();
+        /// Derived: mass flow at Re 10
+        least_flow: "kg/s", crate::any();
+    }
+}
+
+/// Returns s^(1 + a)/centre^a near `centre`, from the Pade approximant of s^a with one division.
+#[inline(always)]
+fn raised<S: Real>(s: S, a: f64, centre: f64) -> S {
+    let over = s.fma_c(1.0 + a, S::c((1.0 - a) * centre));
+    let under = s.fma_c(1.0 - a, S::c((1.0 + a) * centre));
+    s * over / under
+}
+
+impl<P: Real> Film<P> {
+    /// Creates the law from its factor c and the size of the vessel.
+    pub fn new(scale: P, size: &Geometry<P>, gas: &Gas<P>) -> Self {
+        let Transport { viscosity, conductivity } = gas.transport;
+        let cp = gas.cp;
+        // (g cp k^2/mu)^(1/3) / R^(2/3)
+        let group = cp * P::c(STANDARD_GRAVITY * conductivity * conductivity / viscosity);
+        let natural =
+            (group * P::c(NATURAL_CENTRE) / (gas.gas_constant * gas.gas_constant)).pow(P::c(1.0 / 3.0));
+        let at_centre = P::c(JET_CENTRE).pow(P::c(JET_RISE));
+        let mut film = Film {
+            conduction: scale * P::c(CONDUCTION * conductivity),
+            natural: scale * P::c(NATURAL) * natural,
+            layer: scale * (P::c(conductivity) * cp).sqrt(),
+            jet: scale * P::c(JET * conductivity) * at_centre,
+            reynolds: P::one(),
+            bore_squared: size.bore * size.bore,
+            per_area: P::one() / size.area,
+            per_gas_constant: P::one() / gas.gas_constant,
+            least_flow: P::one(),
+        };
+        film.set_port(size.port, gas);
+        film
+    }
+
+    /// Sets the diameter of the port, m.
+    pub fn set_port(&mut self, port: P, gas: &Gas<P>) {
+        self.reynolds = P::c(4.0 / (PI * gas.transport.viscosity)) / port;
+        self.least_flow = P::c(FLOW_SMOOTH) / self.reynolds;
+    }
+
+    /// Returns the Nusselt number of a jet over 0.56 and over its value at the centre.
+    #[inline(always)]
+    fn jet_number<S: Over<P>>(reynolds: S) -> S {
+        let root = reynolds.fma(reynolds, S::c(JET_SMOOTH * JET_SMOOTH)).sqrt().sqrt();
+        raised(root, JET_RISE, JET_CENTRE) - S::c(JET_REST)
+    }
+
+    /// Returns the coefficient of a layer at the wall that follows a change of density, r in kg/(s m3).
+    #[inline(always)]
+    fn layer<S: Over<P>>(&self, rate: S) -> S {
+        rate.fma(rate, S::c(RATE_SMOOTH)).sqrt().sqrt().times(self.layer)
+    }
+
+    /// Returns the heat-transfer coefficient, W/(m2 K).
+    #[inline(always)]
+    pub(super) fn coefficient<S: Over<P>>(&self, gas: &Wetted<S>) -> S {
+        let per_volume = S::one() / gas.volume;
+        let difference = gas.t - gas.wall_temperature;
+        let spread = difference.fma(difference, S::c(DIFFERENCE_SMOOTH)).sqrt();
+        let natural = raised((gas.p * spread.sqrt()).sqrt(), NATURAL_RISE, NATURAL_CENTRE);
+        let per_mean = S::c(2.0) / (gas.t + gas.wall_temperature);
+        let rate = (gas.m_dot - self.density(gas.p, per_mean) * gas.volume_rate) * per_volume;
+        let inflow = (gas.turnover + gas.m_dot).times(P::c(0.5));
+        let length = gas.volume.times(self.per_area);
+        let reach = length.fma(length, S::from(self.bore_squared)).sqrt();
+        let jet = Self::jet_number(inflow.times(self.reynolds)).times(self.jet);
+        (gas.area * per_volume).times(self.conduction)
+            + natural.times(self.natural) * per_mean
+            + self.layer(rate)
+            + jet / reach
+    }
+
+    /// Returns p/(R T_f), kg/m3.
+    #[inline(always)]
+    fn density<S: Over<P>>(&self, p: S, per_mean: S) -> S {
+        (p * per_mean).times(self.per_gas_constant)
+    }
+
+    /// Returns the slope of the heat flow by the rate of the volume, W s/m3.
+    #[inline(always)]
+    pub(super) fn by_volume_rate(&self, gas: &Wetted<P>) -> P {
+        let density = self.density(gas.p, P::c(2.0) / (gas.t + gas.wall_temperature));
+        let rate = Dual::<P, 1>::variable((gas.m_dot - density * gas.volume_rate) / gas.volume, 0);
+        let [slope] = self.layer(rate).eps;
+        super::newton(-(slope * density / gas.volume), gas.area, gas.wall_temperature, gas.t)
+    }
+}
