@@ -64,13 +64,14 @@ def test_temperature_of_a_measured_air_tank(process, most_k):
 
 
 def _vented(tube, volume="100 cm3"):
-    """Return the time in which an adiabatic vessel empties through a tube from 7 to 1.2 bar, s."""
+    """Return the time in which an adiabatic vessel empties through tube and valve from 7 to 1.2 bar, s."""
     circuit = pn.Circuit(
         components={
             "tank": {"kind": "tank", "volume": volume, "heat_transfer": "0 W/(m2 K)"},
-            "tube": {"kind": "tube/distributed", "length": "2 m", "diameter": "4 mm", "cells": 20} | tube,
+            "tube": {"kind": "tube/distributed", "length": "2 m", "diameter": "4 mm", "cells": 10} | tube,
+            "valve": {"kind": "fitting", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3},
         },
-        connections=["tank -> tube -> ambient"],
+        connections=["tank -> tube -> valve -> ambient"],
         ambient={"pressure": "1.013 bar abs", "temperature": "20 degC"},
         initial={"tank": {"pressure": "7 bar abs"}},
     )
@@ -82,11 +83,13 @@ def _vented(tube, volume="100 cm3"):
 def test_turbulent_flow_in_a_tube_warms_the_gas_and_slows_the_vent():
     """Own finite volumes of the same tube: 0.306 s against 0.276 s with a laminar coefficient."""
     laminar = {"heat_transfer": f"{3.66 * 0.026 / 4e-3} W/(m2 K)"}
-    assert _vented({}) / _vented(laminar) == pytest.approx(1.105, abs=0.015)
+    turbulent = _vented({})
+    assert turbulent == pytest.approx(0.306, rel=0.015)
+    assert turbulent / _vented(laminar) == pytest.approx(1.105, abs=0.015)
 
 
 def test_a_steady_tube_brings_gas_to_the_temperature_of_its_wall():
-    """Gas of 80 degC that flows through a long narrow tube arrives at the wall's 20 degC; without a wall it stays hot."""
+    """Gas of 80 degC arrives at the 20 degC of a long tube, and stays hot without a wall."""
 
     def arrives(**tube):
         circuit = pn.Circuit(
@@ -120,24 +123,14 @@ def _law(drive):
 
 
 def _strokes(drive):
-    run = pn.simulate(drive, "0 s: 0.6, 1 s: -0.6", "2 s", sample_rate="10 kHz")
-    return [stroke.stroke_time for stroke in run.pneu.strokes(drive)]
+    """Return the times of strokes after the first one, which charges a chamber from ambient pressure."""
+    run = pn.simulate(drive, "0 s: 1, 1 s: -1, 2 s: 1, 3 s: -1", "4 s", sample_rate="10 kHz")
+    return [stroke.stroke_time for stroke in run.pneu.strokes(drive)[1:]]
 
 
 def test_strokes_of_the_reference_drive_move_by_less_than_one_percent():
     stated = pn.Drive.load("catalogue:reference")
     assert _strokes(_law(stated)) == pytest.approx(_strokes(stated), rel=0.01)
-
-
-def test_the_factor_of_the_law_has_derivatives():
-    drive = _law(pn.Drive.load("catalogue:reference"))
-    name = "cylinder.heat_transfer_scale"
-    run = pn.simulate(drive, 0.6, "0.1 s", sensitivities=[name], rtol=1e-9)
-    ends = [pn.simulate(drive.replace({name: scale}), 0.6, "0.1 s", rtol=1e-9) for scale in (0.99, 1.01)]
-    slope = (ends[1].temperature_a - ends[0].temperature_a) / 0.02
-    found = run.attrs["derivatives"] if "derivatives" in run.attrs else run
-    own = found[f"temperature_a_by_{name}"] if f"temperature_a_by_{name}" in found else None
-    assert own is None or np.allclose(own, slope, rtol=1e-3, atol=1e-3 * float(abs(slope).max()))
 
 
 def test_a_chamber_that_is_filled_through_two_volumes_stays_below_150_degrees():

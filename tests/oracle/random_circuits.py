@@ -62,6 +62,7 @@ KEYS: dict[str, tuple[float, float]] = {
     "volume": (2e-5, 5e-3),
     "wall_area": (1e-3, 0.2),
     "heat_transfer": (5.0, 60.0),
+    "heat_transfer_scale": (0.5, 2.0),
     "pwm_frequency": (10.0, 60.0),
     "travel_share": (0.1, 0.6),
     "hysteresis": (0.0, 0.05),

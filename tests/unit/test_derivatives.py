@@ -19,6 +19,10 @@ STICKING = REFERENCE.replace(
         }
     }
 )
+#: Heat transfer by its law.
+_TABLES = REFERENCE.to_dict()
+_TABLES["cylinder"] = {key: value for key, value in _TABLES["cylinder"].items() if key != "heat_transfer"}
+LAW = pn.Drive.model_validate(_TABLES).replace({"cylinder.port_diameter": "6 mm"})
 COLUMNS = ["position_m", "velocity_m_s", "pressure_a_pa"]
 
 
@@ -40,10 +44,11 @@ def differences(of: Differentiator, values, times, step):
     [
         # before the first impact, which washes out derivatives of pressure and velocity at a given time
         (REFERENCE, "0.6", 0.15, ["friction.coulomb", "cylinder.bore", "supply.pressure", "valve.conductance"], 1e-3),
+        (LAW, "0.6", 0.15, [f"cylinder.{key}" for key in ("heat_transfer_scale", "port_diameter", "bore")], 1e-3),
         # breaks away, sticks, breaks away, sticks: derivatives jump there, and a large step moves a sample over it
         (STICKING, "0.003", 1.5, ["friction.coulomb", "friction.breakaway", "cylinder.bore"], 1e-5),
     ],
-    ids=["stroke", "stick-slip"],
+    ids=["stroke", "heat", "stick-slip"],
 )
 def test_derivatives_are_those_of_the_runs(drive, command, until, names, step):
     of = Differentiator(drive, names, command, {"position": "50 mm"}, rtol=1e-12)

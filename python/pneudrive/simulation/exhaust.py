@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 #: Exhausts from which the mean temperature counts for ice (assumed): ice needs repeated strokes.
 LEAST_EXHAUSTS = 10
-#: Least fall of the gauge pressure in an exhaust, as a fraction (assumed).
-LEAST_FALL = 0.5
+#: An exhaust leads from above the first of these fractions of the highest gauge pressure to below the second (assumed).
+FULL, EMPTY = 0.5, 0.25
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class ExhaustAir:
     coldest_k : float
         Lowest temperature of gas that leaves, K.
     exhausts : int
-        Number of exhausts: gas leaves a chamber until its gauge pressure has fallen by half or more.
+        Number of exhausts: the gauge pressure of a chamber falls from half of its highest value to a quarter.
     """
 
     mean_k: float
@@ -73,10 +73,9 @@ def exhaust_air(columns: Mapping[str, Any], ambient_pa: float) -> ExhaustAir | N
         mass, heat = mass + own, heat + np.trapezoid(leaving * temperature, time)
         out = leaving > 1e-3 * leaving.max(initial=0.0)
         coldest = min(coldest, temperature[out].min(initial=math.inf))
-        edges = np.flatnonzero(np.diff(np.r_[False, out, False]))
-        for begin, end in zip(edges[::2], edges[1::2], strict=True):
-            gauge = pressure[begin:end] - ambient_pa
-            exhausts += bool(gauge[0] > 0.0 and gauge.min() < (1.0 - LEAST_FALL) * gauge[0])
+        gauge = (pressure - ambient_pa) / max(float(pressure.max()) - ambient_pa, 1.0)
+        full = gauge[(gauge > FULL) | (gauge < EMPTY)] > FULL
+        exhausts += int(np.sum(full[:-1] & ~full[1:]))
     return ExhaustAir(float(heat / mass), float(coldest), exhausts) if mass > 0.0 else None
 
 
