@@ -11,7 +11,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "draw": ("pneudrive draw drive.toml --out circuit.svg",),
     "schema": ("pneudrive schema drive",),
     "simulate": (
-        "pneudrive simulate catalogue:reference --command '0 s: 0.6, 1 s: -0.6' \\",
+        "pneudrive simulate catalogue:parker-osp-p25-mpye --command '0 s: 0.3, 1 s: -0.3' \\",
         "    --duration '2 s' --plot run.png",
     ),
     "sweep": (

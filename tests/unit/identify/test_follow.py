@@ -165,5 +165,6 @@ def test_a_balance_that_does_not_close_names_the_cause(change, words):
 def test_a_number_without_effect_and_an_unknown_one_are_named(circuit):
     with pytest.raises(FitError, match="cannot be free"):
         pn.identify_motion(circuit, [record(Truth())], ["upper.colour"])
+    still = circuit.replace({f"components.{tank}.heat_transfer": "0 W/(m2 K)" for tank in ("upper", "lower")})
     with pytest.raises(FitError, match=r"piston\.moving_mass has no effect"):
-        pn.identify_motion(circuit, [record(Truth())], ["volumes", "piston.moving_mass"], rivals=False)
+        pn.identify_motion(still, [record(Truth())], ["volumes", "piston.moving_mass"], rivals=False)

@@ -441,9 +441,9 @@ _WRITTEN = {
 }
 
 
-def _written(key: str, value: float) -> str:
+def _written(key: str, value: float) -> str | float:
     if key == "heat_transfer_scale":
-        return f"{float(value)!r}"
+        return float(value)
     unit = _WRITTEN.get(key) or ("m" if key.startswith("perimeter") else "m3" if "volume" in key else "W/(m2 K)")
     return f"{float(value)!r} {unit}"
 
