@@ -133,6 +133,22 @@ def test_strokes_of_the_reference_drive_move_by_less_than_one_percent():
     assert _strokes(_law(stated)) == pytest.approx(_strokes(stated), rel=0.01)
 
 
+def test_a_wall_that_stores_heat_takes_it_from_the_law():
+    """A filled tank warms its wall, and the balances close."""
+    tank = {"kind": "tank", "volume": "1 l", "wall": {"capacity": "20 J/K", "outer_area": "0.05 m2"}}
+    circuit = pn.Circuit(
+        components={
+            "supply": {"kind": "reservoir", "pressure": "7 bar abs"},
+            "valve": {"kind": "fitting", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3},
+            "tank": tank,
+        },
+        connections=["supply -> valve -> tank"],
+    )
+    run = pn.simulate(circuit, {}, "20 s", ledger=True)
+    assert float(run["tank.wall_temperature"].max()) > 293.15 + 3.0
+    assert abs(run.attrs["ledger"]["energy_error"]) < 1e-4
+
+
 def test_a_chamber_that_is_filled_through_two_volumes_stays_below_150_degrees():
     """Two adiabatic volumes in series reach 200 degC, one alone at most 115 degC."""
     circuit = pn.Circuit(
