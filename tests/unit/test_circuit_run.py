@@ -15,7 +15,7 @@ from pneudrive.errors import CommandError, DescriptionError, SimulationError
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
 DISCHARGE = {
     "components": {
-        "tank": {"kind": "tank", "volume": "2 l"},
+        "tank": {"kind": "tank", "volume": "2 l", "heat_transfer": "0 W/(m2 K)"},
         "nozzle": {"kind": "fitting", "conductance": "0.5 dm3/(s bar)", "critical_pressure_ratio": 0.3},
     },
     "connections": ["tank -> nozzle -> ambient"],
