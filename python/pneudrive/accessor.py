@@ -153,7 +153,7 @@ class Pneu:
         (2, True)
         """
         suffix = {"Pa": "_pa", "K": "_k", "kg/s": "_kg_s"}
-        columns = {f"{name}{suffix.get(one.attrs.get('units'), '')}": one.to_numpy() for name, one in self._run.items()}
+        columns = {f"{name}{suffix.get(str(one.attrs.get('units')), '')}": one.to_numpy() for name, one in self._run.items()}
         return exhaust_air(columns | {"time_s": self._run["time"].to_numpy()}, drive.ambient.pressure_pa)
 
     def energy(self) -> dict[str, UnitFloat]:

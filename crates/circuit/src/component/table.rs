@@ -148,7 +148,7 @@ pub(super) fn tube_heat<P: Lane>(own: &Instance<P>) -> WallHeat<P> {
     own.given("heat_transfer").map_or_else(law, WallHeat::Constant)
 }
 
-/// Returns the wall of a steady tube, if it exchanges heat. Its gas has no volume of its own.
+/// Returns the wall of a steady tube, if it exchanges heat.
 pub(crate) fn tube_wall<P: Lane>(
     own: &Instance<P>,
     ambient_temperature: P,

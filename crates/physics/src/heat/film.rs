@@ -22,8 +22,8 @@ const RATE_SMOOTH: f64 = 1e-4;
 /// Values of p sqrt(dT), Pa K^0.5, and of sqrt(Re) about which the powers are approximated.
 const NATURAL_CENTRE: f64 = 1.5e6;
 const JET_CENTRE: f64 = 150.0;
-/// Numerator y (a + b y) and denominator 1 + a y + b y^2 of y^(2/3): 2.3 % from y = 0.12 to 16, a minimax fit of this
-/// project.
+/// Numerator y (a + b y) and denominator 1 + a y + b y^2 of y^(2/3). The error is 2.3 % from y = 0.12 to 16. It is a
+/// minimax fit of this project.
 const NATURAL_OVER: [f64; 2] = [2.654_75, 2.518_53];
 const NATURAL_UNDER: [f64; 2] = [4.079_07, 0.173_594];
 /// The same of the Pade approximant about 1 of y^a, the power of the jet.

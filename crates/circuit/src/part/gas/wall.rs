@@ -11,7 +11,7 @@ use physics::heat;
 /// * `A_i`: wetted wall of a volume, m2.
 /// * `h`: coefficient of heat transfer to the ambient air, on A_out, W/(m2 K).
 ///
-/// The volumes then have no other heat transfer. By the law of the volumes, alpha is that of each volume.
+/// The volumes then have no other heat transfer. Without a stated alpha, each volume has that of its law.
 #[derive(Clone, Debug)]
 pub struct Wall<P> {
     pub capacity: P,

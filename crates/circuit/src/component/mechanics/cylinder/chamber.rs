@@ -19,8 +19,8 @@ pub(super) fn dead_volume<P: Lane>(own: &Instance<P>, end: &str) -> P {
 /// Heat-transfer coefficient of chambers whose balance is that of the source paper, W/(m2 K) (assumed).
 const AS_PRINTED_HEAT: f64 = 30.0;
 
-/// Returns a volume of a cylinder with this dead volume, m3, and diameter, m. By the law of heat transfer, the dead
-/// volume has the wall of more barrel.
+/// Returns a volume of a cylinder with this dead volume, m3, and diameter, m. The law of heat transfer gives the dead
+/// volume the wall of more barrel.
 pub(super) fn vessel<P: Lane>(
     own: &Instance<P>,
     [dead_volume, bore]: [P; 2],
