@@ -37,13 +37,13 @@ REST = {
 
 # What a trajectory calls its drive: another hash means that runs of before are of another drive.
 HASHES = {
-    "festo-dsbg-32-100-sy3000": "7c1b1622e66a0e7d317cc6796f30d84407f57b78da772f17952d95eae234af8d",
-    "parker-osp-p25-mpye": "62cc2f6a8d8ef90912c052bcbd31c2ec7f1f9621d8a97ef27c3d730858aa0ae8",
-    "parker-osp-p25-sy5000": "bd43d62106e17102ad191c3eb19cc9685bbf572bc9e96f18abf5c9444d8a3a18",
-    "parker-osp-p40-sy7000": "3f81ca68525f2433988fc3d0a47edd9b354fb90272c3ef9e43dd454bf3b1aa70",
+    "festo-dsbg-32-100-sy3000": "e9e24076503d6829a995a31af60a07cf7134cb67a3b4a802f8ab25bed9221946",
+    "parker-osp-p25-mpye": "9dc314f003b138b6e56e9830e21a6cbeb8903b83bdcc558b1715f505e3891b26",
+    "parker-osp-p25-sy5000": "cf5fe7a65d5e2a31e824ae2d359f9be78e6c952fadc67572b1f0ae735eb1cc49",
+    "parker-osp-p40-sy7000": "e39e971af136b0c77d5ec7e83cd267404e00625aaab0936131e3b5ef77a80a16",
     "reference": "6dd42b38838bd530334e75ffcda9d794a940c8a1734304a60ebb3537f6798480",
-    "smc-cm2y-25-sy3000": "6917a232bee6e900d86c9e220efe2467069a9c5ace87c826d61e9d6f3b0ca2b0",
-    "starter": "fd82bc649a38af3cdb2eb1868a575099429b48a2370cf129256091f7b5ae20a1",
+    "smc-cm2y-25-sy3000": "de20e0d7a61fa5378054adfdcdfdec8cdfb7bb90a1326d11605597e64700e115",
+    "starter": "ba4426f8031ac433e4adcfcebde4b08e8a98934760d51a1ce663dd4cdd2ee39b",
 }
 
 

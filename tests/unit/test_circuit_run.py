@@ -280,7 +280,9 @@ def test_a_message_names_the_states_of_a_circuit():
 
 
 def test_members_of_one_topology_differ_in_numbers_alone():
-    circuit = pn.Circuit(**DISCHARGE)
+    # Their heat transfer follows its law, whose numbers follow from the volume.
+    law = DISCHARGE | {"components": DISCHARGE["components"] | {"tank": {"kind": "tank", "volume": "2 l"}}}
+    circuit = pn.Circuit(**law)
     volumes = np.array([[1e-3], [2e-3], [5e-3]])
     members = compiled(circuit.core_json()).members(["tank.volume"], volumes)
     assert (len(members), members.analysed) == (3, 0)
