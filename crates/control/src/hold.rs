@@ -4,7 +4,7 @@ use crate::model::{Model, Slip};
 use crate::number::{Memory, Number};
 use crate::thresholds::{
     HOLD_DRIFTING, HOLD_ELASTIC, HOLD_FARTHEST, HOLD_FASTEST, HOLD_FORGETS, HOLD_LEAVE, HOLD_MANY,
-    HOLD_NEARER, HOLD_RAMP, HOLD_RELEASES, HOLD_ROOM, HOLD_SPEED, HOLD_STRONGEST, HOLD_SWITCHING,
+    HOLD_NEARER, HOLD_NOISE, HOLD_RAMP, HOLD_RELEASES, HOLD_ROOM, HOLD_SPEED, HOLD_STRONGEST, HOLD_SWITCHING,
     HOLD_TRIES_AFTER, HOLD_VAIN,
 };
 
@@ -34,10 +34,8 @@ pub struct Hold<S = f64> {
     /// Error at the last try, m, and the number of successive tries that did not reduce the error.
     tried: S,
     missed: S,
-    /// Error at the beginning of holding, m. Whether the drive has been held there, and whether it has left a rest, both
-    /// while the reference is at rest, 0 or 1.
+    /// Error at the beginning of holding, m, and how often the drive has left a rest while the reference is at rest.
     origin: S,
-    rested_there: S,
     slid: S,
     /// Distance by which the drive left its rest at the last sample, m; 0 if it did not.
     pub(crate) left: S,
@@ -75,13 +73,12 @@ impl<S: Number> Memory<S> for Hold<S> {
             tried,
             missed,
             origin,
-            rested_there,
             slid,
             ..
         } = self;
         [waited, rested, place, holds, force, begun, rest, nearest, vain, far_for, tries, tried, missed]
             .into_iter()
-            .chain([origin, rested_there, slid])
+            .chain([origin, slid])
             .for_each(see);
     }
 }
@@ -91,7 +88,7 @@ impl<S: Number> Hold<S> {
     pub fn new(band: f64, after: f64) -> Self {
         let [waited, rested, place, holds, force, begun, rest, nearest, vain, far_for, tries, tried, missed] =
             [S::zero(); 13];
-        let [origin, rested_there, slid, left] = [S::zero(); 4];
+        let [origin, slid, left] = [S::zero(); 3];
         Hold {
             band,
             after,
@@ -109,7 +106,6 @@ impl<S: Number> Hold<S> {
             tried,
             missed,
             origin,
-            rested_there,
             slid,
             left,
         }
@@ -163,19 +159,19 @@ impl<S: Number> Hold<S> {
 
     /// Ends holding if the drive moves as no held drive can, so that the law takes over. The limits are a speed
     /// ([`HOLD_FASTEST`]), a distance from the beginning of holding ([`HOLD_FARTHEST`]), and a change of the gas force
-    /// ([`HOLD_STRONGEST`]). Holding does not move the drive again while the reference is at rest. A drive that
-    /// leaves its rest under the law is reported, too.
-    fn watch(&mut self, seen: &Resting<S>) {
+    /// ([`HOLD_STRONGEST`]). Holding does not move the drive again while the reference is at rest.
+    fn watch(&mut self, seen: &Resting<S>, model: &Model) {
         let (zero, one) = (S::zero(), S::one());
         let held = zero.lt(self.holds);
         let gone = (seen.error - self.origin).abs();
-        let far = S::select(S::c(HOLD_FARTHEST).lt(gone), self.rested_there, zero);
+        let far = S::select(S::c(HOLD_FARTHEST).lt(gone), one, zero);
         let fast = S::select(S::c(HOLD_FASTEST).lt(seen.velocity.abs()), one, zero);
-        let strong = S::select(seen.level.times(HOLD_STRONGEST).lt((seen.gas - self.begun).abs()), one, zero);
-        let leaves = zero.lt(S::select(held, fast.max(strong), zero).max(far) * seen.stands);
+        let full = (model.supply.pressure - model.ambient.pressure) * model.sides[0].area;
+        let most = seen.level.times(HOLD_STRONGEST).max(S::c(HOLD_NOISE * full));
+        let strong = S::select(most.lt((seen.gas - self.begun).abs()), one, zero);
+        let leaves = zero.lt(S::select(held, far.max(fast).max(strong), zero));
         self.left = S::select(leaves, gone, zero);
-        self.slid = S::select(leaves, one, self.slid) * seen.stands;
-        self.rested_there = S::select(leaves, zero, self.rested_there) * seen.stands;
+        self.slid = S::select(leaves, self.slid + one, self.slid) * seen.stands;
         for own in [&mut self.holds, &mut self.waited, &mut self.rest, &mut self.nearest, &mut self.vain] {
             *own = S::select(leaves, zero, *own);
         }
@@ -190,7 +186,7 @@ impl<S: Number> Hold<S> {
     pub(crate) fn rate(&mut self, seen: &Resting<S>, model: &Model, period: f64) -> (S::Mask, S) {
         let Resting { stands, error: e, velocity: v, gas, level } = *seen;
         let zero = S::zero();
-        self.watch(seen);
+        self.watch(seen, model);
         let moved = self.count(stands, e, period);
         self.try_again(stands, e, moved, period);
         let held = zero.lt(self.holds);
@@ -200,8 +196,8 @@ impl<S: Number> Hold<S> {
         self.vain = S::select(is_far, self.vain.min(S::c(HOLD_VAIN - 1.0)), self.vain);
         let kept = self.kept();
         let near = S::select(is_far, zero, stands);
-        // A kept drive is held as soon as it slips, but not again after it has left its rest.
-        let soon = S::select(zero.lt(self.slid), zero, kept);
+        // A kept drive is held as soon as it slips, unless it has left its rest several times.
+        let soon = S::select(self.slid.lt(S::c(HOLD_VAIN)), kept, zero);
         let near = S::select(S::c(HOLD_SPEED).lt(v.abs()), near * self.holds.max(soon), near);
         let waited = (self.waited + S::c(period)).max(soon.times(self.after));
         self.waited = S::select(zero.lt(near), waited, zero);
@@ -226,7 +222,6 @@ impl<S: Number> Hold<S> {
         self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
         self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
         self.origin = S::select(held, self.origin, S::select(zero.lt(self.holds), e, self.origin));
-        self.rested_there = self.rested_there.max(self.holds);
         let creep = (self.force - force).times(1.0 / period);
         (zero.lt(self.holds), creep + (self.force - gas).times(settle))
     }
