@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import polars as pl
 import pytest
 
 import pneudrive as pn
+from pneudrive.cli.examples import EXAMPLES
 from pneudrive.cli.main import run
 from pneudrive.control.results.measures import score_of
 from pneudrive.errors import CommandError, PneudriveWarning
@@ -384,7 +386,7 @@ def test_a_supply_falls_to_an_absolute_pressure(value):
 
 
 def test_a_supervisor_tells_what_it_does_about_a_fault(tmp_path, capsys, axis):
-    """A sensor jumps in the midst of a move: the valve is shut, or a ramp stops the drive if the controller says so."""
+    """A sensor jumps in the midst of a move: a ramp stops the drive, then its valve is shut, if the controller says so."""
     setup, controller = tmp_path / "faulty.toml", tmp_path / "controller.toml"
     setup.write_text(FAULTY)
     tuned = pn.control.tune(axis, controller=pn.control.Controller(law="inversion", on_fault={"position": "stop"}))
@@ -396,6 +398,15 @@ def test_a_supervisor_tells_what_it_does_about_a_fault(tmp_path, capsys, axis):
     assert "0.302 s  position-lost" in said
     assert "stopped" in said
     shut = pn.control.run(axis, "inversion", reference=STEP, duration="1 s", setup=setup)
-    assert [one["kind"] for one in shut.attrs["events"]] == ["position-predicted", "position-lost"]
+    assert [one["kind"] for one in shut.attrs["events"]] == ["position-predicted", "position-lost", "stopped"]
     assert abs(float(shut.velocity[-1])) < 5e-3
     assert abs(float(shut.position[-1]) - 0.28) > 1e-3  # it does not arrive
+
+
+def test_the_examples_of_export_in_the_help_work(tmp_path, monkeypatch):
+    """The example of nmpc had no reference, and ended in an error."""
+    (tmp_path / "axis.toml").write_text(AXIS.read_text(encoding="utf-8"), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert run(["control", "tune", "axis.toml", "--law", "inversion", "--out", "controller.toml"]) == 0
+    for line in EXAMPLES["control export"]:
+        assert run(shlex.split(line)[1:]) == 0, line

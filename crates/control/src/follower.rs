@@ -230,6 +230,11 @@ impl Follower {
         self.observer.as_ref().map(|observer| observer.state)
     }
 
+    /// Returns the distance by which the drive has left its rest at the last sample, m, if it did.
+    pub(crate) fn rest_left(&mut self) -> Option<f64> {
+        self.hold.as_mut().map(|hold| std::mem::take(&mut hold.left)).filter(|&left| left > 0.0)
+    }
+
     /// Returns the predicted state at the next sample, and the openings of the edges halfway.
     pub(crate) fn foresee(&self, time: f64) -> Option<(State, Edges<f64>)> {
         let observer = self.observer.as_ref()?;

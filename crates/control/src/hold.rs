@@ -3,8 +3,9 @@
 use crate::model::{Model, Slip};
 use crate::number::{Memory, Number};
 use crate::thresholds::{
-    HOLD_DRIFTING, HOLD_ELASTIC, HOLD_FORGETS, HOLD_LEAVE, HOLD_MANY, HOLD_NEARER, HOLD_RAMP, HOLD_RELEASES,
-    HOLD_ROOM, HOLD_SPEED, HOLD_SWITCHING, HOLD_TRIES_AFTER, HOLD_VAIN,
+    HOLD_DRIFTING, HOLD_ELASTIC, HOLD_FARTHEST, HOLD_FASTEST, HOLD_FORGETS, HOLD_LEAVE, HOLD_MANY,
+    HOLD_NEARER, HOLD_NOISE, HOLD_RAMP, HOLD_RELEASES, HOLD_ROOM, HOLD_SPEED, HOLD_STRONGEST, HOLD_SWITCHING,
+    HOLD_TRIES_AFTER, HOLD_VAIN,
 };
 
 /// Holding: the force at which the seal rests is kept.
@@ -33,6 +34,11 @@ pub struct Hold<S = f64> {
     /// Error at the last try, m, and the number of successive tries that did not reduce the error.
     tried: S,
     missed: S,
+    /// Error at the beginning of holding, m, and how often the drive has left a rest while the reference is at rest.
+    origin: S,
+    slid: S,
+    /// Distance by which the drive left its rest at the last sample, m; 0 if it did not.
+    pub(crate) left: S,
 }
 
 /// Inputs of holding for one sample.
@@ -66,10 +72,13 @@ impl<S: Number> Memory<S> for Hold<S> {
             tries,
             tried,
             missed,
+            origin,
+            slid,
             ..
         } = self;
         [waited, rested, place, holds, force, begun, rest, nearest, vain, far_for, tries, tried, missed]
             .into_iter()
+            .chain([origin, slid])
             .for_each(see);
     }
 }
@@ -79,6 +88,7 @@ impl<S: Number> Hold<S> {
     pub fn new(band: f64, after: f64) -> Self {
         let [waited, rested, place, holds, force, begun, rest, nearest, vain, far_for, tries, tried, missed] =
             [S::zero(); 13];
+        let [origin, slid, left] = [S::zero(); 3];
         Hold {
             band,
             after,
@@ -95,6 +105,9 @@ impl<S: Number> Hold<S> {
             tries,
             tried,
             missed,
+            origin,
+            slid,
+            left,
         }
     }
 
@@ -144,6 +157,27 @@ impl<S: Number> Hold<S> {
         self.rest = S::select(zero.lt(self.kept() * moved), e, self.rest);
     }
 
+    /// Ends holding if the drive moves as no held drive can, so that the law takes over. The limits are a speed
+    /// ([`HOLD_FASTEST`]), a distance from the beginning of holding ([`HOLD_FARTHEST`]), and a change of the gas force
+    /// ([`HOLD_STRONGEST`]). Holding does not move the drive again while the reference is at rest.
+    fn watch(&mut self, seen: &Resting<S>, model: &Model) {
+        let (zero, one) = (S::zero(), S::one());
+        let held = zero.lt(self.holds);
+        let gone = (seen.error - self.origin).abs();
+        let far = S::select(S::c(HOLD_FARTHEST).lt(gone), one, zero);
+        let fast = S::select(S::c(HOLD_FASTEST).lt(seen.velocity.abs()), one, zero);
+        let full = (model.supply.pressure - model.ambient.pressure) * model.sides[0].area;
+        let most = seen.level.times(HOLD_STRONGEST).max(S::c(HOLD_NOISE * full));
+        let strong = S::select(most.lt((seen.gas - self.begun).abs()), one, zero);
+        let leaves = zero.lt(S::select(held, far.max(fast).max(strong), zero));
+        self.left = S::select(leaves, gone, zero);
+        self.slid = S::select(leaves, self.slid + one, self.slid) * seen.stands;
+        for own in [&mut self.holds, &mut self.waited, &mut self.rest, &mut self.nearest, &mut self.vain] {
+            *own = S::select(leaves, zero, *own);
+        }
+        self.missed = S::select(zero.lt(self.slid), S::c(HOLD_VAIN), self.missed);
+    }
+
     /// Returns whether holding is active, and the rate of the gas force during holding, N/s:
     ///
     ///   F_h' = c s e within a bound about the first force, F' = F_h' + k_s (F_h - F)
@@ -152,6 +186,7 @@ impl<S: Number> Hold<S> {
     pub(crate) fn rate(&mut self, seen: &Resting<S>, model: &Model, period: f64) -> (S::Mask, S) {
         let Resting { stands, error: e, velocity: v, gas, level } = *seen;
         let zero = S::zero();
+        self.watch(seen, model);
         let moved = self.count(stands, e, period);
         self.try_again(stands, e, moved, period);
         let held = zero.lt(self.holds);
@@ -161,8 +196,10 @@ impl<S: Number> Hold<S> {
         self.vain = S::select(is_far, self.vain.min(S::c(HOLD_VAIN - 1.0)), self.vain);
         let kept = self.kept();
         let near = S::select(is_far, zero, stands);
-        let near = S::select(S::c(HOLD_SPEED).lt(v.abs()), near * self.holds.max(kept), near);
-        let waited = (self.waited + S::c(period)).max(kept.times(self.after));
+        // A kept drive is held as soon as it slips, unless it has left its rest several times.
+        let soon = S::select(self.slid.lt(S::c(HOLD_VAIN)), kept, zero);
+        let near = S::select(S::c(HOLD_SPEED).lt(v.abs()), near * self.holds.max(soon), near);
+        let waited = (self.waited + S::c(period)).max(soon.times(self.after));
         self.waited = S::select(zero.lt(near), waited, zero);
         let force = S::select(held, self.force, gas);
         let follows = self.begun + (force - self.begun).times(period / HOLD_FORGETS);
@@ -173,8 +210,10 @@ impl<S: Number> Hold<S> {
             (true, false) => HOLD_ELASTIC,
             (true, true) => HOLD_DRIFTING,
         };
-        // A kept drive: the force moves away from the level at which the contact slips.
+        // A kept drive: the force moves away from the level at which the contact slips, unless the described load is
+        // so wrong that the drive has left its rest.
         let released = (S::c(-model.load) - force).times(HOLD_RELEASES * period);
+        let released = S::select(zero.lt(self.slid), zero, released);
         let tries = zero.lt(self.tries * kept);
         let pushed = S::select(e.lt(zero), -level, level).times(period / HOLD_RAMP);
         let released = S::select(tries, pushed, released);
@@ -182,6 +221,7 @@ impl<S: Number> Hold<S> {
         let room = S::select(tries, level.times(2.0), level.times(HOLD_ROOM[usize::from(drifts)]));
         self.force = (force + drawn).max(self.begun - room).min(self.begun + room);
         self.holds = S::select(self.waited.lt(S::c(self.after)), zero, near);
+        self.origin = S::select(held, self.origin, S::select(zero.lt(self.holds), e, self.origin));
         let creep = (self.force - force).times(1.0 / period);
         (zero.lt(self.holds), creep + (self.force - gas).times(settle))
     }

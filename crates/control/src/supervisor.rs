@@ -140,14 +140,14 @@ impl Supervisor {
         }
         self.check_reference(own, &sample, &asked);
         self.check_inputs(own, &sample, &state);
-        let [position, gas] = reactions;
-        if let Some(reaction) =
-            if position == Some(Reaction::Block) || gas.is_none() { position } else { gas }
-        {
+        if let Some(reaction) = Reaction::first(reactions) {
             self.react(own, &sample, reaction);
         }
         let course = self.mode.course(sample.time, &state, reference, &mut self.log);
         let mut answer = self.ask(own, &sample, &course);
+        if let Some(left) = own.rest_left() {
+            self.log.tell(sample.time, EventKind::RestLost, left);
+        }
         if !asked.position.is_nan() {
             answer.wanted = asked;
         }
@@ -211,7 +211,11 @@ impl Supervisor {
             let gas = observer.state;
             observer.state = State { pressures: gas.pressures, temperatures: gas.temperatures, ..free };
         }
-        let mut reactions = [(self.position.is_lost() && !was_lost).then_some(self.rules.on_position), None];
+        let mut reactions = [
+            (self.position.is_lost() && !was_lost)
+                .then_some(self.rules.on_position.at_speed(before.velocity)),
+            None,
+        ];
         if let Some(pressures) = &mut sample.pressures {
             let at = Moment { time: sample.time, period: own.period };
             let believed = Believed { model: &own.model, last: &before, foreseen: &foreseen, edges };
@@ -222,9 +226,11 @@ impl Supervisor {
                 // A low supply that still fills the chambers is only reported.
                 on_supply = Reaction::Tell;
             }
-            for (happened, reaction) in
-                [(found.supply, on_supply), (found.sensor, on_pressure), (found.valve, on_valve)]
-            {
+            for (happened, reaction) in [
+                (found.supply, on_supply),
+                (found.sensor, on_pressure.at_speed(before.velocity)),
+                (found.valve, on_valve),
+            ] {
                 if happened && reaction != Reaction::Tell {
                     reactions[1] = Some(reaction);
                 }
@@ -271,11 +277,16 @@ impl Supervisor {
 
     fn react(&mut self, own: &Follower, sample: &Sample, reaction: Reaction) {
         match (reaction, self.mode) {
-            (Reaction::Stop, Mode::Follows | Mode::Returns(_)) => self.begin_stop(own, sample),
+            (Reaction::Stop | Reaction::StopAndBlock, Mode::Follows | Mode::Returns(_)) => {
+                self.begin_stop(own, sample);
+            }
             (Reaction::Block, Mode::Follows | Mode::Returns(_) | Mode::Stops { .. }) => {
                 self.mode = Mode::Shut
             }
             _ => {}
+        }
+        if let (Reaction::StopAndBlock, Mode::Stops { shuts, .. }) = (reaction, &mut self.mode) {
+            *shuts = true;
         }
     }
 

@@ -78,6 +78,10 @@ thresholds! {
     HOLD_FORGETS: f64 = 10.0, "s", "time in which the range of the held force follows the force", "a contact that creeps needs more and more force; assumed";
     HOLD_VAIN: f64 = 2.0, "1", "slips past the target until the drive is kept where it is", "one slip may be chance; assumed";
     HOLD_NEARER: f64 = 0.8, "1", "a slip comes nearer if its error is below this fraction of the least error", "assumed";
+    HOLD_FARTHEST: f64 = 0.8e-3, "m", "distance from the beginning of holding at which holding ends and the law takes over", "slips of a drive that is kept are shorter; assumed";
+    HOLD_FASTEST: f64 = 0.1, "m/s", "speed at which holding ends and the law takes over", "slips of a held drive are slower; assumed";
+    HOLD_STRONGEST: f64 = 3.0, "1", "change of the gas force at which holding ends and the law takes over, in breakaway friction", "friction bears a change of twice its breakaway value; assumed";
+    HOLD_NOISE: f64 = 0.02, "1", "least such change, relative to the force of the supply pressure", "a drive without friction needs changes of force, too; assumed";
     HOLD_RELEASES: f64 = 50.0, "1/s", "rate at which the force on a contact at rest is reduced", "assumed";
 
     // Adaptation.
@@ -127,6 +131,7 @@ thresholds! {
     REFERENCE_JUMP: f64 = 1e-3, "m", "jump of a reference that starts a stop ramp", "assumed";
     STOP_NEAR: f64 = 2e-3, "m", "error up to which a stop ramp begins on the reference", "assumed";
     STOP_APART: f64 = 2e-3, "m", "distance from an end stop at which a stop ramp ends", "assumed";
+    BLOCK_SLOW: f64 = 0.02, "m/s", "speed above which a drive with a lost sensor is stopped by a ramp before its valve is shut", "assumed";
     MODEL_TRUSTED: f64 = 0.08, "s", "time for which the position of the model is accurate without readings", "assumed";
 
     // Position sensor (supervisor).

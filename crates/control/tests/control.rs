@@ -121,6 +121,21 @@ fn derivatives_of_references_are_their_slopes() {
 
 /// What a reference takes: opening and speed grow with the speed, and slowed by the factor that is found it takes the
 /// share that was asked for.
+/// Pressures of rest bear the load, and differ from the mean of supply and ambient by equal forces on both pistons.
+#[test]
+fn rest_pressures_bear_the_load_about_the_mean_of_supply_and_ambient() {
+    for (load, rod) in [(0.0, 1.0), (-120.0, 1.0), (60.0, 0.8)] {
+        let mut model = drive();
+        model.load = load;
+        model.sides[1].area *= rod;
+        let pressures = model.rest_pressures();
+        assert_abs_diff_eq!(model.gas_force(pressures) + load, 0.0, epsilon = 1e-9);
+        let mean = 0.5 * (7e5 + 101_325.0);
+        let [a, b] = [0, 1].map(|i| (pressures[i] - mean) * model.sides[i].area);
+        assert_abs_diff_eq!(a, -b, epsilon = 1e-9);
+    }
+}
+
 #[test]
 fn a_reference_is_slowed_until_its_drive_can_follow() {
     let model = drive();
@@ -293,12 +308,16 @@ fn an_exported_law_gives_the_bits_of_its_controller() {
             continue;
         };
         let mut own = program.remembered();
+        const STRONG: u32 = 280;
         let (mut holds, mut moves) = (false, false);
         for tick in 0..300_u32 {
             let time = f64::from(tick) * period;
             let (now, then) = (reference.at(time), reference.at(time + program.ahead));
             let late = reference.at(time - 2e-3);
-            let (position, lean) = (late.position + 1e-6 * f64::from(tick % 3), 2e3 * late.acceleration);
+            // A force that no held drive can have: three times the breakaway friction.
+            let force = if tick < STRONG { 0.0 } else { 2e5 };
+            let (position, lean) =
+                (late.position + 1e-6 * f64::from(tick % 3), 2e3 * late.acceleration + force);
             let sample = Sample { time, position, pressures: Some([PRESSURE + lean, PRESSURE - lean]) };
             let answer = law.step(&sample, &reference);
             let stands = f64::from(u8::from(reference.stands(time, law.plant.lag)));
@@ -314,6 +333,8 @@ fn an_exported_law_gives_the_bits_of_its_controller() {
             let expected = [answer.command, answer.velocity, answer.disturbance, holding, 0.0];
             assert_eq!(results, expected, "{key}, sample {tick}");
             (holds, moves) = (holds || answer.holds, moves || answer.command.abs() > 0.05);
+            assert!(tick != STRONG - 1 || answer.holds, "{key} holds before the force");
+            assert!(tick < STRONG + 2 || !answer.holds, "{key} holds against the force, sample {tick}");
         }
         assert!(holds && moves, "{key}");
     }

@@ -274,6 +274,22 @@ fn a_drive_that_slips_in_vain_stands_where_it_is() {
     assert!(error < 1e-3, "{error} m from its target");
 }
 
+/// A load breaks a held drive away: holding ends 2.5 bands from the target, and the drive comes back.
+#[test]
+fn holding_ends_two_and_a_half_bands_from_the_target() {
+    let stand = Reference::Moves { start: 0.22, moves: vec![] };
+    let pushed = Setup { forces: vec![[0.8, 0.0], [0.8, 60.0]], ..setup(1) };
+    let (mut under, mut controller) = begin(axis(), &axis(), ("nmpc", None), &pushed, 0.22);
+    let mut never = |_| false;
+    let rows = under.run(&mut controller, &stand, 2.0, &mut Look::new(&mut never)).expect("it runs");
+    let error = |row: &[f64; COLUMNS.len()]| (row[1] - 0.22).abs();
+    let slips = rows[800..850].iter();
+    let farthest = |holds: f64| slips.clone().filter(|row| row[9] == holds).map(error).fold(0.0, f64::max);
+    assert!(rows[700][9] == 1.0, "it holds before the load");
+    assert!(farthest(1.0) < 100e-6 && farthest(0.0) > 150e-6, "{} {}", farthest(1.0), farthest(0.0));
+    assert!(error(&rows[1990]) < 100e-6, "{} m at the end", error(&rows[1990]));
+}
+
 /// A valve that has twice the overlap that its law believes in, and leaks: within it the command of a law that holds opens
 /// nothing, and the contact creeps under what leaks.
 #[test]

@@ -25,6 +25,11 @@ fn on(channel: Channel, kind: FaultKind, value: f64) -> Fault {
     Fault { channel: Some(channel), value: Some(value), ..fault(kind, 0.6, 9.0) }
 }
 
+/// A channel without readings, in the midst of a move.
+fn fault_of(channel: Channel) -> Fault {
+    on(channel, FaultKind::Nan, 0.0)
+}
+
 fn supervision() -> specification::Supervision {
     specification::Supervision {
         position_m: None,
@@ -223,6 +228,24 @@ fn a_position_that_sticks_while_the_drive_begins_or_ends_a_move_is_lost() {
         assert_eq!(count(&controller, EventKind::PositionLost), 1, "{law}: {:?}", told(&controller));
         let end = rows[rows.len() - 1];
         assert!((0.05..0.45).contains(&end[1]) && end[2].abs() < 5e-3, "{law}: {} m, {} m/s", end[1], end[2]);
+    }
+}
+
+/// The alarm may be false: a valve that shuts at once lets the load bounce.
+#[test]
+fn a_lost_sensor_stops_a_moving_drive_before_its_valve_is_shut() {
+    for channel in [Channel::Position, Channel::PressureA] {
+        let lost = setup(vec![fault_of(channel)]);
+        let blocks = |own: &mut Controller| {
+            let rules = &mut own.supervisor.as_mut().expect("a supervisor").rules;
+            (rules.on_position, rules.on_pressure) = (Reaction::Block, Reaction::Block);
+        };
+        let (rows, controller) = run_with(("inversion", &lost), (&a_move(), 2.0), blocks);
+        let shut =
+            rows.windows(30).position(|own| own[0][0] > 0.6 && own.iter().all(|row| row[6].abs() < 1e-3));
+        let shut = &rows[shut.expect("it is shut")];
+        assert!(shut[2].abs() < 0.03, "{channel:?} {} m/s: {:?}", shut[2], told(&controller));
+        assert!(shut[0] < 1.0 && fastest(&rows[1900..]) < 1e-3, "{channel:?} at {} s", shut[0]);
     }
 }
 

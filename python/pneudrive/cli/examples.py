@@ -61,7 +61,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "control reference": ("pneudrive control reference R1 --drive axis.toml",),
     "control export": (
         "pneudrive control export controller.toml --to c --out source",
-        "pneudrive control export nmpc --drive axis.toml --to fmu --out law.fmu",
+        "pneudrive control export nmpc --drive axis.toml --to fmu --reference R1 --out law.fmu",
     ),
     "control header": ("pneudrive control header --out pneudrive_law.h",),
     "export": (

@@ -81,9 +81,11 @@ class OnFault(Described):
     """Reaction to a fault: it is reported, the drive is stopped by a ramp, or the valve is shut."""
 
     table_name: ClassVar[str] = "on_fault"
-    position: Annotated[str, Choice(("stop", "block"))] = Field(default="block", description="position sensor lost")
+    position: Annotated[str, Choice(("stop", "block"))] = Field(
+        default="block", description="position sensor lost; block: a ramp stops a moving drive first"
+    )
     pressure: Annotated[str, Choice(("model", "stop", "block"))] = Field(
-        default="model", description="pressure sensor lost"
+        default="model", description="pressure sensor lost; block: a ramp stops a moving drive first"
     )
     valve: Annotated[str, Choice(("tell", "stop", "block"))] = Field(
         default="block", description="valve does not answer"

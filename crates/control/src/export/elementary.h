@@ -1,6 +1,6 @@
 /*
- * Elementary functions on double: the bits of the core of pneudrive on every machine. Methods and errors are described in
- * crates/math/src/elementary.rs, of which this is a copy in C.
+ * Elementary functions on double, a copy in C of crates/math/src/elementary.rs, which describes methods and errors.
+ * Compiled by gcc on x86-64, they have the bits of the core of pneudrive.
  *
  * Only +, -, *, /, fma and sqrt are used, which IEEE 754 rounds correctly. The compiler must not contract a product and a sum
  * into one operation: gcc needs -ffp-contract=off, or -std=c99.

@@ -53,6 +53,7 @@ events! {
     Stuck: "stuck", "N", "the drive does not move: its air force is within its friction; value: the air force";
     NotSettled: "not-settled", "m", "the drive rests outside its tolerance; value: the error";
     LimitCycle: "limit-cycle", "m", "the drive swings about its target or along its reference: a limit cycle; value: peak to peak";
+    RestLost: "rest-lost", "m", "a drive that is held leaves its rest: holding ends and the law takes over; value: the distance";
 }
 
 /// Something that happened.

@@ -18,6 +18,8 @@ pub(super) enum Mode {
         fade: Fade,
         at: f64,
         stood: bool,
+        /// The valve is shut at rest.
+        shuts: bool,
     },
     /// The valve is shut.
     Shut,
@@ -55,7 +57,7 @@ impl Mode {
         });
         let ahead = if from[1] > 0.0 { model.stroke - from[0] } else { from[0] };
         let (fade, at) = Fade::stop(time, from, deceleration, ahead - STOP_APART);
-        Mode::Stops { fade, at, stood: false }
+        Mode::Stops { fade, at, stood: false, shuts: false }
     }
 
     /// Returns the course at a time, s, and notes that a ramp has ended.
@@ -68,12 +70,16 @@ impl Mode {
     ) -> Course<'a> {
         match self {
             Mode::Returns(fade) if fade.end() > time => Course::back_to(reference, *fade),
-            Mode::Stops { fade, at, stood } => {
+            Mode::Stops { fade, at, stood, shuts } => {
                 if fade.end() <= time && !*stood {
                     *stood = true;
                     log.tell(time, EventKind::Stopped, state.position);
                 }
-                Course::to_stand(*at, *fade)
+                let course = Course::to_stand(*at, *fade);
+                if *stood && *shuts {
+                    *self = Mode::Shut;
+                }
+                course
             }
             Mode::Shut | Mode::Off => reference.into(),
             mode => {

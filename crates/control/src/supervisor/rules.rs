@@ -3,7 +3,7 @@
 use super::motion::MotionRules;
 use crate::model::Model;
 use crate::reference::Wanted;
-use crate::thresholds::LIMIT_ROUNDING;
+use crate::thresholds::{BLOCK_SLOW, LIMIT_ROUNDING};
 use crate::types::{Edges, State};
 
 /// Reaction to a fault.
@@ -15,6 +15,24 @@ pub enum Reaction {
     Stop,
     /// The valve is shut immediately.
     Block,
+    /// Stop ramp, then the valve is shut. The supervisor blocks a moving drive with a lost sensor in this way: the alarm
+    /// may be false, and the load would bounce on the shut gas.
+    StopAndBlock,
+}
+
+impl Reaction {
+    /// Returns the reaction to a lost sensor at a velocity, m/s.
+    pub(super) fn at_speed(self, velocity: f64) -> Reaction {
+        let moves = velocity.abs() > BLOCK_SLOW;
+        if self == Reaction::Block && moves { Reaction::StopAndBlock } else { self }
+    }
+
+    /// Returns the reaction to faults of the position and of the gas at one sample.
+    pub(super) fn first([position, gas]: [Option<Reaction>; 2]) -> Option<Reaction> {
+        let blocks = [Reaction::Block, Reaction::StopAndBlock].map(Some);
+        let is_position = gas.is_none() || (gas != blocks[0] && blocks.contains(&position));
+        if is_position { position } else { gas }
+    }
 }
 
 /// Rules of a supervisor.

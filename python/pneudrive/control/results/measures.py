@@ -76,7 +76,7 @@ class Score(Shown):
     step_median_s, step_999_s, step_worst_s : float
         Time that a step of the law took on this machine: median, 99.9 %, worst. It differs from run to run.
     step_undisturbed_s : float
-        The worst again, of the least time of each step where steps are repeated, so that other programs do not count.
+        Worst step, each with the least time of its repeats. Without repeats it equals `step_worst_s`.
     lost : bool
         Whether the error exceeded 20 mm.
     """
@@ -142,7 +142,7 @@ SHOWN: dict[str, tuple[str, float, str]] = {
     "iso_reversal_m": ("reversal B", 1e6, "um"),
     "step_median_s": ("step, median", 1e6, "us"),
     "step_999_s": ("step, 99.9 %", 1e6, "us"),
-    "step_undisturbed_s": ("step, worst undisturbed", 1e6, "us"),
+    "step_undisturbed_s": ("step, worst, least of its repeats", 1e6, "us"),
 }
 
 #: Measures that are told of a spread.
