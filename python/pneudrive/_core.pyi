@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 __all__ = [
     "Circuit",
     "Column",
-    "ControlLoop",
     "ControlReference",
     "ControlSensors",
     "Ensemble",
@@ -141,25 +140,6 @@ class Ensemble:
 class ControlReference:
     def __new__(cls, motion: str) -> ControlReference: ...
     def at(self, t: float) -> tuple[float, float, float, float]: ...
-
-@final
-class ControlLoop:
-    def __new__(
-        cls,
-        circuit: Circuit,
-        start: Mapping[str, float],
-        spec: str,
-        motion: str,
-        setup: str,
-        duration: float,
-        rtol: float,
-        signals: Sequence[str],
-    ) -> ControlLoop: ...
-    def observe(self) -> tuple[float, ...] | None: ...
-    def give(self, command: float) -> None: ...
-    @property
-    def truth(self) -> tuple[float, float, float, float] | None: ...
-    def columns(self) -> dict[str, NDArray[float64]]: ...
 
 @final
 class ControlSensors:

@@ -153,7 +153,8 @@ class Pneu:
         (2, True)
         """
         suffix = {"Pa": "_pa", "K": "_k", "kg/s": "_kg_s"}
-        columns = {f"{name}{suffix.get(str(one.attrs.get('units')), '')}": one.to_numpy() for name, one in self._run.items()}
+        unit_of = {name: str(column.attrs.get("units")) for name, column in self._run.items()}
+        columns = {f"{name}{suffix.get(unit, '')}": self._run[name].to_numpy() for name, unit in unit_of.items()}
         return exhaust_air(columns | {"time_s": self._run["time"].to_numpy()}, drive.ambient.pressure_pa)
 
     def energy(self) -> dict[str, UnitFloat]:

@@ -386,7 +386,7 @@ def test_a_supply_falls_to_an_absolute_pressure(value):
 
 
 def test_a_supervisor_tells_what_it_does_about_a_fault(tmp_path, capsys, axis):
-    """A sensor jumps in the midst of a move: a ramp stops the drive, then its valve is shut, if the controller says so."""
+    """A sensor jumps during a move. A ramp stops the drive, then the valve is shut, if the controller says so."""
     setup, controller = tmp_path / "faulty.toml", tmp_path / "controller.toml"
     setup.write_text(FAULTY)
     tuned = pn.control.tune(axis, controller=pn.control.Controller(law="inversion", on_fault={"position": "stop"}))

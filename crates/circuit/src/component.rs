@@ -18,6 +18,7 @@ mod symbol;
 mod table;
 mod timing;
 mod valves;
+mod walls;
 
 use crate::table;
 
@@ -32,8 +33,8 @@ pub(crate) use kinds::{bring, check, compose, series};
 pub use quantity::{Quantity, Starting};
 pub(crate) use series::{Chain, PortId};
 pub use symbol::{Stroke, Symbol};
-pub(crate) use table::tube_wall;
-use table::{HEAT_SCALE, TUBE_WALL, WALL, tube_heat};
 pub use table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX, count, join};
 pub(crate) use timing::average;
 pub use timing::{Pulses, Timing};
+pub(crate) use walls::tube_wall;
+use walls::{HEAT_SCALE, TUBE_WALL, WALL, tube_heat};

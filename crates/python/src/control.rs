@@ -11,7 +11,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use servo::specification::{Controller, Motion, Setup};
-use servo::{COLUMNS, Encoder, Led, Loop, Sensors, Servo, Turn, controller, run_together};
+use servo::{COLUMNS, Encoder, Led, Sensors, Servo, controller, run_together};
 use std::collections::BTreeMap;
 
 /// Keys of the controllers.
@@ -250,85 +250,6 @@ fn columns<'py>(
         }
     }
     Ok(out)
-}
-
-/// A circuit under a controller, whose caller sets each command.
-#[pyclass(name = "ControlLoop")]
-pub struct PyLoop {
-    under: Loop,
-    controller: control::Controller,
-    reference: Reference,
-    places: Vec<usize>,
-    ticks: u64,
-    next: u64,
-    turn: Option<Turn>,
-    rows: Vec<[f64; COLUMNS.len()]>,
-}
-
-#[pymethods]
-impl PyLoop {
-    #[new]
-    #[pyo3(signature = (circuit, start, spec, motion, setup, duration, rtol, signals))]
-    #[allow(clippy::too_many_arguments)]
-    fn new(
-        circuit: &PyCircuit,
-        start: BTreeMap<String, f64>,
-        spec: &str,
-        motion: &str,
-        setup: &str,
-        duration: f64,
-        rtol: f64,
-        signals: Vec<String>,
-    ) -> PyResult<Self> {
-        let (spec, setup): (Controller, Setup) = (parse(spec)?, parse(setup)?);
-        let reference = Reference::from(&parse::<Motion>(motion)?);
-        let deviation = Encoder::from(setup.position).deviation();
-        let (mut controller, axis) = controller(&spec, deviation).map_err(to_python)?;
-        // Controller whose commands come from the caller.
-        controller.supervisor = None;
-        let options = Options { rtol, ..Options::default() };
-        let session = circuit.network().session(&start, options).map_err(to_python)?;
-        let under = Loop::new(session, &axis, &setup).map_err(to_python)?;
-        let ticks = under.check(&controller, &reference, duration).map_err(to_python)?;
-        let (places, rows) = (places(&signals)?, Vec::new());
-        Ok(PyLoop { under, controller, reference, places, ticks, next: 0, turn: None, rows })
-    }
-
-    /// Continues to the next sample. Returns the signals and, last, the controller's command, or `None` after
-    /// the last sample.
-    fn observe<'py>(&mut self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyTuple>>> {
-        if self.next > self.ticks {
-            return Ok(None);
-        }
-        let Self { under, controller, reference, next, .. } = self;
-        let turn = under.observe(*next, controller, reference, &mut Look::new(&mut |_| false));
-        let turn = turn.map_err(to_python)?;
-        *next += 1;
-        self.turn = Some(turn);
-        let values = self.controller.seen(&turn.sample).values();
-        let own = self.places.iter().map(|&place| values[place]);
-        Ok(Some(PyTuple::new(py, own.chain([turn.answer.command]).collect::<Vec<_>>())?))
-    }
-
-    /// Sets the command of that sample, and observes the next sample.
-    fn give(&mut self, command: f64) -> PyResult<()> {
-        let Some(turn) = self.turn.take() else {
-            return Err(PyValueError::new_err("there is no sample that waits for a command"));
-        };
-        self.rows.push(self.under.give(&mut self.controller, &turn, command).map_err(to_python)?);
-        Ok(())
-    }
-
-    /// Returns the true position, m, velocity, m/s, and pressures, Pa, at the present sample.
-    #[getter]
-    fn truth(&self) -> Option<[f64; 4]> {
-        self.turn.map(|turn| turn.truth)
-    }
-
-    /// Returns the columns of the run so far.
-    fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        columns(py, &self.rows, self.under.servo())
-    }
 }
 
 /// Returns key, unit of the value, and meaning of each event of a supervisor.

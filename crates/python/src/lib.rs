@@ -89,7 +89,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(control::control_signals, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_feasibility, m)?)?;
     m.add_function(wrap_pyfunction!(control::control_tune, m)?)?;
-    m.add_class::<control::PyLoop>()?;
     m.add_class::<control::PySensors>()?;
     m.add_class::<control::PyReference>()?;
     m.add_function(wrap_pyfunction!(control::reference_at, m)?)?;

@@ -402,7 +402,7 @@ def test_lists_of_episodes_in_parquet(table, tmp_path):
 
 def test_one_row_for_each_value_and_units_inside_the_cells_are_named(table, tmp_path):
     rows = [
-        [f"AX1.{name}", row[0], text, "Good"]
+        [f"TAG1.{name}", row[0], text, "Good"]
         for row in fields(table)
         for name, text in zip("xfab", row[1:], strict=True)
     ]

@@ -1,7 +1,4 @@
-"""The campaign protocol as a TOML file: factors, order, preparations and checks.
-
-SI inside; defaults are assumed unless a source is named.
-"""
+"""The campaign protocol as a TOML file: factors, order, preparations and checks, one class for each table."""
 
 from __future__ import annotations
 
@@ -799,6 +796,3 @@ def _from_tables(tables: Mapping[str, Any], text: str, origin: str) -> Protocol:
         protocol = Protocol.model_validate(tables)
     protocol._text, protocol._origin = text, origin
     return protocol
-
-
-__all__ = ["Protocol", "parse_protocol", "protocol_schema", "read_protocol", "ready_protocols"]

@@ -240,8 +240,8 @@ class Cylinder(Described):
 
     The heat transfer to the walls follows from a law [woodfield2007, geankoplis1993]. `heat_transfer_scale` is its
     factor, which is known within a factor of 2. `port_diameter` is the bore of the ports. Its default is that of a
-    nozzle with the conductance of the valve. A stated `heat_transfer` is a constant coefficient instead; the dead volumes
-    then have no wall.
+    nozzle with the conductance of the valve. A stated `heat_transfer` is a constant coefficient instead. The dead
+    volumes then have no wall.
     """
 
     table_name: ClassVar[str] = "cylinder"
