@@ -84,10 +84,10 @@ def nominal_strokes(found: SizingResult, task: SizingTask) -> tuple[DriveStrokes
 
 
 def open_at_once(found: SizingResult) -> Circuit:
-    """Return the best choice with a valve of the same paths that follows its command at once."""
+    """Return the best choice with a valve of the same paths, which opens at once after the delay of the sizing."""
     tables = found.circuit().to_dict()
     sizes = {key: one for key, one in tables["components"]["valve"].items() if not key.startswith(("time", "kind"))}
-    tables["components"]["valve"] = {"kind": "valve/proportional-5/3", **sizes}
+    tables["components"]["valve"] = {"kind": "valve/proportional-5/3", "delay": "21 ms", **sizes}
     return Circuit.model_validate(tables)
 
 
@@ -100,15 +100,15 @@ def test_a_stroke_has_the_numbers_of_a_datasheet(found: SizingResult):
     # The file of the choice agrees: its armature travels for 4 ms, which the sizing replaces by one time.
     switched = found.circuit().simulate("0 s: 1", "0.5 s", rtol=1e-8)
     assert switched.attrs["impacts"][0]["time_s"] == pytest.approx(own.time[0], rel=0.01)
-    # Paths that open at once agree to the bits of the solver.
+    # Paths that open at once agree within the tolerance of the solver. The command at 0 s acts after the delay.
     run = open_at_once(found).simulate("0 s: 1", "0.5 s", rtol=1e-10)
     mass = strokes.choice.cylinder.numbers["moving_mass"] + task.mass_kg
     short = {"time_s": "time", "position_m": "cylinder.position", "velocity_m_s": "cylinder.velocity"}
     read = {key: run[name].to_numpy() for key, name in short.items()}
     sheet = stroke_numbers(read, task.stroke_m, mass, impacts=run.attrs["impacts"])
-    assert own.time[0] == pytest.approx(sheet.stroke_time + late, rel=1e-6)
-    assert own.end_speed[0] == pytest.approx(sheet.end_speed, rel=1e-6)
-    assert own.energy[0] == pytest.approx(sheet.end_energy, rel=2e-6)
+    assert own.time[0] == pytest.approx(sheet.stroke_time, rel=5e-5)  # until the valve opens, gas settles
+    assert own.end_speed[0] == pytest.approx(sheet.end_speed, rel=1e-4)
+    assert own.energy[0] == pytest.approx(sheet.end_energy, rel=2e-4)
     assert len(run.attrs["impacts"]) == 1  # it does not rebound
     coarse = strokes.run(True, nominal, setting)
     assert coarse.time[0] == pytest.approx(own.time[0], rel=1e-4)
@@ -123,8 +123,8 @@ def test_the_way_back_begins_with_one_side_full_and_the_other_empty(found: Sizin
     begun = {"cylinder.position": "100 mm", "cylinder.a": "6 bar gauge", "cylinder.b": "0 bar gauge"}
     run = open_at_once(found).simulate("0 s: -1", "0.59 s", rtol=1e-10, initial=begun)
     (hit,) = (one for one in run.attrs["impacts"] if one["end"] == "a")
-    assert own.time[0] == pytest.approx(hit["time_s"] + 0.021, rel=1e-6)
-    assert own.end_speed[0] == pytest.approx(hit["speed_m_s"], rel=1e-5)
+    assert own.time[0] == pytest.approx(hit["time_s"], rel=5e-5)
+    assert own.end_speed[0] == pytest.approx(hit["speed_m_s"], rel=1e-4)
     assert own.air[0] == pytest.approx(abs(float(np.trapezoid(run["supply.mass_flow"], run.time))), rel=0.03)
 
 

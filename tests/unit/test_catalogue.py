@@ -73,6 +73,7 @@ def test_the_catalogues_on_off_valves_refuse_fractions_everywhere(tmp_path, caps
         lambda: pn.simulate(drive, lambda t: 0.5, "10 ms"),
         lambda: pn.simulate_many(drive, [1.0, 0.3], "10 ms", vary={"supply.pressure": ["5 bar gauge"] * 2}),
         lambda: pn.Differentiable(drive, 0.6, "10 ms", vary=["friction.coulomb"], outputs=["final(position)"]),
+        lambda: drive.start().set("command", 0.3),
         lambda: pn.simulate(old, {"valve": 0.3}, "10 ms"),
         lambda: pn.linearise(drive),
     ):

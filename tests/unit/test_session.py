@@ -340,3 +340,28 @@ def test_outputs_of_a_linearised_circuit_have_their_own_names(valve):
         session.set("valve.command", command)
         linear = session.linearise()
         assert [session.read(name) for name in linear.outputs] == pytest.approx(linear.output.tolist(), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "lag", [{"delay": "20 ms"}, {"frequency": "60 Hz", "stroke_time": "15 ms"}, {"delay": "5 ms", "hysteresis": 0.1}]
+)
+def test_a_valve_begins_at_rest_wherever_its_first_command_comes_from(lag):
+    """A command at 0 s acts after the lag: later by it than without, and as in a session and in an ensemble."""
+    tables = REFERENCE.circuit.to_dict()
+    tables["components"]["valve"] |= lag
+    late, start = pn.Circuit.model_validate(tables), {"cylinder.position": "50 mm"}
+    run = late.simulate("0 s: 1", "0.3 s", initial=start)
+    assert float(run["valve.position"][0]) == 0.0
+    session = late.start(start)
+    session.set("valve.command", 1.0)
+    session.advance(0.1)
+    assert session.read("cylinder.position_m") == pytest.approx(float(run["cylinder.position"][100]), abs=1e-7)
+    many = pn.simulate_many(
+        late, 1.0, "0.1 s", vary={"cylinder.bore": ["25 mm"]}, outputs=["end = final(cylinder.position)"], initial=start
+    )
+    assert float(many["end"][0]) == pytest.approx(float(run["cylinder.position"][100]), abs=1e-7)
+    if list(lag) == ["delay"]:  # the same run without delay, 20 ms later
+        at_once = REFERENCE.circuit.simulate("0 s: 1", "0.28 s", initial=start)
+        assert run["cylinder.position"][20:].to_numpy() == pytest.approx(
+            at_once["cylinder.position"].to_numpy(), abs=2e-5
+        )

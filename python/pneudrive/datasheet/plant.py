@@ -301,7 +301,7 @@ class HeldDrive:
     def lags(self) -> dict[str, float]:
         """Components that couplings move with the piston -> lag of each behind the piston in slow motion in +x, m.
 
-        A coupling carries weight and friction of what it moves, and acts only at the end of its play.
+        A coupling carries weight and friction of its slide, and acts only at the end of its play.
         """
         plant, lags = self.frictionless, {self.piston: 0.0}  # the same masses and couplings
         middle, least = 0.5 * self.stroke_m, LEAST_LAG_M
@@ -379,7 +379,7 @@ class HeldDrive:
         return Rates(p, t, self.force(linear))
 
     def force(self, linear: Linear) -> float:
-        """Return the force on the piston and what it moves, of all but friction, in +x, N."""
+        """Return the force on the piston and the slides that it moves, without friction, in +x, N."""
         row = {name: k for k, name in enumerate(linear.outputs)}
         force = 0.0
         for name in self.moved:
@@ -413,7 +413,7 @@ class HeldDrive:
         return found
 
     def sliding(self, velocity: float, pressures: tuple[float, float], position: float) -> float:
-        """Return the steady friction of the piston and what it moves, N, at absolute pressures of a and b."""
+        """Return the steady friction of the piston and its slides, N, at absolute pressures of a and b."""
         return sum(self.sliding_of(name, velocity, pressures, position) for name in self.moved)
 
     def sliding_of(self, name: str, velocity: float, pressures: tuple[float, float], position: float) -> float:

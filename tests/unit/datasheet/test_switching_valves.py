@@ -149,3 +149,19 @@ def test_a_datasheet_of_a_circuit_has_numbers_and_reasons(switched, monkeypatch)
     assert {one.key for one in found.values} >= {"components.v.conductance", "components.cylinder.stroke"}
     with pytest.raises(CommandError, match="is a circuit"):
         build(switched, [Path("run.csv")], None, UNWATCHED)
+
+
+def test_the_sheet_of_a_drive_on_an_on_off_valve_has_no_small_signal_numbers_and_states_its_load_cases():
+    drive = pn.Drive.load("catalogue:smc-cm2y-25-sy3000")
+    sheet = build(drive, [], None, UNWATCHED, intervals=False)
+    assert not {"velocity gain", "dead zone", "resonance, small command"} & {number.name for number in sheet.numbers}
+    assert "on or off" in sheet.failed["bode"]
+    stroke, air = (next(line for line in sheet.headlines if line.startswith(word)) for word in ("Stroke", "Air"))
+    assert "periodic cycle of 2 x " in stroke
+    assert "(2 x 20 s)" in air
+    # From rest, the sheet has the stroke time of a run from rest: time on counts.
+    start = {"position": "0 mm", "pressure_b": "6 bar gauge"}
+    run = pn.simulate(drive, 1.0, "1 s", initial=start)
+    hit = next(one["time_s"] for one in run.attrs["impacts"] if one["end"] == "b")
+    assert float(sheet.results["impact"].stroke_time[-1, 0]) == pytest.approx(hit, rel=1e-3)
+    assert f"from rest {hit:.3g} s out" in stroke

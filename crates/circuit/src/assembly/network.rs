@@ -294,8 +294,8 @@ impl Network {
         self.assembly.session(start, options)
     }
 
-    /// Returns a session that starts at a time, s, with contacts of an age, s, and these values of the inputs. Delayed
-    /// effects of these commands have already ended.
+    /// Returns a session that starts at a time, s, with contacts of an age, s, and these values of the inputs. Valves
+    /// begin at rest, and a command acts after its delay.
     pub fn session_at(
         &self,
         t: f64,

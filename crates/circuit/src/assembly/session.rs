@@ -298,8 +298,10 @@ impl Session {
         let whole = matches!(target, Target::Timed(timing) if self.timings()[*timing].is_whole());
         if value.is_finite() && bounds.contain(value) {
             if whole && value.fract() != 0.0 {
+                let positions = if bounds.contain(-1.0) { "-1, 0 or 1" } else { "0 or 1" };
                 return refuse(format!(
-                    "{name} = {value}: a switching valve accepts whole numbers only. Set a pulse frequency to command a fraction"
+                    "{name} = {value}: it must be {positions}, because it switches. Take a proportional valve for fractions, or 2/2 \
+                     or 3/2 valves with pwm_frequency"
                 ));
             }
             return Ok(());

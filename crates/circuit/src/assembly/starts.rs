@@ -27,7 +27,7 @@ impl Assembly {
         self.session_under(&[], start, options)
     }
 
-    /// Returns the same, with spools and locks at the positions for these commands: an input and its value.
+    /// Returns the same, with locks at the positions for these commands: an input and its value.
     pub(super) fn session_under(
         &self,
         first: &[(usize, f64)],
@@ -116,8 +116,8 @@ impl Assembly {
     }
 
     /// Returns the equations and their state at a start. The numbers have the order of [`Assembly::given_names`].
-    /// Contacts have this age, s. Spools and locks are at the positions for the commands `first`: an input and its
-    /// value.
+    /// Contacts have this age, s. Locks are at the positions for the commands `first`: an input and its value. Valves
+    /// begin at rest.
     pub fn stand(&self, first: &[(usize, f64)], start: &[f64], age: f64) -> (Circuit<f64>, Vec<f64>) {
         self.stand_in(Circuit::clone(&self.circuit), first, start, age)
     }

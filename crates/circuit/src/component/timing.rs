@@ -81,9 +81,10 @@ impl Timing {
         matches!(self, Timing::Travel { pulses: None, .. } | Timing::Keep { .. })
     }
 
-    /// Returns whether the first command of a run counts as settled at its start.
+    /// Returns whether the first command of a run counts as settled at its start, as that of a lock does. A valve begins
+    /// at rest.
     pub fn stands_at_first(&self) -> bool {
-        matches!(self, Timing::Follow { .. } | Timing::Travel { stands: true, .. })
+        matches!(self, Timing::Travel { stands: true, .. })
     }
 
     /// Returns whether the command acts at once and smoothly, so that derivatives by it exist.

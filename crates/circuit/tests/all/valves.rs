@@ -259,11 +259,14 @@ fn a_spool_is_of_second_order_behind_its_dead_time_and_its_play() {
     };
     let damped = w * f64::sqrt(1.0 - zeta * zeta);
     for (k, x) in x(json!({}), &step).iter().enumerate() {
-        // It begins at its first command.
-        let t = (k as f64 / 2000.0 - 0.01 - delay).max(0.0);
-        let swing = (damped * t).cos() + zeta * w / damped * (damped * t).sin();
-        let expected = 0.2 + 0.5 * (1.0 - (-zeta * w * t).exp() * swing);
-        assert!((x - expected).abs() < 1e-7, "{t}: {x} {expected}");
+        // It begins at rest: the command at 0 s also acts after the dead time.
+        let after = |command_s: f64| {
+            let t = (k as f64 / 2000.0 - command_s - delay).max(0.0);
+            let swing = (damped * t).cos() + zeta * w / damped * (damped * t).sin();
+            1.0 - (-zeta * w * t).exp() * swing
+        };
+        let expected = 0.2 * after(0.0) + 0.5 * after(0.01);
+        assert!((x - expected).abs() < 1e-7, "{k}: {x} {expected}");
     }
     // A top speed of 1 in 50 ms: the middle of the way is gone at it.
     let slow = x(json!({ "stroke_time": 0.05 }), &step);
@@ -271,7 +274,17 @@ fn a_spool_is_of_second_order_behind_its_dead_time_and_its_play() {
     // A play of 0.1: on the way up it stands 0.05 below the command, back by less than 0.1 does not move it.
     let plan = [step[0], step[1], (VALVE, 0.03, 0.61), (VALVE, 0.045, 0.4)];
     let played = x(json!({ "hysteresis": 0.1, "frequency": 0.0 }), &plan);
-    for (k, expected) in [(0, 0.2), (23, 0.2), (25, 0.65), (80, 0.65), (93, 0.65), (95, 0.45), (110, 0.45)] {
+    for (k, expected) in [
+        (0, 0.0),
+        (3, 0.0),
+        (5, 0.15),
+        (23, 0.15),
+        (25, 0.65),
+        (80, 0.65),
+        (93, 0.65),
+        (95, 0.45),
+        (110, 0.45),
+    ] {
         assert!((played[k] - expected).abs() < 1e-12, "{k}: {}", played[k]);
     }
     // Overlap: the edge is shut up to it, and open at full command.

@@ -273,7 +273,9 @@ impl Law for Nmpc {
             }
         });
         let (low, high) = (self.plan.map(|w| -1.0 - w), self.plan.map(|w| 1.0 - w));
-        if let Some(step) = within(&h_matrix, &gradient, &low, &high) {
+        // A prediction that diverges gives no step: the plan stays.
+        let step = within(&h_matrix, &gradient, &low, &high);
+        if let Some(step) = step.filter(|step| step.iter().all(|own| own.is_finite())) {
             // Derivatives in stick do not describe the motion after breakaway. Whole steps would reverse the plan at
             // each sample.
             let whole: [f64; MOVES] = std::array::from_fn(|i| self.plan[i] + step[i]);
