@@ -138,7 +138,7 @@ def exchanged(drive, folder, command, start, rtol):
 
 def test_a_drive_from_the_catalogue_is_within_a_micrometre_at_one_millionth(tmp_path):
     """A tool integrates changes since an event: its tolerance is not one of the whole position."""
-    drive = pn.Drive.load("catalogue:parker-osp-p40-sy7000")
+    drive = pn.Drive.load("catalogue:parker-osp-p25-mpye")
     for share, command in TOLD:
         start = {"position": f"{share * drive.cylinder.stroke_m} m"}
         assert exchanged(drive, tmp_path, command, start, 1e-6) < 0.4e-6, (share, command)
