@@ -275,11 +275,12 @@ impl Switched<f64> {
             .copied()
             .fold(self.mode, |best, own| if cost(own) < cost(best) { own } else { best });
         let mode = if self.waits > 0.0 { self.mode } else { best };
-        // A correction is limited to the effect of one pulse.
+        // A correction is limited to the effect of one pulse. A prediction that diverged corrects nothing.
         let most = |i: usize| reach.filled[i].abs().max(reach.vented[i].abs()) * span;
         let next = left(mode, period);
         self.waits = if mode == self.mode { (self.waits - 1.0).max(0.0) } else { stays - 1.0 };
-        self.missing = [0, 1].map(|i| next[i].clamp(-most(i), most(i)));
+        self.missing =
+            [0, 1].map(|i| if most(i).is_finite() { next[i].clamp(-most(i), most(i)) } else { 0.0 });
         self.mode = mode;
         mode
     }
