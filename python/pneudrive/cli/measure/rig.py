@@ -34,7 +34,6 @@ def serve(
     key: Path | None = None,
     trust: list[Path] | None = None,
     user_file: Path | None = None,
-    trust_user: list[Path] | None = None,
     unprotected: Annotated[bool, typer.Option("--unprotected")] = False,
 ) -> None:
     """Serve a rig over OPC UA, with the nodes of a map, until Ctrl-C.
@@ -63,8 +62,6 @@ def serve(
         Certificate of a client that may connect; repeatable.
     user_file
         File of users that may log in; made by `pneudrive rig user`.
-    trust_user
-        Certificate of a user; repeatable.
     unprotected
         Allow anyone on the network to command the axis.
     """
@@ -74,7 +71,7 @@ def serve(
     from pneudrive.rig.opcua.nodes import load_map
     from pneudrive.rig.opcua.server import RigServer
 
-    protection = Protection.of(certificate, key, trust, user_file, trust_user)
+    protection = Protection.of(certificate, key, trust, user_file)
     if bind not in LOOPBACK and certificate is None and not unprotected:
         raise CommandError(
             f"--bind {bind} needs --certificate",

@@ -23,7 +23,6 @@ from pneudrive.rig.rig_file import RigFile
 SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and about 50 ms for each attempt
 SALT_BYTES = 16
 PREFIX = "PNEUDRIVE_"  # of variables whose content a rig file may send to the server that it names
-MOST_CHECKED = 100
 OTHERS_MAY_READ = 0o077
 
 
@@ -175,17 +174,13 @@ class Protection:
     trusted : tuple of bytes
         Certificates of admitted clients, DER.
     users : dict
-        Name -> salted hash.
-    user_certificates : tuple of bytes
-        Certificates of users, DER. With users of either kind, a client must log in as one of them.
+        Name -> salted hash. With users, a client must log in as one of them.
     """
 
     certificate: Path | None = None
     key: Path | None = None
     trusted: tuple[bytes, ...] = ()
     users: dict[str, str] = field(default_factory=dict)
-    user_certificates: tuple[bytes, ...] = ()
-    _checked: dict[tuple[str | None, str | None], bool] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -194,7 +189,6 @@ class Protection:
         key: Path | None,
         trusted: list[Path] | None,
         user_file: Path | None,
-        user_certificates: list[Path] | None = None,
     ) -> Protection:
         """Read the files named by the options of a command.
 
@@ -203,8 +197,8 @@ class Protection:
         CommandError, RigError
             The options do not fit together, or a file cannot be read.
         """
-        if certificate is None and (key or trusted or user_file or user_certificates):
-            what = "--key, --trust, --trust-user and --user-file need --certificate"
+        if certificate is None and (key or trusted or user_file):
+            what = "--key, --trust and --user-file need --certificate"
             raise CommandError(what, remedy="pneudrive rig certificate")
         if certificate is None:
             return cls()
@@ -212,19 +206,7 @@ class Protection:
         if not trusted:
             raise CommandError("--certificate needs --trust", rule="--trust gives the certificates of admitted clients")
         secret(key)
-        return cls(
-            certificate,
-            key,
-            tuple(map(der, trusted)),
-            read_users(user_file) if user_file else {},
-            tuple(map(der, user_certificates or [])),
-        )
-
-    def hash_ahead(self, username: str, password: str) -> None:
-        """Hash a password, which takes time, before `get_user` compares it."""
-        if len(self._checked) > MOST_CHECKED:  # remains of logins that failed for another reason
-            self._checked.clear()
-        self._checked[(username, password)] = is_password(self.users.get(username, ""), password)
+        return cls(certificate, key, tuple(map(der, trusted)), read_users(user_file) if user_file else {})
 
     def get_user(
         self,
@@ -235,13 +217,9 @@ class Protection:
     ) -> Any:  # noqa: ANN401 - asyncua's user, or None for a rejected login
         """Return the user of a client, or None to reject it."""
         rules = opcua("asyncua.crypto.permission_rules")
-        if username is None and certificate in self.user_certificates:  # asyncua already checked the user's signature
-            return rules.User(role=rules.UserRole.User)
         if self.certificate is not None and certificate not in self.trusted:
             return None
-        if username is None and self.user_certificates:
-            return None
-        if self.users and not self._checked.pop((username, password), False):
+        if self.users and not is_password(self.users.get(username or "", ""), password or ""):
             return None
         return rules.User(role=rules.UserRole.User, name=username)
 
@@ -256,11 +234,7 @@ async def protect(server: Any, protection: Protection) -> None:  # noqa: ANN401 
         return
     await server.set_application_uri(application_uri(protection.certificate))
     server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
-    tokens = [
-        *([ua.UserNameIdentityToken] if protection.users else []),
-        *([ua.X509IdentityToken] if protection.user_certificates else []),
-    ]
-    server.set_identity_tokens(tokens or [ua.AnonymousIdentityToken])
+    server.set_identity_tokens([ua.UserNameIdentityToken if protection.users else ua.AnonymousIdentityToken])
     certificate, key = _properties(read(protection.certificate)), _properties(secret(protection.key))
     await server.load_certificate(certificate.path_or_content, certificate.extension)
     await server.load_private_key(key.path_or_content, format=key.extension)

@@ -22,8 +22,17 @@ from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
 from pneudrive.rig.opcua.access import Access, AccessFile
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
-from pneudrive.rig.opcua.nodes import NodeMap, Verb, load_map
-from pneudrive.rig.opcua.program import SAMPLES, SAMPLING, STATE, steps_as_arrays
+from pneudrive.rig.opcua.nodes import (
+    HOLD,
+    RELEASED,
+    SAMPLES,
+    SAMPLING,
+    SHUT,
+    STATE,
+    NodeMap,
+    Verb,
+    load_map,
+)
 from pneudrive.rig.plain_data import envelope_of, identity_of
 
 if TYPE_CHECKING:
@@ -234,7 +243,18 @@ class OpcUaRig:
         """Write steps as arrays, within the limits of the rig."""
         nodes = self._link.nodes
         most = self._link.places["step.kind"].length or nodes.steps
-        arrays = steps_as_arrays(steps)
+        moves = [step if isinstance(step, Move) else Move(0.0, 0.0) for step in steps]
+        holds = [step if isinstance(step, Hold) else Hold(0.0) for step in steps]
+        is_hold = [HOLD * isinstance(step, Hold) for step in steps]
+        bits = [RELEASED * hold.released | SHUT * hold.shut for hold in holds]
+        arrays = {
+            "step.count": len(steps),
+            "step.kind": [hold | more for hold, more in zip(is_hold, bits, strict=True)],
+            "step.position": [move.to_m for move in moves],
+            "step.speed": [move.speed_m_s for move in moves],
+            "step.duration": [hold.duration_s for hold in holds],
+            "step.weight": [hold.weight_n for hold in holds],
+        }
         if len(steps) > most:
             raise RigError(f"{len(steps)} steps are too many for the rig", rule=f"at most {most} steps in a program")
         if any(arrays["step.weight"]) and "step.weight" not in nodes:

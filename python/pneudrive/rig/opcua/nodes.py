@@ -66,9 +66,11 @@ class Kind:
     optional: bool = False
 
 
+_CHANNEL_UNITS = {"position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa", "temperature": "K"}
+
+
 def _kinds() -> dict[str, Kind]:
     counter, number, text = Kind("UInt32"), Kind("Int32"), Kind("String")
-    channels = {"position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa", "temperature": "K"}
     writes: dict[str, Kind] = {
         "command.verb": number,
         "command.pressure_a": Kind("Double", "Pa"),
@@ -98,9 +100,9 @@ def _kinds() -> dict[str, Kind]:
         "samples.sequence": counter,
         "samples.count": number,
         "samples.time": Kind("Double", "s", array=True),
-        **{f"samples.{name}": Kind("Double", unit, array=True) for name, unit in channels.items()},
+        **{f"samples.{name}": Kind("Double", unit, array=True) for name, unit in _CHANNEL_UNITS.items()},
         "samples.step": Kind("Int32", array=True),
-        **{f"state.{name}": Kind("Double", unit) for name, unit in channels.items()},
+        **{f"state.{name}": Kind("Double", unit) for name, unit in _CHANNEL_UNITS.items()},
         "state.supply_pressure": Kind("Double", "Pa"),
         "state.time": Kind("Double", "s"),
         "state.moving": Kind("Boolean"),
@@ -115,6 +117,25 @@ def _kinds() -> dict[str, Kind]:
 
 KINDS = _kinds()
 IN_RING = {name for name in KINDS if name.startswith("samples.")} - {"samples.written", "samples.acknowledged"}
+#: Nodes -> fields of `RigState`, `Samples` and `Sampling`.
+STATE = {
+    "state.position": "position_m",
+    "state.force": "force_n",
+    "state.pressure_a": "pressure_a_pa",
+    "state.pressure_b": "pressure_b_pa",
+    "state.supply_pressure": "supply_pressure_pa",
+    "state.temperature": "temperature_k",
+    "state.time": "time_s",
+    "state.moving": "moving",
+}
+SAMPLES = {f"samples.{name}": STATE[f"state.{name}"] for name in ("time", *_CHANNEL_UNITS)} | {"samples.step": "step"}
+SAMPLING = {
+    "sampling.samples_per_stroke": "samples_per_stroke",
+    "sampling.burst_rate": "burst_rate_hz",
+    "sampling.burst_before": "burst_before_s",
+    "sampling.burst_after": "burst_after_s",
+    "sampling.hold_rate": "hold_rate_hz",
+}
 TYPES = {
     "Double": ("Double", "Float"),
     "UInt32": ("UInt32", "UInt16", "UInt64", "Int32", "Int64"),

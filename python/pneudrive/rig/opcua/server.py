@@ -1,53 +1,69 @@
-"""Server of any rig through the nodes of a map, for `pneudrive rig serve` and for tests."""
+"""Server of a rig for one client, through the nodes of a map: for `pneudrive rig serve` and for tests."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import gc
+import json
 import logging
+import math
 import time
-from concurrent.futures import Future, wait
+from concurrent.futures import Future
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.batching import many_objects
-from pneudrive.errors import RigError
+from pneudrive.errors import PneudriveError, RigError
+from pneudrive.files.content import parse_json
+from pneudrive.rig.interface import Hold, Move, Samples, Sampling, Step, closed_after
 from pneudrive.rig.job_thread import JobThread
 from pneudrive.rig.opcua.access import Protection, opcua, protect
 from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
-from pneudrive.rig.opcua.nodes import NodeMap, Verb
-from pneudrive.rig.opcua.program import SAMPLES, STATE
-from pneudrive.rig.opcua.space import FAULT, STOPS, Space
-from pneudrive.rig.opcua.verbs import Command, Interrupted, Verbs
+from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, NodeMap, Verb
 
 if TYPE_CHECKING:
-    from pneudrive.rig.interface import Rig, Samples
-    from pneudrive.rig.opcua.front import Front
-    from pneudrive.rig.opcua.session import Client
+    from collections.abc import Callable, Coroutine
+
+    from pneudrive.rig.interface import Rig
 
 log = logging.getLogger(__name__)
 SILENT_SHARE = 0.75  # share of the heartbeat time after which the axis is stopped, so that it is at rest at its end
-WATCH_SHARE = 0.02
-STATE_S = 0.05  # s; interval of the displayed state while something may change
-STATE_PATIENCE_S = 0.2
+TICK_SHARE = 0.02  # share of the heartbeat time between two checks of the heartbeat
+TICKS_A_BEAT = 12  # checks for each heartbeat of the server
+STATE_S = 0.05  # s; interval of the displayed state
+STATE_PATIENCE_S = 0.2  # s; a slow rig shows its state later
 STOPPING_S = 10.0  # s; time in which a rig that still moves is stopped again
-AGAIN_S = 0.1
+AGAIN_S = 0.1  # s; wait before a stop is repeated
 GENTLE_S = 0.2  # s; time for a halted acquisition to end by itself
 CLOSING_S = 2.0
+MOST_CONNECTIONS, SESSION_S = 64, 5.0  # connections; s in which a connection must get a session
+MOST_REQUESTS = 64  # of one connection, read ahead
+UNREAD = 1 << 22  # bytes of unread answers, above which a connection is closed
+LONGEST_TEXT = 1 << 15
+LONGEST_STEP_S = 86400.0
+#: Verbs of simulated rigs that take an argument -> its type, and the rule in words.
+ARGUMENTS = {
+    Verb.BEGIN_CYCLE: (str, "a text: the key of a cycle"),
+    Verb.RESTORE: (dict, "a saved state from `memory`"),
+    Verb.CHANGE: (dict, "factors with their levels as texts"),
+}
+
+
+class Interrupted(Exception):  # noqa: N818 - not an error: halt, stop or a silent client
+    """The running command must end now."""
 
 
 class RigServer:
-    """Server of a rig in a separate thread; a context manager.
+    """Server of a rig in a separate thread, for one client; a context manager.
 
-    A client becomes the commander by a command if there is no commander and its heartbeat runs. It remains the
-    commander until its heartbeat stops, its session ends, or another client stops the axis. Any client may read, halt
-    and stop.
+    A second client is rejected while the heartbeat of the first one runs. The rig is brought to rest if this heartbeat
+    stops or the session ends. Halt and stop are answered at any time.
 
     Parameters
     ----------
     rig : Rig
-        Rig; its verbs are called from one worker thread, `stop` from any.
+        Rig; its verbs are called from one worker thread, `stop` from another.
     nodes : NodeMap
     host, port : str, int
         Address to listen on; port 0 takes a free one, which `url` gives.
@@ -77,36 +93,29 @@ class RigServer:
         self.protection = protection or Protection()
         self.heartbeat_s = heartbeat_s or nodes.heartbeat_s
         self.url = ""
+        #: Why the server has brought the rig to rest; empty for a new client and after an accepted command.
+        self.fault = ""
+        self.session: Any = None
+        low, high = rig.limits().position_m
+        self._slowest_m_s = (high - low) / LONGEST_STEP_S
+        self._ambient_pa = rig.identity().ambient_pressure_pa
         self._loop = LoopThread()
-        self._front: Front | None = None
-        self._space: Any = None
-        self._verbs = Verbs(
-            rig,
-            simulated="simulation.answer" in nodes,
-            chunk=nodes.chunk,
-            put=lambda chunk: self._loop.run(self._put(chunk)),
-            answer=lambda command, text: self._loop.run(
-                self._write({"simulation.answer": text}, client=command.client)
-            ),
-        )
-        # Verbs run on one thread and stops on another, so that neither blocks the other.
-        self._verb_thread, self._stop_thread = JobThread("rig"), JobThread("stop")
-        self._verb: Future[str] = Future()  # running or last command
-        self._verb.set_result("")
-        self._interrupted = ""  # why the accepted command must end
-        # On the loop's thread:
-        self._room = asyncio.Event()  # the ring may have room, or the running verb must end
-        self._samples_written = self._samples_taken = 0  # chunks
-        self._commander: Client | None = None
-        self._since = ""
-        self._open: Command | None = None  # accepted command with a verb that has not ended
-        self._held: Command | None = None  # accepted while the axis is stopped
-        self._stops_asked: list[Command] | None = (
-            None  # commands that wait for the axis to be at rest; None: no stop in progress
-        )
+        self._server: Any = None
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._ids: dict[str, list[Any]] = {}  # of each node: one, or one for each slot
+        self._writable: dict[Any, str] = {}
+        self._values: dict[str, Any] = {}  # written by the client, SI
+        self._beat_at: float | None = None  # time of the client's last heartbeat
         self._stops = 0
-        self._fault, self._fault_at = "", 0.0
-        self._rig_fault: Any = None
+        # Commands run on one thread and stops on another, so that neither blocks the other.
+        self._command_thread, self._stop_thread = JobThread("rig"), JobThread("stop")
+        self._stopping = asyncio.Lock()
+        self._verb, self._identity = 0, 0  # of the last accepted command; id of the last command
+        self._running: Future[str] = Future()
+        self._running.set_result("")
+        self._interrupted = ""  # why the running command must end
+        self._room = asyncio.Event()  # the ring may have room, or the running command must end
+        self._samples_written = self._samples_taken = 0  # chunks
         self._shown: asyncio.Task[Any] | None = None
 
     def __enter__(self) -> RigServer:
@@ -125,137 +134,319 @@ class RigServer:
 
     def __exit__(self, *_: object) -> None:
         """Bring the axis to rest, release the pressure and end."""
-        self._loop.loop.call_soon_threadsafe(self._interrupt, "the server ends")
-        self._stop_thread.start(self._stop_rig)
+        with contextlib.suppress(TimeoutError, asyncio.TimeoutError):
+            self._loop.run(self._stop("the server ends"), CLOSING_S)
         self._stop_thread.close(CLOSING_S)
-        self._verb_thread.close(CLOSING_S)
-        if self._front is not None:
-            with contextlib.suppress(Exception):  # of the library, when connections break
-                self._loop.run(self._front.stop(), CLOSING_S)
+        self._command_thread.close(CLOSING_S)
+        with contextlib.suppress(Exception):  # of the library, when connections break
+            self._loop.run(self._server.stop(), CLOSING_S)
         self._loop.close()
         gc.unfreeze()
 
     async def _start(self) -> None:
-        from pneudrive.rig.opcua.front import Front
+        from pneudrive.rig.opcua.session import BUFFER, LARGEST_MESSAGE, ServedSession, ServerLimits
 
-        asyncua = opcua()
-        server = asyncua.Server()
+        self._server = server = opcua().Server()
         with many_objects():  # otherwise half of the time of the start
             await server.init()
         server.set_server_name("pneudrive rig")
         server.set_endpoint(f"opc.tcp://{self.host}:{self.port}")
         server.set_match_discovery_client_ip(False)
+        server.limits = ServerLimits(BUFFER, BUFFER, LARGEST_MESSAGE // BUFFER + 1, LARGEST_MESSAGE)
         await protect(server, self.protection)
-        self._space = Space(server, self.rig, self.nodes)
-        await self._space.fill()
+        internal = server.iserver
+        internal.max_connections, internal.max_pending_activation_seconds = MOST_CONNECTIONS, SESSION_S
+        internal.max_pending_messages_per_connection = MOST_REQUESTS
+        internal.create_session = lambda name, **_: ServedSession(internal, self, name)
+        internal.lookup_external_session = lambda _: None  # a session does not continue on another connection
+        await self._add_nodes()
         await self._show_state()
-        self._front = Front(server, self, self.protection)
-        self.port = await self._front.start(self.host, self.port)
+        await server.start()
+        self.port = server.bserver.port
         self.url = f"opc.tcp://{self.host}:{self.port}"
-        for task in (self._beat(), self._watch(), self._keep_state()):
-            self._front.background(task)
+        self._soon(self._keep_time())
+        self._soon(self._keep_state())
 
-    # --- what the front asks -----------------------------------------------------------------
+    def _soon(self, work: Coroutine[Any, Any, Any]) -> None:
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
-    def name_of(self, node_id: Any) -> str | None:  # noqa: ANN401 - asyncua's node id
-        """Return the name of a node with a separate value for each client: commands and answers."""
-        return self._space.names.get(node_id)
+    # --- nodes -------------------------------------------------------------------------------
 
-    def read(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value
-        """Return the value of a node for one client. Answers to other clients are hidden."""
-        if name == FAULT:
-            return value if client.began <= self._fault_at else self._rig_fault or value
-        if name == STOPS:
-            return client.values.setdefault(name, value)
-        return client.values.get(name, value)
+    async def _add_nodes(self) -> None:
+        """Add every node of the map with its initial value."""
+        ua, server = opcua("asyncua.ua"), self._server
+        space = await server.register_namespace(self.nodes.namespace) if self.nodes.namespace else 0
+        folder = await server.nodes.objects.add_object(max(space, 1), "Rig")
+        for name, node in self.nodes.nodes.items():
+            self._values[name] = self._initial(name)
+            for text in self.nodes.node_ids(name):
+                node_id = ua.NodeId.from_string(text if text.startswith("ns=") else f"ns={space};{text}")
+                while len(await server.get_namespace_array()) <= node_id.NamespaceIndex:
+                    await server.register_namespace(f"urn:pneudrive:rig:{len(await server.get_namespace_array())}")
+                kind, label = ua.VariantType[node.type], text.rpartition("=")[2]
+                await folder.add_variable(node_id, label, ua.Variant(self._initial(name), kind), kind)
+                self._ids.setdefault(name, []).append(node_id)
+                if node.kind.client:
+                    self._writable[node_id] = name
 
-    def commands(self, client: Client) -> bool:
-        """Return whether a client is the commander."""
-        return client is self._commander
+    def _initial(self, name: str) -> Any:  # noqa: ANN401 - a value of the node's type
+        kind, rig = self.nodes.nodes[name].kind, self.rig
+        texts: dict[str, Callable[[], str]] = {
+            "rig.identity": lambda: json.dumps(asdict(rig.identity())),
+            "rig.limits": lambda: json.dumps(asdict(rig.limits())),
+            "simulation.abilities": lambda: " ".join(v.name.lower() for v in Verb if self._can_simulate(v)),
+        }
+        if name in texts:
+            return texts[name]()
+        first = {"Double": 0.0, "Boolean": False, "String": ""}.get(kind.type, 0)
+        return [first] * (self.nodes.chunk if name in IN_RING else self.nodes.steps) if kind.array else first
 
-    async def written(self, client: Client, name: str, value: Any) -> Any:  # noqa: ANN401 - asyncua's value and status
-        """Handle a value that a client has written."""
-        ua, node = opcua("asyncua.ua"), self.nodes.nodes[name]
-        if not node.kind.client:
+    async def _show(self, values: dict[str, Any], slot: int = 0) -> None:
+        """Publish values in SI."""
+        ua = opcua("asyncua.ua")
+        for name, value in values.items():
+            if name not in self._ids:
+                continue  # a constant
+            node = self.nodes.nodes[name]
+            raw = node.scale.from_si(value, self._ambient_pa) if node.kind.type == "Double" else value
+            raw = raw.tolist() if hasattr(raw, "tolist") else raw
+            node_id = self._ids[name][slot if name in IN_RING else 0]
+            data = ua.DataValue(ua.Variant(raw, ua.VariantType[node.type]))
+            await self._server.iserver.write_attribute_value(node_id, data)
+
+    async def write(self, node_id: Any, value: Any) -> Any:  # noqa: ANN401 - asyncua's types
+        """Take a value that the client writes; return the status."""
+        ua, name = opcua("asyncua.ua"), self._writable.get(node_id)
+        if name is None:
             return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
-        if wrong := self._space.wrong(node, value):
-            return ua.StatusCode(wrong)
-        before = client.values.get(name)
-        client.values[name] = value
-        if self._commander in (None, client):  # others may observe
-            await self._space.show(name, value)
-        if name == "heartbeat.client" and (before is None or before.Value.Value != value.Value.Value):
-            client.beat_at = time.monotonic()
-        elif name == "samples.acknowledged" and client is self._commander:
-            self._samples_taken = min(int(value.Value.Value), self._samples_written)
+        node, variant = self.nodes.nodes[name], value.Value
+        if variant is None:
+            return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
+        raw: Any = variant.Value
+        is_text, is_list = isinstance(raw, str), isinstance(raw, list)
+        if raw is None or variant.VariantType is not ua.VariantType[node.type] or is_list != node.kind.array:
+            return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
+        numbers: Any = raw if is_list or is_text else [raw]
+        too_long = len(numbers) > (LONGEST_TEXT if is_text else self.nodes.steps)
+        if too_long or not (is_text or all(map(math.isfinite, numbers))):
+            return ua.StatusCode(ua.StatusCodes.BadOutOfRange)
+        si = (
+            [node.scale.to_si(number, self._ambient_pa) for number in numbers]
+            if node.kind.type == "Double"
+            else numbers
+        )
+        before, self._values[name] = self._values[name], si if is_list else raw if is_text else si[0]
+        await self._server.iserver.write_attribute_value(node_id, value)
+        if name == "heartbeat.client" and raw != before:
+            self._beat_at = time.monotonic()
+        elif name == "samples.acknowledged":
+            self._samples_taken = min(raw, self._samples_written)
             self._room.set()
         elif name == "command.id":
-            await self._command(client, int(value.Value.Value))
+            await self._command(raw)
         return ua.StatusCode()
 
-    def left(self, client: Client) -> None:
-        """Stop the axis if the session of the commander has ended."""
-        if client is self._commander and self._open is None:
-            self._commander = None
-            self._stop(None)
-        elif client is self._commander:
-            self._lost(f"the connection of {client} ended: the server stopped the axis and released the pressure")
+    # --- the client --------------------------------------------------------------------------
 
-    # --- who commands ------------------------------------------------------------------------
+    @property
+    def is_free(self) -> bool:
+        """Whether a client may enter: there is none, or one without a heartbeat."""
+        return self.session is None or self._beat_at is None
 
-    async def _command(self, client: Client, identity: int) -> None:
-        """Accept a command: halt and stop from any client, other verbs only from the commander."""
-        arguments = {name: self._value(client, name) for name, node in self.nodes.nodes.items() if node.kind.client}
-        command = Command(client, identity, arguments["command.verb"], arguments)
-        client.identity = identity
-        if command.verb in (Verb.HALT, Verb.STOP):
-            await self._answer(client, _another(identity), "")  # not done yet
-            self._stop(command)
-        elif refused := self._refusal(client):
-            await self._answer(client, identity, refused)
-        else:
-            if self._commander is None:
-                self._commander, self._since = client, time.strftime("%H:%M:%S")
-                self._told("")
-            await self._answer(client, _another(identity), "")
-            if self._stops_asked is None and self._open is None:
-                self._begin(command)
-            else:
-                self._held = command
+    def enter(self, session: Any) -> None:  # noqa: ANN401 - a ServedSession
+        """Serve a new client, in place of one without a heartbeat."""
+        before, self.session, self.fault = self.session, session, ""
+        self._values |= {name: self._initial(name) for name in self._writable.values()}
+        self._soon(self._show({"state.fault": ""}))
+        if before is not None:
+            self._soon(before.close_session())
 
-    def _refusal(self, client: Client) -> str:
-        """Return the reason why a client may not send commands now; empty if it may."""
-        if client.dismissed:
-            return client.dismissed
-        if self._commander not in (None, client):
-            return f"{self._commander} commands this rig since {self._since}; others may observe and stop it"
-        if client.beat_at is None or time.monotonic() - client.beat_at > self.heartbeat_s:
-            return "the client has no heartbeat: it must increment heartbeat.client first"
-        if self._held is not None or (self._open is not None and not self._interrupted):
-            return "another command is running; halt or stop it first"
-        return ""
+    def leave(self, session: Any) -> None:  # noqa: ANN401 - a ServedSession
+        """Bring the rig to rest if the session of a client that commands has ended."""
+        if session is self.session:
+            self.session = None
+            if self._beat_at is not None:
+                self._lose("the connection of the client ended")
 
-    def _begin(self, command: Command) -> None:
-        self._open, self._interrupted = command, ""
-        self._verb = self._verb_thread.start(lambda: self._run(command))
-        self._soon(self._end(command, self._verb))
+    def _lose(self, reason: str) -> None:
+        """Bring the rig of a lost client to rest."""
+        self._beat_at, self._stops = None, self._stops + 1
+        self.fault = f"{reason}: the server stopped the axis and released the pressure"
+        self._soon(self._stop(self.fault))
+        self._soon(self._show({"heartbeat.stops": self._stops}))
 
-    def _run(self, command: Command) -> str:
-        """Run a command on the thread of verbs; return its fault."""
+    async def _keep_time(self) -> None:
+        """Show a heartbeat, and watch that of the client and the answers that no client reads."""
+        tick, limit = TICK_SHARE * self.heartbeat_s, SILENT_SHARE * self.heartbeat_s
+        seen_late, ticks = None, 0
+        while True:
+            began, ticks = time.monotonic(), ticks + 1
+            if ticks % TICKS_A_BEAT == 0:
+                await self._show({"heartbeat.server": ticks // TICKS_A_BEAT % COUNTER})
+            for connection in list(self._server.bserver.clients):
+                if connection.transport is not None and connection.transport.get_write_buffer_size() > UNREAD:
+                    connection.transport.abort()
+            await asyncio.sleep(tick)
+            now, last = time.monotonic(), self._beat_at
+            if last is None or now - last < limit:
+                continue
+            if now - began > 2.0 * tick and last != seen_late:
+                seen_late = last  # this process was suspended: first read, once, what was sent meanwhile
+                continue
+            self._lose(f"no heartbeat of the client for {limit:g} s")
+
+    async def _keep_state(self) -> None:
+        while True:
+            await asyncio.sleep(STATE_S)
+            await self._show_state()
+
+    async def _show_state(self) -> None:
+        """Publish the state of the rig; a slow rig publishes it later."""
+        if self._shown is None or self._shown.done():
+            self._shown = asyncio.create_task(self._read_state())
+        await asyncio.wait([self._shown], timeout=STATE_PATIENCE_S)
+
+    async def _read_state(self) -> None:
         try:
-            fault = "" if self._interrupted else self._verbs.run(command)
-        except Interrupted:
-            fault = ""
-        return self._interrupted or fault  # an interruption may have ended it
+            state = asdict(await asyncio.to_thread(self.rig.state))
+        except Exception as error:  # any exception of a lab's code
+            state = {"fault": f"the rig returns no state: {error}"}
+        values = {name: state[field] for name, field in STATE.items() if field in state}
+        await self._show({**values, "state.fault": " ".join(filter(None, (state["fault"], self.fault)))})
 
-    async def _end(self, command: Command, verb: Future[str]) -> None:
-        """Answer a command when its verb has ended."""
-        fault = await asyncio.wrap_future(verb)
+    # --- commands ----------------------------------------------------------------------------
+
+    async def _command(self, identity: int) -> None:
+        """Start a command, or refuse it. Halt and stop are accepted at any time."""
+        self._identity, verb = identity, self._values["command.verb"]
+        if verb in (Verb.HALT, Verb.STOP):
+            self._soon(self._stop("halt or stop ended the command", verb, identity))
+        elif self._beat_at is None:
+            await self._answer(identity, "the client has no heartbeat: it must increment heartbeat.client first")
+        elif self._stopping.locked() or not self._running.done():
+            await self._answer(identity, "another command is running; halt or stop it first")
+        else:
+            self._verb, self._interrupted, self.fault = verb, "", ""
+            arguments = dict(self._values)
+            self._running = self._command_thread.start(lambda: self._run(verb, arguments))
+            self._soon(self._finish(identity, self._running))
+
+    async def _finish(self, identity: int, running: Future[str]) -> None:
+        """Answer a command when it has ended."""
+        fault = await asyncio.wrap_future(running)
         await self._show_state()
-        self._open = None
-        await self._finish(command, fault)
-        if self._stops_asked is None:
-            self._next()
+        await self._answer(identity, fault)
+
+    async def _answer(self, identity: int, fault: str) -> None:
+        if identity == self._identity:  # otherwise the client has sent another command meanwhile
+            await self._show({"answer.fault": fault})
+            await self._show({"answer.done": identity})
+
+    async def _stop(self, reason: str, verb: int = Verb.STOP, identity: int | None = None) -> None:
+        """Bring the rig to rest, and answer the client.
+
+        A halted acquisition ends by itself within a short time, and the pressures stay. Any other command is stopped,
+        and stopped again until it has ended, as it may have been about to start.
+        """
+        self._interrupted, fault, running = reason, "", self._running
+        self._room.set()
+        async with self._stopping:
+            gently = verb == Verb.HALT and (running.done() or self._verb == Verb.ACQUIRE)
+            until = time.monotonic() + STOPPING_S
+            try:
+                rests = gently and await _ends_within(GENTLE_S, running)
+                while not rests and time.monotonic() < until:
+                    await asyncio.wrap_future(self._stop_thread.start(self.rig.stop))
+                    rests = await _ends_within(AGAIN_S, running)
+                fault = "" if rests else "the running command does not end"
+            except Exception as error:  # any exception of a lab's code
+                log.exception("the rig does not stop")
+                fault = f"the rig does not stop: {error}"
+            self.fault = fault or self.fault
+            await self._show_state()
+        if identity is not None:
+            await self._answer(identity, fault)
+
+    def _run(self, verb: int, arguments: dict[str, Any]) -> str:
+        """Run a command on the thread of commands; return its fault."""
+        try:
+            if not self._interrupted:
+                self._do(verb, arguments)
+        except Interrupted:
+            pass
+        except PneudriveError as error:
+            return self._interrupted or str(error)
+        except Exception as error:
+            log.exception("a verb of the rig failed")
+            return self._interrupted or f"{type(error).__name__}: {error}"
+        return self._interrupted
+
+    def _do(self, verb: int, arguments: dict[str, Any]) -> None:
+        rig = self.rig
+        if verb == Verb.HOME:
+            rig.home()
+        elif verb == Verb.SET_PRESSURE:
+            rig.set_pressure(arguments["command.pressure_a"], arguments["command.pressure_b"])
+        elif verb == Verb.ACQUIRE:
+            self._acquire(arguments)
+        elif verb in (Verb.MOVE, Verb.HOLD):
+            (step,) = self._steps({**arguments, "step.count": 1})
+            if isinstance(step, Move) != (verb == Verb.MOVE):
+                what = f"the first step is not a {Verb(verb).name.lower()}"
+                raise RigError(what, rule="step.kind: 0 move, 1 hold")
+            if isinstance(step, Move):
+                rig.move(step.to_m, step.speed_m_s)
+            else:
+                rig.hold(step.duration_s, step.released)
+        elif self._can_simulate(verb):
+            self._simulate(Verb(verb), arguments["simulation.text"])
+        else:
+            raise RigError(f"verb {verb} is not known to this rig")
+
+    def _can_simulate(self, verb: int) -> bool:
+        is_simulated = verb >= Verb.BEGIN_CYCLE and verb in list(Verb) and "simulation.answer" in self.nodes
+        return is_simulated and callable(getattr(self.rig, Verb(verb).name.lower(), None))
+
+    def _simulate(self, verb: Verb, text: str) -> None:
+        """Call a verb of simulated rigs with its argument as JSON, and publish the result."""
+        name, argument = verb.name.lower(), parse_json(text or "null", "simulation.text", RigError)
+        kind, rule = ARGUMENTS.get(verb, (object, ""))
+        levels = argument.values() if verb is Verb.CHANGE and isinstance(argument, dict) else ()
+        if not isinstance(argument, kind) or not all(isinstance(level, str) for level in levels):
+            raise RigError(f"simulation.text = {argument!r} is not an argument of {name}", rule=rule)
+        answer = getattr(self.rig, name)(*([argument] if rule else []))
+        self._loop.run(self._show({"simulation.answer": json.dumps(answer)}))
+
+    def _steps(self, arguments: dict[str, Any]) -> list[Step]:
+        """Read the steps from the arrays of a command, each of at most a day."""
+        count = arguments["step.count"]
+        weights = arguments.get("step.weight") or [0.0] * count
+        names = ("step.kind", "step.position", "step.speed", "step.duration")
+        rows = list(zip(*(arguments[name] for name in names), weights, strict=False))
+        if not 0 <= count <= len(rows):
+            raise RigError(f"a program of {count} steps is out of bounds", rule=f"0 to {len(rows)} steps")
+        steps: list[Step] = []
+        for kind, position_m, speed_m_s, duration_s, weight_n in rows[:count]:
+            if kind & HOLD and not 0.0 <= duration_s <= LONGEST_STEP_S:
+                raise RigError(f"a hold of {duration_s:g} s is out of bounds", rule=f"0 to {LONGEST_STEP_S:g} s")
+            if not kind & HOLD and speed_m_s < self._slowest_m_s:
+                raise RigError(
+                    f"a move at {1e3 * speed_m_s:g} mm/s is too slow",
+                    rule=f"at least {1e3 * self._slowest_m_s:.3g} mm/s, so that the travel takes at most a day",
+                )
+            hold = Hold(duration_s, bool(kind & RELEASED), bool(kind & SHUT), weight_n)
+            steps.append(hold if kind & HOLD else Move(position_m, speed_m_s))
+        return steps
+
+    def _acquire(self, arguments: dict[str, Any]) -> None:
+        """Run the steps and put their samples into the ring."""
+        sampling = Sampling(**{field: arguments[name] for name, field in SAMPLING.items() if name in arguments})
+        with closed_after(self.rig.acquire(self._steps(arguments), sampling)) as parts:
+            for part in map(Samples.of, parts):
+                for start in range(0, len(part), self.nodes.chunk):
+                    self._loop.run(self._put(part.rows(slice(start, start + self.nodes.chunk))))
 
     async def _put(self, chunk: Samples) -> None:
         """Wait for a free slot of the ring and write samples there."""
@@ -267,182 +458,12 @@ class RigServer:
         self._samples_written += 1
         values = {name: getattr(chunk, field) for name, field in SAMPLES.items()}
         slot = self.nodes.slot_of(self._samples_written)
-        await self._write({**values, "samples.count": len(chunk), "samples.sequence": self._samples_written}, slot)
-        await self._write({"samples.written": self._samples_written})
-
-    def _interrupt(self, why: str) -> None:
-        """Interrupt the running or accepted command."""
-        self._interrupted = why
-        self._room.set()
-
-    def _stop(self, command: Command | None, why: str = "halt or stop ended the command") -> None:
-        """Stop the axis; answer the client when the axis is at rest."""
-        client = command.client if command is not None else None
-        if self._commander is not None and client not in (None, self._commander):
-            why = f"{client} stopped the axis at {time.strftime('%H:%M:%S')}"
-            self._commander.dismissed = f"{why}; connect again to command"
-            self._commander = None
-            self._told(why)
-        self._interrupt(why)
-        if self._held is not None:
-            self._end_soon(self._held, why)
-            self._held = None
-        on = self._stops_asked is not None
-        self._stops_asked = [*(self._stops_asked or []), *([command] if command is not None else [])]
-        if not on:
-            self._start_stopping()
-
-    def _start_stopping(self) -> None:
-        # An acquisition can be halted, any other verb only stopped. Without a running verb, halting does nothing.
-        asked, open_ = self._stops_asked or [], self._open
-        gently = bool(asked) and all(one.verb == Verb.HALT for one in asked)
-        self._soon(self._bring_to_rest(gently and (open_ is None or open_.verb == Verb.ACQUIRE), self._verb))
-
-    async def _bring_to_rest(self, gently: bool, verb: Future[str]) -> None:
-        """Stop the rig, which may block, and answer the waiting clients; then continue with held commands.
-
-        With `gently`, the running verb may end normally within a short time, and the pressures stay.
-        """
-        fault = ""
-        try:
-            if not (gently and await _ends_within(GENTLE_S, verb)):
-                await asyncio.wrap_future(self._stop_thread.start(self._stop_rig))
-        except Exception as error:
-            log.exception("the rig does not stop")
-            fault = f"the rig does not stop: {error}"
-            self._told(fault)
-        asked = self._stops_asked or []
-        left = [one for one in asked if gently and one.verb != Verb.HALT]
-        self._stops_asked = left or None
-        await self._show_state()
-        for one in asked:
-            if one not in left:
-                await self._finish(one, fault)
-        if left:
-            self._start_stopping()
-        elif self._open is None:
-            self._next()
-        await self._stop_again(verb)
-
-    def _stop_rig(self) -> None:
-        """Stop the rig on the thread of stops; repeat it if a verb was about to start."""
-        self.rig.stop()
-        if wait([self._verb], AGAIN_S).not_done:
-            self.rig.stop()
-
-    async def _stop_again(self, verb: Future[str]) -> None:
-        """Repeat the stop while a verb was about to start or still runs."""
-        until = time.monotonic() + STOPPING_S
-        while time.monotonic() < until and not await _ends_within(AGAIN_S, verb):
-            with contextlib.suppress(Exception):  # already reported at the first stop
-                await asyncio.wrap_future(self._stop_thread.start(self.rig.stop))
-
-    def _next(self) -> None:
-        held, self._held = self._held, None
-        if held is not None and held.client is self._commander:
-            self._begin(held)
-
-    def _lost(self, text: str) -> None:
-        """Stop the axis of a lost commander."""
-        commander = self._commander
-        if commander is not None:
-            commander.beat_at = None
-        self._commander = None
-        self._told(text)
-        self._stops += 1
-        self._stop(None, text)
-        self._soon(self._write({STOPS: self._stops}, client=commander))
-
-    def _told(self, fault: str) -> None:
-        self._fault, self._fault_at = fault, time.monotonic()
-
-    def _end_soon(self, command: Command, fault: str) -> None:
-        self._soon(self._finish(command, fault))
-
-    def _soon(self, work: Any) -> None:  # noqa: ANN401 - a coroutine
-        assert self._front is not None
-        self._front.background(work)
-
-    async def _watch(self) -> None:
-        """Stop the axis if the commander's heartbeat stops."""
-        tick, limit = WATCH_SHARE * self.heartbeat_s, SILENT_SHARE * self.heartbeat_s
-        seen_late = None
-        while True:
-            looked = time.monotonic()
-            await asyncio.sleep(tick)
-            now, last = time.monotonic(), self._commander.beat_at if self._commander is not None else None
-            if last is None or now - last < limit:
-                continue
-            if now - looked > 2.0 * tick and last != seen_late:
-                seen_late = last  # this process was suspended: first read, once, what was sent meanwhile
-                continue
-            self._lost(
-                f"no heartbeat of the client for {limit:g} s: the server stopped the axis and released the pressure"
-            )
-
-    async def _beat(self) -> None:
-        beat = 0
-        while True:
-            beat = (beat + 1) % COUNTER
-            await self._write({"heartbeat.server": beat})
-            await asyncio.sleep(self.heartbeat_s / 4.0)
-
-    async def _keep_state(self) -> None:
-        while True:
-            await asyncio.sleep(STATE_S)
-            await self._show_state()
-
-    async def _show_state(self) -> None:
-        """Publish the state of the rig; a slow rig publishes it later."""
-        if self._shown is None or self._shown.done():
-            self._shown = asyncio.create_task(self._show())
-        await asyncio.wait([self._shown], timeout=STATE_PATIENCE_S)
-
-    async def _show(self) -> None:
-        try:
-            state = asdict(await asyncio.to_thread(self.rig.state))
-        except Exception as error:  # any exception of a lab's code
-            state = {"fault": f"the rig returns no state: {error}"}
-        own = state.pop("fault") or ""
-        self._rig_fault = self._space.data(FAULT, own)
-        values = {name: state[field] for name, field in STATE.items() if field in state}
-        await self._write({**values, FAULT: " ".join(text for text in (own, self._fault) if text)})
-
-    # --- answers ------------------------------------------------------------------------------
-
-    async def _finish(self, command: Command, fault: str) -> None:
-        """Answer a command, unless the client has sent another one meanwhile."""
-        if command.client.identity == command.identity:
-            await self._answer(command.client, command.identity, fault)
-
-    async def _answer(self, client: Client, identity: int, fault: str) -> None:
-        await self._write({"answer.fault": fault}, client=client)
-        await self._write({"answer.done": identity}, client=client)
-
-    def _value(self, client: Client, name: str) -> Any:  # noqa: ANN401 - a value in SI
-        """Return the value that a client has written, or the initial value."""
-        raw = client.values[name].Value.Value if name in client.values else self._space.first(name)
-        return self._space.to_si(name, raw)
-
-    async def _write(self, values: dict[str, Any], slot: int = 0, client: Client | None = None) -> None:
-        """Publish values to all clients, or to one client; values of the commander are also sent to observers."""
-        for name, value in values.items():
-            if name not in self._space.places:
-                continue  # a constant
-            data = self._space.data(name, value)
-            if client is not None:
-                client.values[name] = data
-            if client is None or self._commander in (None, client):
-                await self._space.show(name, data, slot)
+        await self._show({**values, "samples.count": len(chunk), "samples.sequence": self._samples_written}, slot)
+        await self._show({"samples.written": self._samples_written})
 
 
-async def _ends_within(seconds: float, verb: Future[str]) -> bool:
-    """Wait for a verb up to a time; return whether it ended."""
-    if not verb.done():
-        await asyncio.wait([asyncio.wrap_future(verb)], timeout=seconds)
-    return verb.done()
-
-
-def _another(identity: int) -> int:
-    """Return an id that differs from this id, so that the command with this id does not appear as done."""
-    return identity - 1 if identity > 0 else 1
+async def _ends_within(seconds: float, running: Future[str]) -> bool:
+    """Wait for a command up to a time; return whether it ended."""
+    if not running.done():
+        await asyncio.wait([asyncio.wrap_future(running)], timeout=seconds)
+    return running.done()
