@@ -1,7 +1,7 @@
 """One importer: a foreign file of any format becomes columns of numbers, and through a layout columns in SI.
 
-`read_foreign` reads every column of a file without a layout. `import_file` reads the channels of a layout, in SI, with
-absolute pressures and one value for each time. Nothing behind this module knows the format of the file.
+`read_foreign` reads every column of a file without a layout. `read_raw` reads the channels of a layout. `si_columns`
+brings them to SI, with absolute pressures and one value for each time. Nothing behind this module knows the format.
 """
 
 from __future__ import annotations
