@@ -11,8 +11,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "draw": ("pneudrive draw drive.toml --out circuit.svg",),
     "schema": ("pneudrive schema drive",),
     "simulate": (
-        "pneudrive simulate catalogue:parker-osp-p25-mpye --command '0 s: 0.3, 1 s: -0.3' \\",
-        "    --duration '2 s' --plot run.png",
+        "pneudrive simulate catalogue:parker-osp-p25-mpye --duration '2 s' \\",
+        "    --command '0 s: 0.3, 1 s: -0.3' --plot run.png",
     ),
     "sweep": (
         "pneudrive sweep drive.toml --command 1 --duration '0.5 s' --members 100 \\",
@@ -61,7 +61,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "control reference": ("pneudrive control reference R1 --drive axis.toml",),
     "control export": (
         "pneudrive control export controller.toml --to c --out source",
-        "pneudrive control export nmpc --drive axis.toml --to fmu --reference R1 --out law.fmu",
+        "pneudrive control export nmpc --drive axis.toml --to fmu --reference R1 \\",
+        "    --out law.fmu",
     ),
     "control header": ("pneudrive control header --out pneudrive_law.h",),
     "export": (
