@@ -150,7 +150,7 @@ class Pneu:
         >>> drive = pn.Drive.load("catalogue:reference")
         >>> air = pn.simulate(drive, "0 s: 0.6, 1 s: -0.6", "2 s").pneu.exhaust_air(drive)
         >>> air.exhausts, air.mean_k < 273.15
-        (2, True)
+        (1, False)
         """
         suffix = {"Pa": "_pa", "K": "_k", "kg/s": "_kg_s"}
         unit_of = {name: str(column.attrs.get("units")) for name, column in self._run.items()}

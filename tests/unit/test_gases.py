@@ -81,7 +81,7 @@ def throttled(gas: dict[str, object], **more: object) -> object:
         components={
             "mains": {"kind": "reservoir", "pressure": "10 bar abs"},
             "in": {"kind": "fitting"} | parts,
-            "tank": {"kind": "tank", "volume": "10 cm3"},
+            "tank": {"kind": "tank", "volume": "10 cm3", "heat_transfer": "0 W/(m2 K)"},
             "out": {"kind": "fitting"} | parts,
         },
         connections=["mains -> in -> tank -> out -> ambient"],

@@ -89,9 +89,11 @@ def _hot(described: Drive | Circuit, places: list[_GasVolume], time_s: Any) -> I
         return
     hottest = float(worst.temperature_k.max())
     k = min(bisect(CAPACITY_CELSIUS, hottest - ZERO_CELSIUS_K), len(excesses) - 1)
+    if k == 0:
+        return  # colder than the table
     (low, high), (before, after) = CAPACITY_CELSIUS[k - 1 : k + 1], excesses[k - 1 : k + 1]
     excess = before + (after - before) * (hottest - ZERO_CELSIUS_K - low) / (high - low)
-    if k > 0 and excess > CAPACITY_OFF:
+    if excess > CAPACITY_OFF:
         when = time_s[int(worst.temperature_k.argmax())]
         yield (
             f"the gas in {worst.name} reaches {_celsius(hottest)} at {when:.4g} s, "

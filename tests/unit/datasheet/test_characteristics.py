@@ -333,6 +333,7 @@ def test_a_cushion_brakes_less_what_is_heavier_and_does_not_touch_steady_motion(
         "cushion_b_plunger_diameter": "12 mm",
         "cushion_b_needle_conductance": "0.03 dm3/(s bar)",
         "cushion_b_port_volume": "1.5 cm3",
+        "heat_transfer": "30 W/(m2 K)",
     }
     tables["components"]["valve"] |= {"frequency": "100 Hz"}
     circuit = Circuit.model_validate(tables)

@@ -169,6 +169,11 @@ def edited_as_asked(_: Workspace, asked: Mapping[str, Any]) -> dict[str, str]:
     return {"text": edited(text, key, in_unit(str(value), unit) if isinstance(unit, str) else value)}
 
 
+def _has_keys(entry: Any) -> bool:  # noqa: ANN401 - of tomlkit
+    """Return whether an entry is a table of values, and not one value with its origin."""
+    return hasattr(entry, "keys") and ("value" not in entry or hasattr(entry["value"], "keys"))
+
+
 def edited(text: str, key: str, value: str | float) -> str:
     """Return a TOML text with one value changed. Comments and order stay.
 
@@ -186,7 +191,7 @@ def edited(text: str, key: str, value: str | float) -> str:
     while tables or last not in at:
         name = tables[0] if tables else last
         # dead_volume_a, in a file with dead_volume = { a = ..., b = ... }
-        outer = next((one for one, own in at.items() if hasattr(own, "keys") and name.startswith(f"{one}_")), None)
+        outer = next((key for key, own in at.items() if _has_keys(own) and name.startswith(f"{key}_")), None)
         if name not in at and outer is not None:
             name, inner = outer, name.removeprefix(f"{outer}_")
             tables, last = ([inner, *tables[1:]], last) if tables else ([], inner)

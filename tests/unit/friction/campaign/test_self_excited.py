@@ -60,8 +60,3 @@ def test_what_is_counted_is_the_friction_of_steady_sliding(found):
     inside = (curve.low_n[curve.measured] <= true) & (true <= curve.high_n[curve.measured])
     assert inside.mean() >= 0.75
     assert curve.friction_n[curve.measured] == pytest.approx(true, rel=0.02)
-
-
-def test_the_removed_correction_names_its_replacement():
-    with pytest.raises(ImportError, match=r"removed.*stiffer sensor"):
-        from pneudrive.characteristics import without_swings  # noqa: F401  # pyright: ignore
