@@ -569,7 +569,7 @@ def test_hand_over(server: Server, open_tab: Open, monkeypatch: pytest.MonkeyPat
     names: dict = {}
     exec(lines, names)
     drive = pn.Drive.load("axis.toml")
-    own = pn.simulate(drive, 0.5, "0.5 s", initial="position = 50 mm", rtol=1e-9)
+    own = pn.simulate(drive, 1.0, "0.5 s", initial="position = 50 mm", rtol=1e-9)
     assert abs(names["run"]["position"][-1] - own.position[-1].item()) < 0.02e-6
     assert violations(tab) == []
     tab.picture("hand-over")
