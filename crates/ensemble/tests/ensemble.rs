@@ -247,7 +247,7 @@ fn a_circuit_has_members_too() {
         "components": [
             {"name": "supply", "kind": "reservoir", "numbers": {"pressure": 7e5, "temperature": 293.15}},
             {"name": "line", "kind": "fitting", "numbers": {"conductance": 1e-9, "critical_pressure_ratio": 0.3}},
-            {"name": "tank", "kind": "tank", "numbers": {"volume": 1e-3}}
+            {"name": "tank", "kind": "tank", "numbers": {"volume": 1e-3, "heat_transfer": 0.0}}
         ],
         "joints": [["supply.1", "line.1"], ["line.2", "tank.1"]]
     }"#;

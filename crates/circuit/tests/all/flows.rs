@@ -17,7 +17,8 @@ fn supply(pressure: f64) -> Value {
 }
 
 fn tank(volume: f64) -> Value {
-    one("tank", "tank", json!({ "volume": volume }))
+    // Adiabatic, as the closed forms are.
+    one("tank", "tank", json!({ "volume": volume, "heat_transfer": 0.0 }))
 }
 
 fn closes(ledger: [f64; 3]) {
@@ -403,7 +404,8 @@ fn restrictions_in_a_row_are_merged_by_the_series_rule_on_request() {
 
 #[test]
 fn what_merged_tubes_have_of_volume_between_them_goes_to_both_ends() {
-    let tube = |name: &str| one(name, "tube", json!({ "length": 1.0, "diameter": 4e-3 }));
+    let tube =
+        |name: &str| one(name, "tube", json!({ "length": 1.0, "diameter": 4e-3, "heat_transfer": 0.0 }));
     let mut full = tank(1e-5);
     full["name"] = json!("full");
     let components = json!([full, tube("one"), tube("two"), tank(1e-5)]);

@@ -90,7 +90,7 @@ fn fitting(name: &str, conductance: f64) -> Value {
 #[test]
 fn a_throttle_cools_and_the_books_close() {
     let supply = one("supply", "reservoir", json!({ "pressure": 1e6, "temperature": ROOM }));
-    let tank = one("tank", "tank", json!({ "volume": 1e-5 }));
+    let tank = one("tank", "tank", json!({ "volume": 1e-5, "heat_transfer": 0.0 }));
     let components = json!([supply, fitting("in", 1e-9), tank, fitting("out", 2e-9)]);
     let joints = json!([["supply.1", "in.1"], ["in.2", "tank.1", "out.1"], ["out.2", "ambient"]]);
     let network = network(&virial_gas(CARBON_DIOXIDE, &carbon_dioxide()), &components, &joints);
