@@ -1,12 +1,12 @@
 """Breakaway against stop duration and pressure: slope per decade, laws in comparison, limits of the stops.
 
-The age of a contact follows from the peaks after stops, in the form of a drive's friction:
+The age of a contact follows from the peaks after stops, in the form of a drive's friction::
 
   dphi/dt = 1 - phi |v|/L      age: the duration of the stop while the piston rests, L/|v| while it slides
   Fd = B (1 + s_a p_a + s_b p_b) psi(phi/tau)
 
 A peak after a stop of duration t therefore exceeds the earlier friction at the speed v by Fd(t) - Fd(L/v). The excess
-after a restart has fallen to 5 % at
+after a restart has fallen to 5 % at::
 
   psi(L/v + (t - L/v) exp(-travel/L)) = psi(L/v) + 0.05 [psi(t) - psi(L/v)]
 
