@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from asyncua.common.connection import TransportLimits
 from asyncua.common.utils import ServiceError
 from asyncua.server.internal_session import InternalSession
 
 from pneudrive.rig.opcua.access import opcua
-
-if TYPE_CHECKING:
-    from pneudrive.rig.opcua.server import RigServer
 
 ua: Any = opcua("asyncua.ua")
 CODES = ua.StatusCodes
@@ -22,7 +19,7 @@ LARGEST_MESSAGE = 1 << 22  # bytes of a request or an answer
 class ServedSession(InternalSession):
     """Session on a served rig, at most one at a time."""
 
-    def __init__(self, internal: Any, served: RigServer, name: Any) -> None:  # noqa: ANN401
+    def __init__(self, internal: Any, served: Any, name: Any) -> None:  # noqa: ANN401
         super().__init__(internal, internal.aspace, internal.subscription_service, name, external=True)
         self.served = served
 
