@@ -108,6 +108,7 @@ def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float
         run[name].to_numpy() for name in ("position", "velocity", "pressure_a", "temperature_a", "mass_flow_a")
     )
     faces = 0.25 * c.bore_m**3 if printed else 0.5 * c.bore_m**2
+    assert c.heat_transfer_w_m2_k is not None  # the drives of the study state it
     heat = c.heat_transfer_w_m2_k * math.pi * (c.bore_m * x + faces) * (wall - t)
     power = k / (k - 1) * r * np.where(flow > 0.0, inlet, t) * flow - p * c.area_a_m2 * v + heat
     got = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(run.time.to_numpy()))])
