@@ -218,7 +218,8 @@ def measured_beside_another(server: Server, tab: Tab, name: str) -> None:
     for file, late in ((name, 0.0), ("O-ring_5bar.csv.xz", shift)):
         read = load_recordings([server.folder / file], server.folder / "layout.toml")[0]
         first, second = (int(np.argmin(np.abs(read.time_s + late - at))) for at in (8.0, low + 0.8 * (high - low)))
-        near = [read.force_n[at - 1 : at + 2] for at in (first, second)]  # a pixel is a few samples wide
+        wide = 1 + int(np.ceil((high - low) / box["width"] / np.median(np.diff(read.time_s))))  # samples of one pixel
+        near = [read.force_n[at - wide : at + wide + 1] for at in (first, second)]
         shown = page.locator(row.format(file))
         difference = float(shown.get_attribute("data-difference"))
         lowest, highest = near[1].min() - near[0].max(), near[1].max() - near[0].min()

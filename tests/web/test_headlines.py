@@ -19,7 +19,7 @@ def test_each_file_says_what_it_holds(served: Served) -> None:
     (served.folder / "wrong.fmu").write_text("no archive")
     found = served.client.get("/api/headlines", headers=served.headers).json()
     assert found["axis.toml"].endswith("bore 25 mm, stroke 500 mm")
-    assert found["push.toml"] == "push: 2 kg, 100 mm in 0.38 s"
+    assert found["push.toml"] == "push: 2 kg, 100 mm in 0.42 s"
     assert found["map.parquet"] == f"{curves.sizes['row']} points of friction"
     assert f"coulomb {fit.values['coulomb']:.3g} N" in found["fit.toml"]
     assert not {"wrong.toml", "wrong.fmu"} & set(found)
