@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pneudrive import control as control
     from pneudrive import mujoco as mujoco
     from pneudrive import report as report
-    from pneudrive.datasheet.characteristics.energy import energy_balance as energy_balance
+    from pneudrive.datasheet.characteristics.air import energy_balance as energy_balance
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
     from pneudrive.datasheet.linear import linearise as linearise
     from pneudrive.datasheet.registry import drive_characteristic as drive_characteristic
@@ -95,7 +95,7 @@ _HOME = {
     **dict.fromkeys(["characterise", "campaign_friction"], "pneudrive.friction.campaign.characteristics"),
     "compare_campaigns": "pneudrive.friction.campaign.compare",
     "drive_characteristic": "pneudrive.datasheet.registry",
-    "energy_balance": "pneudrive.datasheet.characteristics.energy",
+    "energy_balance": "pneudrive.datasheet.characteristics.air",
     "equilibrium": "pneudrive.datasheet.equilibrium",
     "linearise": "pneudrive.datasheet.linear",
     "Differentiable": "pneudrive.gradients.differentiable",

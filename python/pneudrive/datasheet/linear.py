@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from pneudrive.datasheet.equilibrium import number_of
+from pneudrive.datasheet.equilibrium import gas_under_load, number_of
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.units import parse_pressure
@@ -158,6 +158,14 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
     sides = {f"{plant.piston}.a": a, f"{plant.piston}.b": b}
     values = [sides.get(node, b if plant.is_at_b(node) else a) for node in plant.nodes]
     return np.array([(value, plant.ambient[1]) for value in values])
+
+
+def moving_gas(plant: HeldDrive, position: float) -> Array:
+    """Return pressures of slow steady motion at ambient temperature, shape (nodes, 2): the usual operating point."""
+    command = plant.sizes((plant.edge(1.0)[0] + SMALL,))[0]
+    gas, _ = gas_under_load(plant, command, position)
+    gas[:, 1] = plant.ambient[1]
+    return gas
 
 
 def _pressure(given: str | float, plant: HeldDrive) -> float:

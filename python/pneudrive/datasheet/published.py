@@ -9,7 +9,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic
-from pneudrive.datasheet.characteristics.threshold import least_pressure
+from pneudrive.datasheet.characteristics.steady import least_pressure
 from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.stands import flow_through

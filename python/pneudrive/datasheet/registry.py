@@ -2,47 +2,165 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from pneudrive import units
 from pneudrive.datasheet.characteristic import characteristics_in
 from pneudrive.datasheet.equilibrium import number_of
-from pneudrive.datasheet.intervals import with_intervals
 from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.describe.files.provenance import values
+from pneudrive.describe.system import PISTON
 from pneudrive.errors import CommandError, nearest
 from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     import xarray as xr
+    from numpy.typing import NDArray
 
     from pneudrive.datasheet.characteristic import Characteristic
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.progress import Flag
 
+    Array = NDArray[np.float64]
+
+
+# --- Intervals of identified values of a drive, propagated to results that are computed from it.
+
+SAID = "each value with an interval moved to both its ends; effects added with the correlations of the values"
+#: Factors of the laws of heat transfer in chambers and in tubes at the ends of their interval. Source: heat page.
+HEAT_SPREAD, TUBE_SPREAD = (0.5, 2.0), (1.0 / 1.4, 1.4)
+
+
+class Ends(NamedTuple):
+    """A value with an interval, its correlations, and the drive with the value at both of its ends."""
+
+    name: str
+    confidence: float
+    correlation: dict[str, float]
+    low: Drive
+    high: Drive
+
+
+def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a drive, or a circuit, which has none
+    """Return the drives at the ends of each identified value, and the names of values with an open interval."""
+    origins: dict[str, Any] = getattr(drive, "provenance", None) or {}
+    found, left_out = _ends_of_heat(drive, origins), []
+    known = values(drive) if origins else {}
+    for name, origin in origins.items():
+        mark = known[name].mark
+        low, high = origin.bounds_si(mark)
+        unit = getattr(mark, "si_unit", None)
+        if unit is None or not (math.isfinite(low) and math.isfinite(high)):
+            left_out.append(name)
+            continue
+        low_end, high_end = (
+            drive.replace({name: units.UnitFloat(end, unit, mark.written) if unit else end})  # type: ignore[union-attr]
+            for end in (low, high)
+        )
+        found.append(Ends(name, origin.confidence, origin.correlation, low_end, high_end))  # type: ignore[arg-type]
+    return found, left_out
+
+
+def _ends_of_heat(drive: Any, known: Any) -> list[Ends]:  # noqa: ANN401 - a drive or a circuit
+    """Return the drive at both ends of the factor of its heat transfer, which is the same for all its chambers.
+
+    Empty if no chamber follows the law with an assumed factor.
+    """
+    kinds = {name: one.kind for name, one in drive.circuit.components.items()}
+    prefix, spreads = drive.key_prefix, {}
+    for name, one in drive.circuit.components.items():
+        key = f"{prefix}{name}.heat_transfer_scale"
+        is_given = one.has_heat_law and one.fields["heat_transfer_scale"] in one.model_fields_set
+        if one.has_heat_law and not is_given and key not in known and (prefix or name == PISTON):
+            spreads[key] = TUBE_SPREAD if kinds[name].startswith("tube") else HEAT_SPREAD
+    if HEAT_SPREAD not in spreads.values():
+        return []
+    low, high = (drive.replace({key: ends[side] for key, ends in spreads.items()}) for side in (0, 1))
+    return [Ends("heat_transfer_scale", 0.95, {}, low, high)]
+
+
+def with_intervals(
+    drive: Drive | Circuit, plain: xr.Dataset, compute: Callable[[Drive], xr.Dataset], watch: Watch
+) -> xr.Dataset:
+    """Add the lower and upper end of each result, as variables ``NAME_low`` and ``NAME_high``.
+
+    If a value is moved to an end of its interval, the result changes by an amount d. For several values
+    with
+    correlations r, d^2 = sum r_ij d_i d_j. d_i is the amount for the end that moves the result in the same direction as
+    value i. This is exact for results that are
+    linear in the values. A drive without identified values is returned unchanged.
+    """
+    ends, left_out = ends_of(drive)
+    if left_out:
+        plain.attrs["interval_left_out"] = left_out
+    if not ends:
+        plain.attrs["interval"] = "none: no value of the drive has an interval"
+        return plain
+    moved = [[compute(other) for other in (one.low, one.high)] for one in watch.each(ends, "values")]
+    shared = correlations(ends)
+    confidence = min(one.confidence for one in ends)
+    plain.attrs |= {
+        "interval": SAID,
+        "confidence": confidence,
+        "interval_of": [one.name for one in ends],
+    }
+    for name, value in list(plain.data_vars.items()):
+        said = {"units": value.attrs["units"], "long_name": f"{value.attrs['long_name']}, {{}} end of the interval"}
+        away = np.array([[np.asarray(other[name]) - np.asarray(value) for other in pair] for pair in moved])
+        low, high = np.asarray(value) - together(-away, shared), np.asarray(value) + together(away, shared)
+        for end, bound, word in (("low", low, "lower"), ("high", high, "upper")):
+            plain[f"{name}_{end}"] = (value.dims, bound, said | {"long_name": said["long_name"].format(word)})
+        plain[name].attrs |= {"interval": f"{name}_low, {name}_high", "confidence": confidence}
+    return plain
+
+
+def correlations(ends: Sequence[Ends]) -> Array:
+    """Return the matrix of correlations of identified values, with ones on its diagonal."""
+    found = np.eye(len(ends))
+    for i, one in enumerate(ends):
+        for j, other in enumerate(ends):
+            if other.name in one.correlation:
+                found[i, j] = found[j, i] = one.correlation[other.name]
+    return found
+
+
+def together(away: Array, shared: Array) -> Array:
+    """Return the upward deviation of a result, from its deviations at the ends of each value's interval.
+
+    Parameters
+    ----------
+    away : ndarray, shape (n, 2, ...)
+        At the lower and at the upper end of n values; NaN counts as 0.
+    shared : ndarray, shape (n, n)
+        Correlations.
+
+    Examples
+    --------
+    >>> float(together(np.array([[-3.0, 3.0], [-4.0, 4.0]]), np.eye(2)))
+    5.0
+    >>> float(together(np.array([[-3.0, 3.0], [-4.0, 4.0]]), np.array([[1.0, -1.0], [-1.0, 1.0]])))
+    1.0
+    """
+    low, high = np.nan_to_num(np.moveaxis(away, 1, 0))
+    up = np.where(high > low, 1.0, -1.0) * np.maximum(np.maximum(low, high), 0.0)
+    return np.sqrt(np.maximum(np.einsum("i...,ij,j...->...", up, shared, up), 0.0))
+
 
 @cache
 def characteristics() -> dict[str, Characteristic]:
     """Return all characteristics by name."""
     from pneudrive.datasheet import published, stands
-    from pneudrive.datasheet.characteristics import (
-        air,
-        cushion,
-        frequency,
-        line_study,
-        response,
-        steady,
-        stiffness,
-        threshold,
-        tornado,
-        valve_times,
-    )
+    from pneudrive.datasheet.characteristics import air, frequency, response, sensitivity, steady
 
     # in the order of the datasheet
-    families = (steady, stiffness, threshold, response, air, stands)
-    families += (cushion, frequency, tornado, line_study, valve_times, published)
+    families = (steady, response, air, stands, frequency, sensitivity, published)
     return {one.name: one for family in families for one in characteristics_in(family)}
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from pneudrive import _core, units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.datasheet.actuation import path_of
 from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic
 from pneudrive.datasheet.linear import gas_at
+from pneudrive.datasheet.plant import path_of
 from pneudrive.describe import Ambient
 from pneudrive.errors import CommandError
 

@@ -14,16 +14,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pneudrive.sizing.checks import PROBABILITY, Provisional, rank_of
 from pneudrive.sizing.choices import NO_FLOW_CONTROL, DriveChoice, PartChoice
-from pneudrive.sizing.judge import PROBABILITY
-from pneudrive.sizing.sized_drive import Provisional, rank_of
 from pneudrive.sizing.strokes import DriveStrokes, Setting, StrokeRuns
 from pneudrive.sizing.tune import NEVER, Tuned, cases, is_worth_more
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.sizing.sized_drive import SizedDrive
+    from pneudrive.sizing.checks import SizedDrive
     from pneudrive.sizing.spreads import DrawResults, Hardest
     from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask

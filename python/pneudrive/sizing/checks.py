@@ -7,18 +7,196 @@ value, the check reports this.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.constants import STANDARD_GRAVITY_M_S2
+import numpy as np
+
+from pneudrive.constants import ANR_LITRES_PER_KG, IMPACT_ENERGY_J_M2, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
-from pneudrive.sizing.judge import energy_limit
-from pneudrive.sizing.shortage import Shortage
+from pneudrive.sizing.strokes import DRAWN
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
     from pneudrive.sizing.choices import DriveChoice, PartChoice
-    from pneudrive.sizing.sized_drive import SizedDrive
+    from pneudrive.sizing.strokes import StrokeResults
     from pneudrive.sizing.task import SizingTask
+
+    Array = NDArray[np.float64]
+
+
+# --- Whether drives meet a task: margins in each sample, the worst 1 %, and the probability with its bound.
+
+#: The requirement is met with this probability; what is called worst is passed by the rest of the draws.
+PROBABILITY = 0.99
+#: Confidence of the bound of Clopper and Pearson, one-sided.
+CONFIDENCE = 0.95
+#: Of a number of draws.
+ROUNDING = 1e-9
+#: Margin of a draw that does not arrive.
+NEVER = -1.0
+
+
+class LimitMargin(NamedTuple):
+    """One limit of a task, and how the samples keep it.
+
+    Attributes
+    ----------
+    name, unit : str
+    limit : float
+        SI, without the margin that the task keeps.
+    worst : float
+        Value that 1 % of the draws pass, SI.
+    margins : ndarray, shape (n,)
+        Share of the limit that each draw leaves; below 0 where it does not keep the limit.
+    values : ndarray, shape (n,)
+    """
+
+    name: str
+    unit: str
+    limit: float
+    worst: float
+    margins: Array
+    values: Array
+
+    @property
+    def margin(self) -> float:
+        """Margin that 99 % of the samples reach."""
+        return float(np.quantile(self.margins, 1.0 - PROBABILITY, method="lower"))
+
+
+def limits(task: SizingTask, choice: DriveChoice, out: StrokeResults, back: StrokeResults) -> list[LimitMargin]:
+    """Return the limits of a task with the margins of the draws.
+
+    Parameters
+    ----------
+    task : SizingTask
+    choice : DriveChoice
+    out, back : StrokeResults
+        Of the same draws.
+    """
+    keep = 1.0 - task.margin
+    found = []
+
+    def most(name: str, unit: str, limit: float | None, values: Array) -> None:
+        if limit is not None:
+            with np.errstate(invalid="ignore"):
+                margins = np.where(np.isfinite(values), 1.0 - values / (keep * limit), NEVER)
+            found.append(LimitMargin(name, unit, limit, worst(values), margins, values))
+
+    most("time out", "s", task.outward_s, out.time)
+    most("time back", "s", task.back_s, back.time)
+    for way, one in (("out", out), ("back", back)):
+        most(f"end speed {way}", "m/s", task.end_speed_m_s, one.end_speed)
+        most(f"energy {way}", "J", energy_limit(task, choice)[0], one.energy)
+    peak = np.maximum(out.peak_pressure, back.peak_pressure)
+    most("peak pressure", "Pa", peak_limit(task, choice), peak)
+    if task.holding_force_n:
+        held = out.force / task.holding_force_n
+        margins = np.where(np.isfinite(out.time), held * keep - 1.0, NEVER)
+        found.append(LimitMargin("holding force", "N", task.holding_force_n, -worst(-out.force), margins, out.force))
+    return found
+
+
+def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
+    """Return the largest allowed absolute pressure in the cylinder: from the task, or from its sheet."""
+    ambient = task.ambient.pressure_pa
+    if task.peak_pressure is not None:
+        return task.peak_pressure.absolute_pa(ambient)
+    printed = choice.cylinder.printed_si("maximum_pressure", "Pa")
+    return None if printed is None else printed + ambient
+
+
+def energy_limit(task: SizingTask, choice: DriveChoice) -> tuple[float, str]:
+    """Return the largest allowed energy at an end, J, and its origin: task and data sheet, or else an assumed rule."""
+    stated = {"task": task.impact_energy_j, "data sheet": choice.cylinder.printed_si("cushion_energy", "J")}
+    known = {origin: limit for origin, limit in stated.items() if limit is not None}
+    if known:
+        origin = min(known, key=lambda name: known[name])
+        return known[origin], origin
+    rule = f"assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston; neither task nor data sheet has a limit"
+    return IMPACT_ENERGY_J_M2 * max(choice.areas_m2), rule
+
+
+def worst(values: Array) -> float:
+    """Return the value that at most 1 % of the samples exceed."""
+    return float(np.quantile(values, PROBABILITY, method="higher"))
+
+
+def passed(draws: int) -> int:
+    """Return the number of samples that may exceed the worst value."""
+    return math.floor((1.0 - PROBABILITY) * (draws - 1) + ROUNDING)
+
+
+def interval(values: Array) -> tuple[float, float]:
+    """Return the 1 % and 99 % quantiles over the samples."""
+    return float(np.quantile(values, 1.0 - PROBABILITY, method="lower")), worst(values)
+
+
+def is_met(found: list[LimitMargin]) -> NDArray[np.bool_]:
+    """Return which samples keep all limits."""
+    return np.all([one.margins >= 0.0 for one in found], axis=0)
+
+
+def probability_bound(met: int, draws: int) -> float:
+    """Return the one-sided lower bound of a probability at 95 % confidence, after Clopper and Pearson.
+
+    The bound is valid for independent samples; samples of a Sobol sequence are more even.
+
+    Examples
+    --------
+    >>> round(probability_bound(1024, 1024), 4)
+    0.9971
+    """
+    from scipy.stats import beta
+
+    return float(beta.ppf(1.0 - CONFIDENCE, met, draws - met + 1)) if met else 0.0
+
+
+def explained(draws: Array, margins: Array) -> dict[str, float]:
+    """Return the fraction of the variance of the margins' ranks that each sampled number explains.
+
+    Parameters
+    ----------
+    draws : ndarray, shape (n, len(DRAWN))
+    margins : ndarray, shape (n,)
+    """
+    ranks = margins.argsort().argsort().astype(float)
+    if np.ptp(margins) == 0.0:
+        return dict.fromkeys(DRAWN, 0.0)
+    columns = draws.argsort(axis=0).argsort(axis=0).astype(float)
+    return {name: float(np.corrcoef(column, ranks)[0, 1] ** 2) for name, column in zip(DRAWN, columns.T, strict=True)}
+
+
+# --- Limits that a choice of parts misses, in numbers and in words.
+
+
+class Shortage(NamedTuple):
+    """Missed limit of a choice.
+
+    Attributes
+    ----------
+    limit : str
+        What it cannot do.
+    share : float
+        What it can do at most, over what is needed; below 1. 0 where no change of the task helps.
+    said : str
+        The same in words.
+    """
+
+    limit: str
+    share: float
+    said: str
+
+
+# --- Checks of the machine builder: side load, buckling of the rod, absorbers, holding force without supply.
+#
+# Each check names the standard or the maker's rule that it follows. If the data sheet of the part does not give a
+# needed value, the check reports this.
 
 #: Modulus of elasticity of a steel rod, Pa (assumed: usual for steel).
 STEEL_PA = 210e9
@@ -157,3 +335,134 @@ def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
         'held_by = "machine", if a lock or brake of the machine holds the load',
     )
     return MachineCheck(name, hangs, holds, "N", hangs <= holds if is_known else None, rule, remedies)
+
+
+# --- Simulation results of a choice of parts, over the spreads or from nominal runs, and the ranking key.
+
+#: Airs that differ by less than this factor rank by margin.
+SAME_AIR = 1.02
+
+
+def rank_of(air: float, margin: float, *rest: Any) -> tuple[Any, ...]:  # noqa: ANN401 - what decides between equals
+    """Return the ranking key: air in steps of 2 %, then margin in steps of 1 %, then sizes."""
+    step = round(math.log(air) / math.log(SAME_AIR)) if 0.0 < air < math.inf else 10**9
+    return step, -round(margin, 2), *rest
+
+
+@dataclass(frozen=True)
+class SizedDrive:
+    """Simulation results of one choice of parts with its settings; SI.
+
+    Attributes
+    ----------
+    parts : dict
+        Slot (cylinder, valve, tube, flow_control) -> part of the catalogue.
+    setting : dict
+        Openings of the needles, shares of fully open.
+    draws, met : int
+        Draws, and those that keep all limits.
+    probability_bound : float
+        Lower bound of the probability, one-sided, 95 % confidence.
+    time_out, time_back, end_speed, energy, peak_pressure : float
+        Values that 1 % of the draws pass; the last three the worse of both strokes. Infinite: the stroke does not end.
+    air : float
+        Mean mass drawn from the supply in a cycle, kg.
+    margins : dict
+        Limit -> margin that 99 % of the draws have.
+    worst : dict
+        Limit -> (value that 1 % of the draws pass, limit, unit).
+    measure : str
+        The assumed value that most of the margin goes with; empty where none does.
+    explains : float
+        Share of the variance of the margin's ranks that goes with it.
+    sizes : tuple of float
+        Bore, conductance of the valve, of the needle fully open (0 without), bore of the tubes.
+    intervals : dict
+        Figure -> values that 99 % and that 1 % of the draws pass: each limit by its name, and time_out, time_back,
+        end_speed, energy, peak_pressure, air, load_ratio_out, load_ratio_back (`DriveStrokes.load_ratio`). Empty in
+        folders of earlier versions.
+    """
+
+    parts: Mapping[str, str]
+    setting: Mapping[str, float]
+    draws: int
+    met: int
+    probability_bound: float
+    time_out: float
+    time_back: float
+    end_speed: float
+    energy: float
+    peak_pressure: float
+    air: float
+    margins: Mapping[str, float]
+    worst: Mapping[str, tuple[float, float, str]]
+    measure: str
+    explains: float
+    sizes: Sequence[float]
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def load_ratio(self) -> float | None:
+        """Ratio of load to supply force that 1 % of the samples exceed; the worse of both strokes."""
+        ends = [self.intervals[name][1] for name in ("load_ratio_out", "load_ratio_back") if name in self.intervals]
+        return max(ends, default=None)
+
+    @property
+    def name(self) -> str:
+        """Names of its parts in one word."""
+        return "+".join(self.parts.values())
+
+    @property
+    def is_feasible(self) -> bool:
+        """Whether it meets the task with the required probability."""
+        return self.met >= PROBABILITY * self.draws
+
+    @property
+    def binding(self) -> str:
+        """Limit with the least margin."""
+        return min(self.margins, key=lambda name: self.margins[name])
+
+    @property
+    def margin(self) -> float:
+        """Least margin that 99 % of the samples reach."""
+        return self.margins[self.binding]
+
+    @property
+    def air_litres_anr(self) -> float:
+        """Air of a cycle, litres at the standard reference atmosphere."""
+        return self.air * ANR_LITRES_PER_KG
+
+    @property
+    def rank(self) -> tuple[Any, ...]:
+        """Key of the ranking: air in steps of 2 %, then margin in steps of 1 %, then sizes."""
+        return rank_of(self.air, self.margin, tuple(self.sizes), self.name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Provisional:
+    """A place in the provisional ranking, by nominal runs; SI.
+
+    Attributes
+    ----------
+    parts : dict
+    air : float
+        Mass drawn from the supply in a cycle, kg.
+    times : tuple of float
+        Of the strokes out and back.
+    margin : float
+        Least margin of the cases nominal, slow and fast. Settings are rough: tuning finds larger ones.
+    """
+
+    parts: Mapping[str, str]
+    air: float
+    times: tuple[float, ...]
+    margin: float
+
+    @property
+    def name(self) -> str:
+        """Names of its parts in one word."""
+        return "+".join(self.parts.values())

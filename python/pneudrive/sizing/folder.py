@@ -15,7 +15,7 @@ from pneudrive.errors import CommandError
 from pneudrive.files.lock import take
 from pneudrive.files.writing import NO_FOLLOW, open_to_append
 from pneudrive.simulation.trajectory import whole
-from pneudrive.sizing.sized_drive import SizedDrive
+from pneudrive.sizing.checks import SizedDrive
 from pneudrive.sizing.strokes import Setting
 from pneudrive.sizing.tune import Tuned
 

@@ -8,18 +8,21 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pneudrive import units
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.describe.circuit import Circuit
-from pneudrive.sizing.checks import mechanical_shortage
-from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, DriveChoice
-from pneudrive.sizing.shortage import Shortage
+from pneudrive.sizing.candidate import Dropped, TubedCylinder
+from pneudrive.sizing.checks import Shortage, mechanical_shortage
+from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, choices, grouped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from pneudrive.sizing.choices import PartChoice
     from pneudrive.sizing.task import SizingTask, TaskSupply
+
 
 #: By this factor the gas ahead of a piston is compressed, at most, over a whole stroke (assumed): 1.5 leaves room for
 #: drives that run ahead of their choked speed.
@@ -276,3 +279,63 @@ def _dead(choice: DriveChoice, end: str) -> float:
 
 def _newton(given: object) -> float:
     return units.parse(str(given["value"] if isinstance(given, dict) else given), "N")
+
+
+# --- Choices of parts that pass the safe bounds, as cylinders with tubes, and the reason for each removed choice.
+
+
+class Pruning:
+    """Parts of the catalogue for a task, without those that cannot do it with any settings.
+
+    Parameters
+    ----------
+    task : SizingTask
+    """
+
+    def __init__(self, task: SizingTask) -> None:
+        self.task = task
+        self.pairs: list[TubedCylinder] = []
+        self.dropped: list[Dropped] = []
+        self.shortages: list[tuple[dict[str, str], Shortage]] = []
+        self.found = found = choices(task)
+        self.bounds = bounds = SafeBounds(task, found["tube"])
+        self.enumerated = int(np.prod([len(found[slot]) for slot in SLOTS]))
+        kept: dict[str, list[PartChoice]] = {}
+        for slot in SLOTS:
+            lacks = {one.name: bounds.cylinder(one) if slot == "cylinder" else bounds.part(one) for one in found[slot]}
+            kept[slot] = grouped([one for one in found[slot] if lacks[one.name] is None])
+            for name, shortage in lacks.items():
+                if shortage is not None:
+                    others = [len(found[other]) for other in SLOTS if other != slot]
+                    self._drop({slot: name}, int(np.prod(others)), shortage)
+        for cylinder in kept["cylinder"]:
+            for tube in kept["tube"]:
+                self._pair(cylinder, tube, kept["valve"], kept["flow_control"], bounds)
+        self.pairs.sort(key=lambda one: (one.fill, one.cylinder.name, one.tube.name))
+
+    def _drop(self, parts: dict[str, str], count: int, shortage: Shortage) -> None:
+        every = {slot: parts.get(slot, "*") for slot in SLOTS}
+        self.dropped.append(Dropped(every, count, shortage.limit, shortage.said))
+        self.shortages.append((every, shortage))
+
+    def _pair(
+        self,
+        cylinder: PartChoice,
+        tube: PartChoice,
+        valves: Sequence[PartChoice],
+        controls: Sequence[PartChoice],
+        bounds: SafeBounds,
+    ) -> None:
+        """Leave out valves and flow controls through which the gas cannot leave in time."""
+        names = {"cylinder": cylinder.name, "tube": tube.name}
+        slow = {valve.name: bounds.flow(cylinder, tube, valve=valve) for valve in valves}
+        slow |= {control.name: bounds.flow(cylinder, tube, control=control) for control in controls}
+        wide = [valve for valve in valves if slow[valve.name] is None]
+        open_ = [control for control in controls if slow[control.name] is None]
+        for slot, every, others in (("valve", valves, len(controls)), ("flow_control", controls, len(wide))):
+            for one in every:
+                if others and (shortage := slow[one.name]) is not None:
+                    self._drop(names | {slot: one.name}, others, shortage)
+        if wide and open_:
+            fill = air_estimate_kg(cylinder, tube, self.task)
+            self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name]))

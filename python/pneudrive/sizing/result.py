@@ -4,31 +4,153 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pneudrive.constants import ANR_LITRES_PER_KG
+from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import NOT_READY
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import whole
-from pneudrive.sizing.answer import in_words, sentence, yearly
-from pneudrive.sizing.choices import SLOTS
-from pneudrive.sizing.sized_drive import Provisional, SizedDrive
-from pneudrive.sizing.strokes import Setting, circuit_of
+from pneudrive.sizing.checks import Provisional, SizedDrive
+from pneudrive.sizing.choices import SLOTS, WITHOUT, choices
+from pneudrive.sizing.spreads import sized
+from pneudrive.sizing.strokes import Setting, circuit_of, cycle_s
+from pneudrive.sizing.tune import tune
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
+    import numpy as np
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.sizing.candidate import Dropped
-    from pneudrive.sizing.checks import MachineCheck
-    from pneudrive.sizing.savings import Saving
-    from pneudrive.sizing.shortage import Shortage
+    from pneudrive.sizing.checks import MachineCheck, Shortage
+    from pneudrive.sizing.strokes import DriveStrokes
     from pneudrive.sizing.task import SizingTask
+
+
+# --- The answer to a task in one sentence, its air and energy in a year, and ways to save air.
+
+#: Electricity for a cubic metre of air (ANR) at 6 to 8 bar gauge, kWh, lowest, usual, highest (assumed: screw
+#: compressors with 6 to 7.5 kW for a cubic metre in a minute, without leaks of the mains).
+KWH_PER_M3 = (0.10, 0.11, 0.125)
+LITRES_PER_M3 = 1e3
+
+
+def named(parts: Mapping[str, str]) -> dict[str, str]:
+    """Return maker and type of the parts of a drive, without empty slots."""
+    return {slot: maker_type(name) for slot, name in parts.items() if name not in (WITHOUT, "*")}
+
+
+def maker_type(name: str) -> str:
+    """Return maker and type of a part: its title up to the first word with a figure.
+
+    Examples
+    --------
+    >>> maker_type("festo-gr-qs-8")
+    'Festo GR-QS-8'
+    """
+    known = entries()
+    if name not in known:
+        return name
+    words = known[name].title.split()
+    last = next((place for place, word in enumerate(words) if any(map(str.isdigit, word))), len(words) - 1)
+    return " ".join(words[: last + 1]).rstrip(",")
+
+
+def in_words(parts: Mapping[str, str]) -> str:
+    """Return the parts of a drive, in words."""
+    words = {"valve": "valve", "tube": "tube", "flow_control": "flow control"}
+    own = named(parts)
+    rest = [f"{word} {own[slot]}" for slot, word in words.items() if slot in own]
+    return f"{own['cylinder']} with " + ", ".join(rest)
+
+
+def sentence(
+    task: SizingTask, best: SizedDrive | None, checks: Sequence[MachineCheck], provisional: Sequence[Provisional]
+) -> str:
+    """Return the answer in one sentence.
+
+    Parameters
+    ----------
+    task : SizingTask
+    best : SizedDrive or None
+        The first of the ranking.
+    checks : sequence of MachineCheck
+        Its checks.
+    provisional : sequence of Provisional
+        Results of nominal runs, while there is no ranking; empty if nothing meets the task.
+    """
+    if best is not None:
+        figures = [f"{three(best.time_out)} s of {three(task.outward_s)} s out"]
+        figures.append(f"{three(best.time_back)} s of {three(task.back_s)} s back")
+        figures.append(f"{three(best.air_litres_anr)} l ANR a cycle of {three(cycle_s(task))} s")
+        if task.end_speed_m_s is not None:
+            figures.append(f"end speed {three(best.end_speed)} of {three(task.end_speed_m_s)} m/s")
+        figures.append(f"impact {three(best.energy)} of {three(best.worst['energy out'][1])} J")
+        figures[-1] += " (assumed limit)" if any(check.rule.startswith("assumed") for check in checks) else ""
+        figures.append(f"margin {three(100.0 * best.margin)} %")
+        first = f"; measure the {best.measure} first" if best.measure else ""
+        drive = f"{in_words(best.parts)}: {', '.join(figures)}; limited by {best.binding}{first}."
+        left = [check for check in checks if check.is_open]
+        number = "one check of the best choice is" if len(left) == 1 else f"{len(left)} checks of the best choice are"
+        return f"{NOT_READY}{number} open. {drive}" if left else f"Take {drive}"
+    if provisional:
+        one = provisional[0]
+        times = " s and ".join(map(three, one.times))
+        air = three(one.air * ANR_LITRES_PER_KG)
+        return (
+            f"Provisional, by nominal runs: {in_words(one.parts)}: {times} s out and back, "
+            f"{air} l ANR a cycle of {three(cycle_s(task))} s, "
+            f"margin {three(100.0 * one.margin)} %."
+        )
+    return "Nothing in the catalogue meets the task."
+
+
+def yearly(drive: SizedDrive, task: SizingTask) -> list[str]:
+    """Return air, energy and cost of a year, in words; empty if the task does not give the cycles per hour."""
+    if task.cycles_per_hour is None:
+        return []
+    cycles = task.cycles_per_hour * task.hours_per_year
+    low, high = drive.intervals.get("air", (drive.air, drive.air))
+    air = [one * ANR_LITRES_PER_KG / LITRES_PER_M3 * cycles for one in (low, drive.air, high)]
+    energy = [volume * own for volume, own in zip(air, KWH_PER_M3, strict=True)]
+    said = (
+        f"A year ({three(task.cycles_per_hour)} cycles an hour, {three(task.hours_per_year)} h): "
+        f"{three(air[1])} m3 ANR, {three(energy[1])} kWh ({three(energy[0])} … {three(energy[2])} kWh"
+    )
+    if task.price_per_kwh is not None:
+        low_, usual, high_ = (three(one * task.price_per_kwh) for one in energy)
+        said += f"), {usual} {task.currency} ({low_} … {high_} {task.currency}"
+    said += f"). A compressor takes {KWH_PER_M3[0]:.3g} … {KWH_PER_M3[2]:.3g} kWh for a cubic metre (assumed)."
+    return [said]
+
+
+def notes(most: int | None, interrupted: bool) -> list[str]:
+    """Return remarks on a search.
+
+    Parameters
+    ----------
+    most : int or None
+        Tuned choices that ended it; None if it came to its end.
+    interrupted : bool
+    """
+    said = []
+    if interrupted:
+        said.append("The search was interrupted: the ranking is that of the results so far.")
+    elif most is not None:
+        more = f"--max-candidates {2 * most} (in Python: most={2 * most})"
+        said.append(f"The search ended after {most} tuned choices; other choices may rank before these: {more}.")
+    return said
+
+
+# --- Results of a sizing: the result of each choice of parts, the ranking, and the nearest miss.
 
 #: Places of the ranking whose files are written.
 WRITTEN = 10
@@ -327,3 +449,49 @@ def _strict(given: Any) -> Any:  # noqa: ANN401 - plain data
     if isinstance(given, list | tuple):
         return [_strict(one) for one in given]
     return None if isinstance(given, float) and not math.isfinite(given) else given
+
+
+# --- Changes of the best drive that save air: a lower pressure for the return stroke, shorter tubes.
+
+#: Shares of the gauge pressure that the way back is tried with, and of the length of the tubes.
+RETURN_SHARES, TUBE_SHARE = (0.5, 0.7), 0.5
+
+
+class Saving(NamedTuple):
+    """A change that keeps the task and saves air.
+
+    Attributes
+    ----------
+    change : str
+    share : float
+        Share of the air that it saves; 0 where the change does not keep the task.
+    is_kept : bool
+        Whether the task is met with the change.
+    """
+
+    change: str
+    share: float
+    is_kept: bool
+
+    def __str__(self) -> str:
+        if not self.is_kept:
+            return f"{self.change}: the task is not met"
+        return f"{self.change}: saves {100.0 * self.share:.3g} % of the air"
+
+
+def savings(best: DriveStrokes, sized_best: SizedDrive, draws: NDArray[np.float64]) -> Iterator[Saving]:
+    """Try changes of the best drive; each is tuned and simulated over samples of the spreads."""
+    task, half = best.task, best.task.tube_length_m * TUBE_SHARE
+    shorter = task.model_copy(update={"tube_length_m": half})
+    tube = next(part for part in choices(shorter)["tube"] if part.name == best.choice.tube.name)
+    tried = {
+        f"{100.0 * share:.0f} % of the supply's gauge pressure for the way back": replace(best, return_share=share)
+        for share in RETURN_SHARES
+    }
+    short = replace(best, choice=replace(best.choice, tube=tube), task=shorter)
+    tried[f"tubes of {half:.3g} m in place of {task.tube_length_m:.3g} m"] = short
+    for change, strokes in tried.items():
+        tuned = tune(strokes)
+        made = None if tuned.nominal < 0.0 else sized(strokes, tuned.setting, draws)
+        is_kept = made is not None and made.is_feasible
+        yield Saving(change, 1.0 - made.air / sized_best.air if is_kept and made else 0.0, is_kept)

@@ -18,15 +18,11 @@ import numpy as np
 
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Watch
-from pneudrive.sizing.answer import notes
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
-from pneudrive.sizing.checks import machine_checks
+from pneudrive.sizing.checks import machine_checks, rank_of
 from pneudrive.sizing.folder import SizingFolder
-from pneudrive.sizing.prune import nearest_possible
-from pneudrive.sizing.pruning import Pruning
-from pneudrive.sizing.result import SizingResult, nearest_miss, sentences
-from pneudrive.sizing.savings import savings
-from pneudrive.sizing.sized_drive import rank_of
+from pneudrive.sizing.prune import Pruning, nearest_possible
+from pneudrive.sizing.result import SizingResult, nearest_miss, notes, savings, sentences
 from pneudrive.sizing.spreads import hardest, simulated
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all
 from pneudrive.sizing.task import SizingTask
@@ -38,8 +34,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.progress import Flag
-    from pneudrive.sizing.savings import Saving
-    from pneudrive.sizing.sized_drive import Provisional, SizedDrive
+    from pneudrive.sizing.checks import Provisional, SizedDrive
+    from pneudrive.sizing.result import Saving
 
 #: Draws of each leader, and of those that may be the best.
 DRAWS, DRAWS_BEST = 256, 1024

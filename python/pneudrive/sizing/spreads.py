@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.sizing import judge
-from pneudrive.sizing.sized_drive import SizedDrive
+from pneudrive.sizing.checks import SizedDrive, explained, interval, is_met, limits, passed, probability_bound
 from pneudrive.sizing.strokes import COARSE, RTOL, DriveStrokes, Setting
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.sizing.judge import LimitMargin
+    from pneudrive.sizing.checks import LimitMargin
     from pneudrive.sizing.strokes import StrokeResults
 
     Array = NDArray[np.float64]
@@ -48,12 +47,12 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
     """Simulate a choice with its settings over samples of the spreads, and keep the results of each sample."""
     out, back = _both(strokes, setting, draws, rtol)
     task, choice = strokes.task, strokes.choice
-    found = judge.limits(task, choice, out, back)
-    met = int(judge.is_met(found).sum())
+    found = limits(task, choice, out, back)
+    met = int(is_met(found).sum())
     binding = min(found, key=lambda one: one.margin)
-    explained = judge.explained(draws, binding.margins)
+    shares = explained(draws, binding.margins)
     assumed = strokes.drawn_assumed()
-    first = max(assumed, key=lambda name: explained[name], default="")
+    first = max(assumed, key=lambda name: shares[name], default="")
     air = out.air + back.air
     figures = {one.name: one.values for one in found} | {
         "time_out": out.time,
@@ -65,19 +64,19 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
         "load_ratio_out": strokes.load_ratio(True, draws),
         "load_ratio_back": strokes.load_ratio(False, draws),
     }
-    intervals = {name: judge.interval(values) for name, values in figures.items()}
+    intervals = {name: interval(values) for name, values in figures.items()}
     drive = SizedDrive(
         parts=choice.parts,
         setting=setting._asdict(),
         draws=len(draws),
         met=met,
-        probability_bound=judge.probability_bound(met, len(draws)),
+        probability_bound=probability_bound(met, len(draws)),
         **{name: intervals[name][1] for name in ("time_out", "time_back", "end_speed", "energy", "peak_pressure")},
         air=float(air.mean()),
         margins={one.name: one.margin for one in found},
         worst={one.name: (one.worst, one.limit, one.unit) for one in found},
         measure=f"{first} of {choice.parts[assumed[first]]}" if first else "",
-        explains=explained[first] if first else 0.0,
+        explains=shares[first] if first else 0.0,
         sizes=choice.sizes,
         intervals=intervals,
     )
@@ -100,16 +99,16 @@ def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: 
     draws : ndarray, shape (n, len(DRAWN))
         All draws.
     """
-    allowed, first = judge.passed(len(draws)), len(known.air)
+    allowed, first = passed(len(draws)), len(known.air)
     design = np.column_stack([np.ones(len(draws)), draws])
     columns = np.column_stack([*(limit.margins for limit in known.limits), known.air])
     *estimates, air = (design @ np.linalg.lstsq(design[:first], columns, rcond=None)[0]).T
     lows = [float(np.partition(estimate, allowed)[allowed]) for estimate in estimates]
     near = [one for one, low in zip(estimates, lows, strict=True) if low < min(lows) + NEAR]
     places = np.unique(np.concatenate([one.argsort()[: HARD + allowed] for one in near]))
-    found = judge.limits(strokes.task, strokes.choice, *_both(strokes, setting, draws[places], RTOL))
+    found = limits(strokes.task, strokes.choice, *_both(strokes, setting, draws[places], RTOL))
     margin = min(float(np.sort(one.margins)[allowed]) for one in found)
-    return Hardest(margin, int((~judge.is_met(found)).sum()), float(air.mean()))
+    return Hardest(margin, int((~is_met(found)).sum()), float(air.mean()))
 
 
 def _both(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float) -> list[StrokeResults]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.sizing.judge import energy_limit, peak_limit
+from pneudrive.sizing.checks import energy_limit, peak_limit
 from pneudrive.sizing.strokes import DRAWN, Setting, StrokeRuns, points, run_all
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.datasheet.characteristics.air import FULL_S, NORMAL_DENSITY_KG_M3, drawn_mass
-from pneudrive.datasheet.characteristics.steady import velocity_gain
-from pneudrive.datasheet.characteristics.stiffness import _mode, dynamic_stiffness
+from pneudrive.datasheet.characteristics.steady import _mode, dynamic_stiffness, velocity_gain
 from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics

@@ -99,7 +99,7 @@ def test_strokes_that_the_drive_does_not_do_count_against_it(tmp_path):
 
 def test_intervals_reach_the_numbers_of_the_page(monkeypatch):
     monkeypatch.setattr(sheet, "OF_A_SHEET", ("minimum-pressure",))
-    monkeypatch.setattr("pneudrive.datasheet.characteristics.threshold.least_pressure", lambda *_: 2e5)
+    monkeypatch.setattr("pneudrive.datasheet.characteristics.steady.least_pressure", lambda *_: 2e5)
     origin = {"interval": ["43 N", "47 N"], "source": "stops.csv"}
     found = build(DRIVE.replace({"provenance": {"friction.breakaway": origin}}), [], None, UNWATCHED)
     force = next(one for one in found.numbers if one.name == "breakaway force")

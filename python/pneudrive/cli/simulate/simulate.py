@@ -84,7 +84,7 @@ def simulate(
     _say(described.name, result.columns, result.provenance)
     write_outputs((out, partial(_save, result)), (plot, partial(_plot, result, described)))
     if energy:
-        from pneudrive.datasheet.characteristics.energy import energy_balance
+        from pneudrive.datasheet.characteristics.air import energy_balance
 
         given = command_of(described, command)
         typer.echo(str(energy_balance(described, given, duration, initial=initial, rtol=rtol)))

@@ -93,7 +93,7 @@ def _number(text: str) -> str | float:
 
 
 def _show(found: xr.Dataset) -> None:
-    from pneudrive.datasheet.words import in_words, written_value
+    from pneudrive.datasheet.sheet import in_words, written_value
 
     screen = console()
     for line in (found.attrs["title"], found.attrs["definition"], f"Standard: {found.attrs['standard']}"):

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
-from pneudrive.datasheet.characteristics.motion import short_columns, simulate_plant, start_of
-from pneudrive.datasheet.equilibrium import gas_under_load
-from pneudrive.datasheet.linear import SMALL, gas_at, linear_model, open_command
+from pneudrive.datasheet.characteristics.response import short_columns, simulate_plant, start_of
+from pneudrive.datasheet.linear import gas_at, linear_model, moving_gas, open_command
 from pneudrive.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -28,14 +27,6 @@ SINE_HZ, AMPLITUDES = (1.0, 2.0, 4.0, 8.0), (0.05, 0.1, 0.2, 0.4)
 STEPS, SETTLING, COUNTED = 200, 4, 2  # of the command in a period; periods before, and looked at
 HARMONICS = 10
 LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a load
-
-
-def moving_gas(plant: HeldDrive, position: float) -> Array:
-    """Return pressures of slow steady motion at ambient temperature, shape (nodes, 2): the usual operating point."""
-    command = plant.sizes((plant.edge(1.0)[0] + SMALL,))[0]
-    gas, _ = gas_under_load(plant, command, position)
-    gas[:, 1] = plant.ambient[1]
-    return gas
 
 
 def response(linear: Linear, output: str, frequencies: Array) -> Array:

@@ -3,18 +3,142 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+import warnings
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pneudrive.datasheet.characteristic import DIRECTIONS, Axis, ResultValue, characteristic, number
-from pneudrive.datasheet.characteristics.motion import StrokeRun, cycle, one_stroke
-from pneudrive.datasheet.linear import gas_at
-from pneudrive.datasheet.strokes import STROKE_MEANING
+from pneudrive.datasheet.equilibrium import under_load
+from pneudrive.datasheet.linear import gas_at, moving_gas
+from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
+from pneudrive.describe.system import short_name
+from pneudrive.errors import CommandError, PneudriveWarning, SimulationError
+from pneudrive.simulation.simulate import simulate
+from pneudrive.simulation.trajectory import columns as columns_of
 
 if TYPE_CHECKING:
-    from pneudrive.datasheet.characteristic import DIRECTIONS, Found
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
+    from pneudrive.simulation.command import Commands
+
+    Array = NDArray[np.float64]
+
+
+# --- Runs of a drive for its characteristics: one stroke, and a periodic cycle out and back.
+
+SLOWER, LONGEST = 4.0, 256.0  # a piston that has not arrived is given this much more time, up to this multiple
+EXPECTED = 4.0  # times the stroke over its steady speed
+USUAL_SPEED = 0.5  # m/s, where no steady one is found
+LEAST_S = 0.2  # of a half cycle
+SAMPLES = 2000  # of a stroke
+REPEATS = 3  # cycles after which a fast cycle repeats itself
+
+
+class StrokeRun(NamedTuple):
+    """A run and its strokes: columns by a drive's names, one stroke for each command."""
+
+    columns: dict[str, Array]
+    strokes: tuple[StrokeNumbers, ...]
+    half_s: float
+    attrs: dict[str, Any]
+
+    def arrived(self) -> bool:
+        """Return whether all strokes reached their end."""
+        return all(stroke.stroke_time == stroke.stroke_time for stroke in self.strokes)
+
+
+def simulate_plant(plant: HeldDrive, plans: Commands, duration: float, rate: float, **more: Any) -> xr.Dataset:  # noqa: ANN401
+    """Simulate the circuit of a drive without its warnings, which belong to the user's own runs."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PneudriveWarning)
+        return simulate(plant.circuit, plans, duration, sample_rate=rate, **more)
+
+
+def short_columns(plant: HeldDrive, run: xr.Dataset) -> dict[str, Array]:
+    """Return the columns of a circuit's run by a drive's names."""
+    return {short_name(name, plant.piston): values for name, values in columns_of(run).items()}
+
+
+def expected_time(plant: HeldDrive, command: float) -> float:
+    """Return a time in which a stroke should end, s."""
+    try:
+        speed = min(
+            abs(under_load(plant.static, side * command, 0.5 * plant.stroke_m, 0.0).velocity_m_s) for side in (1, -1)
+        )
+    except (CommandError, SimulationError):
+        speed = USUAL_SPEED
+    return max(EXPECTED * plant.stroke_m / speed, LEAST_S) if speed > 0.0 else LONGEST * LEAST_S
+
+
+def one_stroke(
+    plant: HeldDrive, command: float, position: float, pressures: tuple[float, float], *, ledger: bool = False
+) -> StrokeRun:
+    """Run one stroke from rest until the piston arrives, or rests elsewhere."""
+    expected = expected_time(plant, abs(command))
+    start = start_of(plant, position, pressures)
+    times = 1.0
+    while True:
+        half = times * expected
+        run = simulate_plant(
+            plant, plant.plans([(0.0, command)]), half, SAMPLES / expected, initial=start, ledger=ledger
+        )
+        found = _motion(plant, run, half, (0.0, half), command)
+        if found.arrived() or times >= LONGEST or times * expected > LONGEST:
+            return found
+        times *= SLOWER
+
+
+def start_of(plant: HeldDrive, position: float, pressures: tuple[float, float]) -> dict[str, str]:
+    """Return a start at ambient temperature; lines have the pressure of their chamber."""
+    own = plant.piston
+    start = {f"{own}.position": f"{position!r} m"}
+    sides = [(side, p) for side, p in zip("ab", pressures, strict=True) if f"{own}.{side}" in plant.nodes]
+    return start | {f"{own}.{side}": f"{p!r} Pa abs" for side, p in sides}
+
+
+def cycle(
+    plant: HeldDrive,
+    command: float = 1.0,
+    half_s: float | None = None,
+    repeats: int = REPEATS,
+    **more: Any,  # noqa: ANN401
+) -> StrokeRun:
+    """Run out and back until the cycle is periodic; columns and strokes are those of the last cycle."""
+    expected = expected_time(plant, command)
+    times, half = 1.0, half_s or expected
+    start = start_of(plant, 0.0, plant.before(1.0))
+    while True:
+        plans = plant.plans([(k * half, command if k % 2 == 0 else -command) for k in range(2 * repeats)])
+        run = simulate_plant(plant, plans, 2 * repeats * half, SAMPLES / min(expected, half), initial=start, **more)
+        begin = 2 * (repeats - 1) * half
+        found = _motion(plant, run, half, (begin, begin + half, begin + 2 * half), command)
+        if found.arrived() or half_s is not None or times >= LONGEST or half * SLOWER > LONGEST:
+            return found
+        times, half = times * SLOWER, half * SLOWER
+
+
+def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, ...], command: float) -> StrokeRun:
+    """Return the strokes between the edges.
+
+    The first stroke has the direction of the command, and the next stroke is back.
+    """
+    columns = short_columns(plant, run)
+    impacts = run.attrs["impacts"]
+    strokes = []
+    for k, (begin, end) in enumerate(pairwise(edges)):
+        own = [impact for impact in impacts if begin <= impact["time_s"] < end]
+        towards = 1 if (command > 0.0) == (k % 2 == 0) else -1
+        strokes.append(stroke_numbers(columns, plant.stroke_m, plant.mass, begin, end, own, towards))
+    keep = columns["time_s"] >= edges[0]
+    last = {name: values[keep] for name, values in columns.items()}
+    last["time_s"] = last["time_s"] - edges[0]
+    return StrokeRun(last, tuple(strokes), half, run.attrs)
+
 
 COMMANDS = (0.2, 0.4, 0.6, 0.8, 1.0)
 SHOWN = 400  # samples of a trace
@@ -169,3 +293,166 @@ def _hit(motion: StrokeRun) -> dict[str, float]:
         nothing = dict.fromkeys(("peak_force_n", "depth_m"), math.nan)
         return nothing | {"speed_m_s": stroke.end_speed, "energy_j": stroke.end_energy, "absorbed_j": taken}
     return {**first, "absorbed_j": taken}
+
+
+# --- Capacity of a cushion: end speed and peak pressure over mass and speed, and over the opening of its needle.
+
+END_SPEED, PRESSURE_SHARE = 0.1, 2.0  # m/s; times the supply (assumed limits)
+BEFORE_M = 1e-3  # ahead of the cushion
+SPEEDS, MASSES = (0.2, 0.5, 1.0, 1.5, 2.0, 3.0), (0.5, 1.0, 2.0, 4.0)
+NEEDLES = tuple(float(share) for share in np.geomspace(0.1, 10.0, 13))  # times the described opening
+ENTRY_S, ENTRY_RATE_HZ = 1.0, 5e3
+
+
+@characteristic(
+    "cushion",
+    algorithm="one simulated stroke into the cushion for each point",
+    x="speed",
+    y="end_speed",
+    slow=True,
+    held=False,
+)
+def _cushion(
+    plant: HeldDrive, end_speed: float = END_SPEED, pressure: float | None = None, speed: float = 1.0
+) -> Found:
+    """Capacity of the cushion.
+
+    Speed at the end and peak pressure of a piston that enters its cushion with a speed, over mass, speed, and the
+    opening of the needle. The command is full, and the pressures are those of slow steady motion.
+
+    Settings
+    --------
+    end_speed
+        largest admissible, m/s (assumed)
+    pressure
+        largest admissible pressure, Pa; default: twice the supply (assumed)
+    speed
+        at which the needle is varied, m/s
+    """
+    table = plant.circuit.components[plant.piston].plain()
+    side = next((side for side in "ba" if f"cushion_{side}_length" in table), "")
+    if not side:
+        raise CommandError(f"{plant.piston} has no cushion", remedy='Add cushion_b = { length = "17 mm", ... }.')
+    most = PRESSURE_SHARE * plant.supply_pa if pressure is None else pressure
+    masses, speeds = [share * plant.mass for share in MASSES], list(SPEEDS)
+    grid = np.array([[_end(_with(plant, mass=mass), side, v) for v in speeds] for mass in masses])
+    needles = np.array([_end(_with(plant, needle=(side, share)), side, speed) for share in NEEDLES])
+    best = int(np.argmin(needles[:, 0]))
+    axes = {
+        "mass": Axis(masses, "kg", "moving mass"),
+        "speed": Axis(speeds, "m/s", "speed at the beginning of the cushion"),
+        "needle": Axis(list(NEEDLES), "1", "opening of the needle, relative to its description"),
+    }
+    over = ("mass", "speed")
+    allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
+    limits = f"1 if the end speed is at most {end_speed:g} m/s and the pressure at most {1e-5 * most:g} bar (assumed)"
+    ends = f"speed at the end of chamber {side}; 0 if it stops before"
+    one = f"end speed from {speed:g} m/s with the described mass"
+    return axes, {
+        "end_speed": ResultValue(over, grid[:, :, 0], "m/s", ends),
+        "peak_pressure": ResultValue(over, grid[:, :, 1], "Pa", "largest absolute pressure in the cushion"),
+        "admissible": ResultValue(over, allowed, "1", limits),
+        "end_speed_by_needle": ResultValue(("needle",), needles[:, 0], "m/s", one),
+        "best_needle": number(NEEDLES[best], "1", "opening with the lowest peak pressure"),
+    }
+
+
+def _with(plant: HeldDrive, mass: float | None = None, needle: tuple[str, float] | None = None) -> HeldDrive:
+    """Return the drive with another moving mass, or another opening of the needle."""
+    tables = plant.circuit.to_dict()
+    own = dict(plant.circuit.components[plant.piston].plain())
+    if mass is not None:
+        own["moving_mass"] = f"{mass!r} kg"
+    if needle is not None:
+        key = f"cushion_{needle[0]}_needle_conductance"
+        si = getattr(plant.circuit.components[plant.piston], f"{key}_m3_s_pa")
+        own[key] = f"{needle[1] * si!r} m3/(s Pa)"
+    tables["components"][plant.piston] = own
+    return plant.varied(tables)
+
+
+def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
+    """Return end speed and peak pressure of a piston that enters a cushion with a speed."""
+    toward = 1.0 if side == "b" else -1.0
+    length = float(getattr(plant.circuit.components[plant.piston], f"cushion_{side}_length_m"))
+    x = plant.stroke_m - length - BEFORE_M if side == "b" else length + BEFORE_M
+    a, b = plant.pressures(moving_gas(plant.static, 0.5 * plant.stroke_m))
+    a, b = (a, b) if side == "b" else (b, a)
+    own = plant.piston
+    start = {f"{own}.position": f"{x!r} m", f"{own}.velocity": f"{toward * speed!r} m/s"}
+    start |= {f"{own}.a": f"{a!r} Pa abs", f"{own}.b": f"{b!r} Pa abs"}
+    plant = plant.with_held_valves  # the valve has opened long before
+    run = simulate_plant(plant, plant.plans([(0.0, toward)]), ENTRY_S, ENTRY_RATE_HZ, initial=start)
+    hit = next((one for one in run.attrs["impacts"] if one["end"] == side), None)
+    peak = float(run[f"{own}.{side}.pressure"].max())
+    return (hit["speed_m_s"] if hit is not None else 0.0), peak if math.isfinite(peak) else math.nan
+
+
+# --- Times of a switching valve, on a virtual test stand with a small volume at its outlet.
+
+SHARE = 0.1  # of the change of the pressure at the outlet
+VOLUME_M3 = 1e-5
+REST_S, SWITCHING_RATE_HZ = 0.5, 1e5  # between the commands; samples
+
+
+@characteristic(
+    "valve-times",
+    algorithm="virtual test stand: reservoir, valve, volume",
+    standard="form of ISO 12238",
+    x="time",
+    y="outlet_pressure",
+    held=False,
+)
+def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) -> Found:
+    """Times of the valve.
+
+    From the command on, and off, until the pressure of 10 cm3 at the outlet has changed by 10 % of its way to the end.
+
+    Settings
+    --------
+    share
+        of the change
+    volume
+        at the outlet, m3
+    """  # noqa: D401 - a title
+    table = plant.circuit.components[plant.valve].plain()
+    if "time_on" not in table:
+        raise CommandError(
+            f"{plant.valve} is a {table['kind']}",
+            rule="times are those of a switching valve, with time_on and time_off",
+            remedy="For a proportional valve, use bode.",
+        )
+    time, pressure = _run(plant, table, volume)
+    on, off = time < REST_S, time >= REST_S
+    rise, fall = pressure[on], pressure[off]
+    up = first_passage(time[on], rise, rise[0] + share * (rise[-1] - rise[0]))
+    down = first_passage(time[off], -fall, -fall[0] + share * (fall[0] - fall[-1])) - REST_S
+    shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
+    axes = {"time": Axis(time[shown], "s", "time from the command on")}
+    return axes, {
+        "outlet_pressure": ResultValue(("time",), pressure[shown], "Pa", "absolute pressure at the outlet"),
+        "time_on": number(up, "s", f"from the command on to {100.0 * share:g} % of the rise at the outlet"),
+        "time_off": number(down, "s", f"from the command off to {100.0 * share:g} % of the fall"),
+    }
+
+
+def _run(plant: HeldDrive, table: dict[str, Any], volume: float) -> tuple[Array, Array]:
+    """Command the valve on and off; return times and the pressure of a volume at its working port."""
+    ports = [port["name"] for port in plant.circuit.components[plant.valve].entry["ports"]]
+    outlet = "4" if "4" in ports else "2"
+    other = [f"valve.{port}" for port in ports if port in ("2", "4") and port != outlet]
+    circuit = type(plant.circuit).model_validate(
+        {
+            "name": "times of a valve",
+            "ambient": plant.circuit.to_dict().get("ambient", {}),
+            "components": {
+                "supply": {"kind": "reservoir", "pressure": f"{plant.supply_pa!r} Pa abs"},
+                "valve": table,
+                "volume": {"kind": "tank", "volume": f"{volume!r} m3"},
+            },
+            "connections": ["supply -> valve.1", f"valve.{outlet} -> volume"],
+            "plugged": other,
+        }
+    )
+    run = circuit.simulate({"valve": f"0 s: 1, {REST_S} s: 0"}, 2.0 * REST_S, sample_rate=SWITCHING_RATE_HZ)
+    return run.time.to_numpy(), run["volume.pressure"].to_numpy()

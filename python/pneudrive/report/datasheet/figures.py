@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.datasheet.registry import characteristics
-from pneudrive.datasheet.words import in_words, shown_unit
+from pneudrive.datasheet.sheet import in_words, shown_unit
 from pneudrive.errors import CommandError
 from pneudrive.report import style
 from pneudrive.report.axes import TINT

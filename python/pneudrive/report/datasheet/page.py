@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.datasheet.registry import characteristics
-from pneudrive.datasheet.words import written_value
+from pneudrive.datasheet.sheet import written_value
 from pneudrive.numbers import plain
 from pneudrive.report import style
 from pneudrive.report.axes import TINT

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from pneudrive.sizing.checks import SizedDrive
     from pneudrive.sizing.result import SizingResult
-    from pneudrive.sizing.sized_drive import SizedDrive
 
 
 def plot_sizing(result: SizingResult, path: str | Path | None = None) -> Figure:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.report.page import Section
+    from pneudrive.sizing.checks import SizedDrive
     from pneudrive.sizing.result import SizingResult
-    from pneudrive.sizing.sized_drive import SizedDrive
 
 #: What is told of the best choice: words, figure, factor from SI, unit.
 FIGURES = (

@@ -335,7 +335,7 @@ def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iter
 
 def _energy(described: Drive | Circuit, command: Any, asked: RunRequest, limit: RunLimit) -> dict[str, Any]:  # noqa: ANN401 - any form of a command
     """Return the balance of energy of the run as plain data."""
-    from pneudrive.datasheet.characteristics.energy import energy_balance
+    from pneudrive.datasheet.characteristics.air import energy_balance
 
     found = energy_balance(described, command, asked.duration, initial=asked.initial or None, cancel=limit)
     return {**vars(found), "air_litres_anr": found.air_litres_anr}

@@ -10,11 +10,10 @@ from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.lock import is_held
-from pneudrive.sizing.checks import MachineCheck
+from pneudrive.sizing.checks import MachineCheck, SizedDrive
 from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choice
 from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, answer_of, set_to
 from pneudrive.sizing.search import is_of_command
-from pneudrive.sizing.sized_drive import SizedDrive
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.messages import plain, problems_of
 

@@ -9,18 +9,19 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic
-from pneudrive.datasheet.characteristics.motion import one_stroke
-from pneudrive.datasheet.characteristics.steady import full_force
-from pneudrive.datasheet.characteristics.stiffness import adiabatic_stiffness
+from pneudrive.datasheet.characteristics.response import one_stroke
+from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full_force
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.quantities import StatedPressure
 from pneudrive.errors import CommandError, PneudriveError, nearest
+from pneudrive.simulation.tube_study import DIAMETERS, LENGTHS, lines
 
 if TYPE_CHECKING:
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe.drive import Drive
+
 
 SHARE = 1e-3  # of a number, to both sides
 _RESULTS = {
@@ -110,3 +111,33 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
         )
         for number, (key, what) in enumerate(_RESULTS.items())
     }
+
+
+# --- Speed and stroke time of a drive against its tubes, as a characteristic.
+
+
+@characteristic(
+    "lines",
+    algorithm="`pneudrive lines`: steady flow through the exhaust path, and simulated strokes",
+    x="length",
+    y="mean_speed",
+    slow=True,
+    held=False,
+)
+def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS) -> Found:  # noqa: ANN401 - sequences
+    """Speed against the tubes.
+
+    Choked speed, stroke times, mean and end speed with steady tubes of equal length and bore at both chambers, from
+    rest, emptying chamber at supply pressure.
+
+    Settings
+    --------
+    lengths
+        of each tube
+    diameters
+        inner diameters
+    """
+    study = lines(plant.described, list(lengths), list(diameters))  # type: ignore[arg-type]
+    said = {name: (one.to_numpy(), one.attrs["units"], one.attrs["long_name"]) for name, one in study.variables.items()}
+    found = {str(name): ResultValue(tuple(map(str, one.dims)), *said[name]) for name, one in study.data_vars.items()}
+    return {str(name): Axis(*said[name]) for name in study.coords}, found
