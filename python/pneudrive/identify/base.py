@@ -193,7 +193,7 @@ class Fit(Shown):
         if found is None:
             raise FitError(
                 f"this {self.TITLE} was read from a file, without its data",
-                rule="profile and bootstrap need the data; apply, export and report do not",
+                rule="a profile needs the data; apply, export and report do not",
                 remedy="Fit again.",
             )
         if not self.converged:

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
+from oracle.bootstrap import drive_bootstrap
 from pneudrive.errors import FitError, PneudriveWarning
+from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.free.parameters import numbers_of
 from pneudrive.identify.dynamic.sensors import lagged
 from pneudrive.identify.files import read_fit
@@ -96,7 +98,8 @@ def test_three_ways_to_an_interval_agree_where_the_model_is_right() -> None:
     fit = servo_fit()
     name = "friction.coulomb"
     lower, upper = fit.intervals[name]
-    for other in (fit.profile([name])[name], fit.bootstrap(300, names=[name])[name]):
+    drawn = intervals_of_draws(fit.free, drive_bootstrap(fit.solved, 300, 0))
+    for other in (fit.profile([name])[name], drawn[name]):
         assert other[1] - other[0] == pytest.approx(upper - lower, rel=0.35)
         assert other[0] < fit.values[name] < other[1]
     assert np.all(np.linalg.eigvalsh(fit.correlation) > -1e-9)

