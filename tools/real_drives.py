@@ -16,8 +16,8 @@ import numpy as np
 import published_models
 from pneudrive.errors import PneudriveWarning
 from pneudrive.friction.characterisation import characterise_recordings as characterise
+from pneudrive.identify.follow.driven import driven_recordings
 from pneudrive.identify.follow.fit import FollowFit, identify_motion
-from pneudrive.identify.follow.motion import driven_recordings
 from pneudrive.identify.follow.problem import FollowProblem, solve_follow
 from pneudrive.identify.follow.regulator import RegulatorFit, identify_regulator
 from pneudrive.numbers import plain

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import SourcePaper, characterise_recordings
-from pneudrive.identify.static.seals import row_seals_and_runs
+from pneudrive.identify.static.fit import row_seals_and_runs
 from pneudrive.identify.static.survey import held_out, survey
 
 DATA = Path(__file__).resolve().parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"

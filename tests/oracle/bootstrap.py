@@ -13,7 +13,7 @@ import numpy as np
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import intervals_of_draws
 from pneudrive.estimate.levels import SAME_SPEED
-from pneudrive.identify.determined import Intervals
+from pneudrive.identify.base import Intervals
 from pneudrive.identify.dynamic.search import SINGULAR_SHARE
 from pneudrive.identify.static.robust import estimate
 from pneudrive.identify.static.survey import pressure_levels
@@ -22,7 +22,7 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.identify.dynamic.uncertainty import Solved
+    from pneudrive.identify.dynamic.search import Solved
     from pneudrive.identify.static.model import Observations
     from pneudrive.identify.static.result import FrictionFit
 

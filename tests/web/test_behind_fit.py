@@ -13,8 +13,7 @@ from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as run_command
 from pneudrive.errors import FitError
-from pneudrive.identify.static.result import FrictionFit
-from pneudrive.identify.static.with_map import ellipses, with_map
+from pneudrive.identify.static.result import FrictionFit, ellipses, with_map
 from web.conftest import Served
 from web.maps import WIDE, coulomb, friction_map, stribeck
 from web.test_friction import post

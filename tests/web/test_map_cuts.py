@@ -12,7 +12,7 @@ import xarray as xr
 import pneudrive as pn
 from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as run_command
-from pneudrive.identify.static.seals import fit_file
+from pneudrive.identify.static.fit import fit_file
 from web.conftest import Served
 from web.maps import WIDE, coulomb, friction_map, stribeck
 from web.test_recordings import get

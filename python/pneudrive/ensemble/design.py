@@ -13,8 +13,8 @@ from pneudrive.ensemble.rows import SAMPLERS, GridRows, Marginals, NormalCoordin
 from pneudrive.ensemble.variation import check_lengths
 from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import chosen
-from pneudrive.identify.determined import names_of
-from pneudrive.identify.dynamic.transforms import transforms_of
+from pneudrive.identify.base import names_of
+from pneudrive.identify.dynamic.fit import transforms_of
 from pneudrive.identify.static.model import PRESSURE_NAMES
 from pneudrive.identify.static.result import slope_key
 from pneudrive.repr_tables import Shown

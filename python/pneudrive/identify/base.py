@@ -5,41 +5,129 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr, ValidationError
 
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.estimates import student
-from pneudrive.identify.determined import (
-    MODEL_ERROR_WORDS,
-    SIMULATED,
-    Intervals,
-    Undetermined,
-    names_of,
-    shown_in,
-    whole_interval,
-)
-from pneudrive.identify.fit_file import check_shape, fields_of
+from pneudrive.estimate.estimates import NORMAL_95, student
 from pneudrive.identify.identified import Identified, correlations_of, joined
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import whole
+from pneudrive.units import readable
 from pneudrive.views import ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
     from typing_extensions import Self
 
-    from pneudrive.identify.determined import FittedData
     from pneudrive.identify.export.convert import Exported
     from pneudrive.identify.static.friction_curve import SlidingCurve
 
     Array = NDArray[np.float64]
+
+#: Note of a fit of simulated data.
+SIMULATED = "from simulated recordings"
+#: Explanation of the numbers after "model ±".
+MODEL_ERROR_WORDS = (
+    "95 %: interval from noise; model ±: change of the value if each held number has an error of 1 % (assumed)"
+)
+
+
+@dataclass(frozen=True)
+class Undetermined:
+    """Parameter that the data do not determine.
+
+    Attributes
+    ----------
+    parameter : str
+    reason : str
+        Reason in words.
+    remedy : str
+        Measurement that would determine it.
+    """
+
+    parameter: str
+    reason: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.parameter} cannot be determined: {self.reason}. Remedy: {self.remedy}."
+
+
+@dataclass(frozen=True)
+class FittedData:
+    """Measured values and those of the model, SI, shape (n,) each.
+
+    ``x`` and ``y`` name the columns: ``time_s``, ``speed_m_s`` or ``reversal``, and ``position_m``, ``friction_n``, ...
+    """
+
+    x: str
+    y: str
+    at: Array
+    measured: Array
+    model: Array
+
+
+class Intervals(dict[str, tuple[float, float]]):
+    """95 % intervals by name, SI; values that the data do not determine have none.
+
+    Every result of a fit uses this type, so that no code can print, write or apply an interval of a value that the data
+    do not determine.
+
+    Parameters
+    ----------
+    ends : mapping
+        Name -> (lower, upper).
+    undetermined : iterable of str or Undetermined
+        Undetermined values, by name.
+    converged : bool
+        False if the search did not converge: then no value has an interval.
+
+    Examples
+    --------
+    >>> Intervals({"coulomb": (29.0, 31.0), "viscous": (0.0, 900.0)}, ["viscous"])
+    {'coulomb': (29.0, 31.0)}
+    """
+
+    def __init__(
+        self,
+        ends: Mapping[str, tuple[float, float]],
+        undetermined: Iterable[str | Undetermined] = (),
+        *,
+        converged: bool = True,
+    ) -> None:
+        lost = names_of(undetermined)
+        super().__init__({n: (float(a), float(b)) for n, (a, b) in ends.items() if converged and n not in lost})
+
+    def __missing__(self, name: str) -> tuple[float, float]:
+        raise KeyError(f"{name} has no interval: the data do not determine it, or the search did not converge")
+
+
+def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
+    """Return the names of undetermined values."""
+    return {str(getattr(one, "parameter", one)) for one in undetermined}
+
+
+def shown_in(si_unit: str) -> tuple[float, str]:
+    """Return the common unit of a value, also of the square of a slope, with its size in SI."""
+    return (1e-10, "N/bar2") if si_unit == "N/Pa2" else readable("1" if si_unit == "-" else si_unit)
+
+
+def whole_interval(value: float, interval: tuple[float, float], systematic: float) -> tuple[float, float]:
+    """Return a statistical interval widened by an independent standard uncertainty."""
+    if systematic == 0.0:
+        return interval
+    reach = NORMAL_95 * systematic
+    low, high = interval
+    return value - float(np.hypot(value - low, reach)), value + float(np.hypot(high - value, reach))
+
 
 T = TypeVar("T")
 
@@ -490,3 +578,164 @@ class Fit(Shown):
             plain(self.expanded_uncertainty(name) / factor, 2) if is_shared else "",
             plain(self.model_errors[name] / factor, 2) if name in self.model_errors else "",
         )
+
+
+Number = Annotated[float, Field(strict=True)]
+#: Kinds of pydantic's errors -> rule in words.
+_RULES = {
+    "missing": "is missing",
+    "string_type": "must be a text",
+    "bool_type": "must be true or false",
+    "float_type": "must be a number",
+    "list_type": "must be a list",
+    "tuple_type": "must be a list",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+}
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="allow")
+
+
+class _Value(_Table):
+    """Value of a fit with its interval."""
+
+    value: Number
+    unit: StrictStr
+    determined: StrictBool = True
+    standard_error: Number = 0.0
+    u_systematic: Number = 0.0
+    interval: tuple[Number, Number] = (0.0, 0.0)
+    model_error: Number = 0.0
+    sources: list[StrictStr] = Field(default_factory=list)
+
+
+class _Covariance(_Table):
+    names: list[StrictStr]
+    matrix: list[list[Number]]
+
+
+class _Recording(_Table):
+    name: StrictStr
+    seconds: Number = 0.0
+
+
+class _Provenance(_Table):
+    recordings: list[StrictStr | _Recording] = Field(default_factory=list)
+
+
+class _Undetermined(_Table):
+    parameter: StrictStr
+    reason: StrictStr
+    remedy: StrictStr
+
+
+class _FitFile(_Table):
+    notes: list[StrictStr] = Field(default_factory=list)
+    converged: StrictBool = True
+    covariance: _Covariance | None = None
+    undetermined: list[StrictStr | _Undetermined] = Field(default_factory=list)
+    statistics: dict[StrictStr, Number]
+    provenance: _Provenance
+
+
+class _Values(_Table):
+    values: dict[StrictStr, _Value]
+
+
+def check_shape(content: Mapping[str, Any], title: str, groups: Iterable[str], where: str, text: str) -> None:
+    """Check keys and types of a file of a fit.
+
+    Parameters
+    ----------
+    content : mapping
+        Tables of the file.
+    title : str
+        Name of this kind of fit in messages.
+    groups : iterable of str
+        Names of its tables of values; all but the first may be missing.
+    where, text : str
+        Path and text of the file, for the line of the first wrong key.
+
+    Raises
+    ------
+    FitError
+        A key is missing, or its value has another type.
+    """
+    first, *others = groups
+    try:
+        _FitFile.model_validate(content)
+        for group in (first, *(name for name in others if name in content)):
+            if group not in content:
+                raise _error(title, group, "is missing", where, text)
+            try:
+                _Values.model_validate({"values": content[group]})
+            except ValidationError as error:
+                problem = _deepest(error)
+                raise _error(title, _key((group, *problem["loc"][1:])), _rule(problem), where, text) from None
+    except ValidationError as error:
+        problem = _deepest(error)
+        raise _error(title, _key(problem["loc"]), _rule(problem), where, text) from None
+
+
+def fields_of(content: Mapping[str, Any], entries: Mapping[str, Mapping[str, Any]], first: str) -> dict[str, Any]:
+    """Return the fields of a fit from the tables of its file.
+
+    Parameters
+    ----------
+    content : mapping
+        Tables of the file.
+    entries : mapping
+        Entries of all values, by name.
+    first : str
+        Table of the values.
+
+    Raises
+    ------
+    KeyError, ValueError
+        An entry is missing, or the covariance does not fit the values.
+    """
+    names = content.get("covariance", {}).get("names", list(entries))
+    matrix = np.array(content.get("covariance", {}).get("matrix", []), dtype=np.float64)
+    if matrix.size and matrix.shape != (len(names), len(names)):
+        raise ValueError(f"covariance of shape {matrix.shape} for {len(names)} parameters")
+    return {
+        "values": {name: float(entry["value"]) for name, entry in content[first].items()},
+        "units": {name: str(entry["unit"]) for name, entry in entries.items()},
+        "free": tuple(names),
+        "covariance": matrix,
+        "intervals": {n: (e["interval"][0], e["interval"][1]) for n, e in entries.items() if "interval" in e},
+        "systematic": {n: float(e["u_systematic"]) for n, e in entries.items() if "u_systematic" in e},
+        "model_errors": {n: float(e["model_error"]) for n, e in entries.items() if "model_error" in e},
+        "sources": {n: tuple(e["sources"]) for n, e in entries.items() if "sources" in e},
+        "undetermined": tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
+        "notes": tuple(content.get("notes", ())),
+        "statistics": {name: float(value) for name, value in content["statistics"].items()},
+        "provenance": dict(content["provenance"]),
+        "converged": bool(content.get("converged", True)),
+    }
+
+
+def _deepest(error: ValidationError) -> Mapping[str, Any]:
+    """Return the problem with the longest key: it belongs to the alternative that fits best."""
+    return max(error.errors(include_url=False), key=lambda problem: len(problem["loc"]))
+
+
+def _key(place: Iterable[object]) -> str:
+    """Return the dotted key of a location, without the names of pydantic's alternatives."""
+    return ".".join(str(part) for part in place if part not in ("_Recording", "_Undetermined", "str"))
+
+
+def _rule(problem: Mapping[str, Any]) -> str:
+    return _RULES.get(str(problem["type"]), str(problem["msg"]))
+
+
+def _error(title: str, key: str, rule: str, where: str, text: str) -> FitError:
+    line = toml.line_of(text, key)
+    return FitError(
+        f"the file is not a complete {title}: {key} {rule}",
+        where=f"{where}:{line}" if line else where,
+        remedy="Give a fit.toml as pneudrive fit or pneudrive identify wrote it.",
+    )

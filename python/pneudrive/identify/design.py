@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
 from pneudrive.estimate.estimates import student
-from pneudrive.identify.determined import shown_in
+from pneudrive.identify.base import shown_in
 from pneudrive.identify.static.laws import CANDIDATES
 from pneudrive.identify.static.model import FrictionModel, at_conditions, unit_of
 from pneudrive.identify.static.result import FrictionFit

@@ -1,21 +1,30 @@
-"""Reading of files of fits of every kind, and of sources of an export."""
+"""Files of fits of every kind, sources of an export, and differences between two of them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from math import isfinite
+from typing import TYPE_CHECKING, NamedTuple
 
+from pneudrive.describe.all_values import values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import OF_A_CIRCUIT
+from pneudrive.describe.files.provenance import values
 from pneudrive.errors import DescriptionError, FitError, nearest
+from pneudrive.estimate.estimates import Estimate
 from pneudrive.identify.dynamic.presliding import Presliding
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.identify.static.law_fit import LawFit
-from pneudrive.identify.static.result import FrictionFit
-from pneudrive.identify.volume_result import VolumeFit
+from pneudrive.identify.static.result import FrictionFit, LawFit
+from pneudrive.identify.volume import VolumeFit
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding
 KINDS: dict[str, type[AnyFit]] = {kind.KIND: kind for kind in (FrictionFit, LawFit, DriveFit, VolumeFit, Presliding)}
@@ -55,3 +64,132 @@ def read_source(path: str | Path) -> AnyFit | Drive:
         )
     is_drive = "kind" not in tables and ("friction" in tables or "drive" in tables)
     return Drive.load(path) if is_drive else read_fit(path)
+
+
+class Changed(NamedTuple):
+    """One value that differs.
+
+    Attributes
+    ----------
+    key : str
+        Name in the drive file, or in the fit.
+    before, after : str
+        Values with their units; empty where one side lacks the value.
+    interval_before, interval_after : str
+        95 % intervals. Empty without an interval.
+    change : float or None
+        (after - before) / |before|, from the numbers in SI; None where one is not known, or `before` is 0.
+    """
+
+    key: str
+    before: str
+    after: str
+    interval_before: str
+    interval_after: str
+    change: float | None
+
+
+class _Side(NamedTuple):
+    texts: Mapping[str, str]
+    intervals: Mapping[str, str]
+    numbers: Mapping[str, float]
+
+
+def differences(before: Drive | AnyFit, after: Drive | AnyFit) -> list[Changed]:
+    """Return the values that differ in number or interval, in the order of the first source.
+
+    Parameters
+    ----------
+    before, after : Drive, or fit of any kind
+        Both drives, or both fits of one kind; from `pneudrive.identify.files.read_source`.
+
+    Raises
+    ------
+    FitError
+        They are not of one kind.
+
+    Examples
+    --------
+    >>> drive = Drive.load("catalogue:reference")
+    >>> (one,) = differences(drive, drive.replace({"load.mass": "2 kg"}))
+    >>> one.key, one.after
+    ('load.mass', '2 kg')
+    """
+    kinds = ["drive" if isinstance(one, Drive) else one.TITLE for one in (before, after)]
+    if kinds[0] != kinds[1]:
+        raise FitError(
+            "only results of one kind can be compared",
+            value=f"a {kinds[0]} and a {kinds[1]}",
+            rule="two drives, or two fits of one kind",
+        )
+    old, new = _side(before), _side(after)
+    return [
+        Changed(
+            key,
+            old.texts.get(key, ""),
+            new.texts.get(key, ""),
+            old.intervals.get(key, ""),
+            new.intervals.get(key, ""),
+            _change(old.numbers.get(key), new.numbers.get(key)),
+        )
+        for key in {**old.texts, **new.texts}
+        if any(getattr(old, part).get(key) != getattr(new, part).get(key) for part in ("texts", "intervals"))
+    ]
+
+
+def curve_differences(
+    before: FrictionFit, after: FrictionFit, speed_m_s: Array, gauge_a_pa: float = 0.0, gauge_b_pa: float = 0.0
+) -> list[Estimate]:
+    """Return the difference between the laws of two fits, with 95 % intervals, N.
+
+    The two fits are taken as independent. The intervals do not contain common errors of the sensors.
+
+    Parameters
+    ----------
+    before, after : FrictionFit
+        The difference is `after` less `before`.
+    speed_m_s : ndarray, shape (n,)
+    gauge_a_pa, gauge_b_pa : float
+        Gauge pressures of the chambers.
+    """
+    sides = []
+    for fit in (before, after):
+        said = fit.predict(speed_m_s, gauge_a_pa, gauge_b_pa)
+        freedom = fit.statistics["degrees_of_freedom"]
+        pairs = zip(said.friction_n.tolist(), said.stderr_n.tolist(), strict=True)
+        sides.append([Estimate.of(value, stderr, freedom) for value, stderr in pairs])
+    return [new - old for old, new in zip(*sides, strict=True)]
+
+
+def common(before: FrictionFit, after: FrictionFit, name: str) -> tuple[float, float]:
+    """Return the range of a condition that both fits have measured.
+
+    If there is no common range, the lower end is above the upper end.
+
+    Parameters
+    ----------
+    before, after : FrictionFit
+    name : str
+        ``"speed_m_s"``, ``"gauge_a_pa"`` or ``"gauge_b_pa"``.
+    """
+    (low, high), (other_low, other_high) = (fit.provenance[name] for fit in (before, after))
+    return max(low, other_low), min(high, other_high)
+
+
+def _change(before: float | None, after: float | None) -> float | None:
+    return None if before is None or after is None or before == 0.0 else (after - before) / abs(before)
+
+
+def _side(source: Drive | AnyFit) -> _Side:
+    if isinstance(source, Drive):
+        return _Side(
+            {one.key: str(one.value) for one in values_of(source)},
+            {key: " … ".join(one.interval) for key, one in source.provenance.items()},
+            {key: one.si for key, one in values(source).items()},
+        )
+    rows = {name: (f"{number} {unit}" if number else state, state) for name, number, unit, state, *_ in source.rows()}
+    return _Side(
+        {name: text.strip() for name, (text, _) in rows.items()},
+        {name: state.replace(" .. ", " … ") for name, (_, state) in rows.items() if name in source.intervals},
+        {name: value for name, value in source.values.items() if isfinite(value)},
+    )

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.identify.base import Fit
-    from pneudrive.identify.determined import FittedData
+    from pneudrive.identify.base import Fit, FittedData
     from pneudrive.report.page import Section
 
 MOST_PANELS = 12

@@ -11,17 +11,20 @@ import numpy as np
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
-from pneudrive.identify.follow.doubts import POOR, check_readings, open_recordings, other_readings, poor_fit
-from pneudrive.identify.follow.driven import DrivenCircuit
+from pneudrive.identify.follow.driven import DrivenCircuit, driven_recordings
 from pneudrive.identify.follow.fit import (
+    POOR,
     FollowFit,
     FollowRecord,
+    check_readings,
     follow_record,
     hold_values,
+    open_recordings,
+    other_readings,
+    poor_fit,
     read_follow_fit,
     record_line,
 )
-from pneudrive.identify.follow.motion import driven_recordings
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.recording import Recording

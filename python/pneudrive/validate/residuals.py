@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.dynamic.model_error import MODEL_SHARE
+from pneudrive.identify.dynamic.assemble import MODEL_SHARE
 from pneudrive.signals.motion import noise_level
 from pneudrive.validate.balance import Scene, Terms, Values, half_support, moving_mass, openings
 

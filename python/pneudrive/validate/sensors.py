@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.identify.dynamic.recordings import CHANNELS
-from pneudrive.identify.dynamic.sensors import Sensor, channels_of, command_delay
+from pneudrive.identify.dynamic.sensors import CHANNELS, Sensor, channels_of, command_delay
 from pneudrive.numbers import plain
 from pneudrive.units import readable
 

@@ -13,8 +13,8 @@ from pneudrive import __version__
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import FollowFit
-from pneudrive.identify.follow.motion import check_follow, refuse_circuit
 from pneudrive.identify.follow.regulator import RegulatorFit
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown

@@ -27,12 +27,10 @@ from pneudrive.files.tables import open_table
 from pneudrive.friction.friction_map import HASHES, read_map
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import read_fit
-from pneudrive.identify.static.fit import fingerprint
 from pneudrive.identify.static.laws import CANDIDATES
-from pneudrive.identify.static.result import FrictionFit
-from pneudrive.identify.static.sliding_fit import SlidingFit
-from pneudrive.identify.static.with_map import values_of_fit
-from pneudrive.identify.volume_result import VolumeFit
+from pneudrive.identify.static.observations import fingerprint
+from pneudrive.identify.static.result import FrictionFit, SlidingFit, values_of_fit
+from pneudrive.identify.volume import VolumeFit
 from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
 from pneudrive.signals.layout import stem
 from pneudrive.signals.load import hashes_of

@@ -12,8 +12,8 @@ import pneudrive as pn
 from pneudrive import _core
 from pneudrive.errors import FitError
 from pneudrive.identify import FrictionFit, fit_friction
-from pneudrive.identify.static.any_law import fit_any_law
-from pneudrive.identify.static.law_fit import LawFit
+from pneudrive.identify.static.fit import fit_any_law
+from pneudrive.identify.static.result import LawFit
 
 LAWS = Path(__file__).resolve().parents[3] / "examples" / "laws"
 

@@ -16,8 +16,8 @@ import pneudrive as pn
 from oracle.drive_records import record
 from pneudrive.errors import Cancelled, FitError, PneudriveWarning
 from pneudrive.free.parameters import chosen, family_of
+from pneudrive.identify.dynamic.problem import Shooter
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.identify.dynamic.shooting import Shooter
 
 pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
 STEPS = [(0.0, 0.1), (0.4, -0.15), (0.8, 0.2), (1.2, -0.1), (1.5, 0.3), (1.8, -0.3)]

@@ -208,7 +208,7 @@ def test_a_law_of_formulas_leaves_them_out_of_the_table_and_says_so():
 def test_what_was_measured_beside_sliding_is_not_lost_without_a_word(fit, tool):
     from dataclasses import replace
 
-    from pneudrive.identify.dependences import Dependences
+    from pneudrive.identify.identified import Dependences
 
     tables = {"direction": {"positive": 1.1}, "position": {"slope": "5 %/m"}}
     told = replace(fit, dependences=Dependences(tables=tables)).export(tool).text

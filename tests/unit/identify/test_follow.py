@@ -9,10 +9,8 @@ import pneudrive as pn
 from oracle.gas_spring import AREAS, CIRCUIT, Truth, positions, pressures, record
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
-from pneudrive.identify.follow.driven import DrivenCircuit
-from pneudrive.identify.follow.fit import read_follow_fit
-from pneudrive.identify.follow.motion import driven_recording
-from pneudrive.identify.follow.simulated import simulate_motion
+from pneudrive.identify.follow.driven import DrivenCircuit, driven_recording
+from pneudrive.identify.follow.fit import read_follow_fit, simulate_motion
 from pneudrive.validate.closure import close_balance
 
 ATMOSPHERE = 1.013e5

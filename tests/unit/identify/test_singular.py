@@ -8,8 +8,8 @@ import pytest
 import pneudrive as pn
 from pneudrive.errors import FitError
 from pneudrive.estimate.transforms import Transforms
+from pneudrive.identify.dynamic.problem import Shooter
 from pneudrive.identify.dynamic.search import Equations, reduced, start_solution
-from pneudrive.identify.dynamic.shooting import Shooter
 
 pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
 FREE = ["friction.coulomb", "valve.conductance"]

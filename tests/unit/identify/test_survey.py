@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from pneudrive.errors import FitError
-from pneudrive.identify.static.hierarchy import survey_values
 from pneudrive.identify.static.model import at_conditions
-from pneudrive.identify.static.survey import held_out, survey
+from pneudrive.identify.static.survey import held_out, survey, survey_values
 
 LEVELS = np.array([1e5, 3e5, 5e5, 7e5])
 

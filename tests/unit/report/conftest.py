@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pneudrive.characterise import characterise_recordings
-from pneudrive.identify.static.seals import fit_characterisation
+from pneudrive.identify.static.fit import fit_characterisation
 
 DATA = Path(__file__).resolve().parents[3] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 SOME = ["friction/Kidney_lc_1bar", "friction/Kidney_lc_4bar", "friction/Kidney_lc_7bar", "friction/O-ring_1bar"]

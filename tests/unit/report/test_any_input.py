@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import characterise_recordings, load_recordings
-from pneudrive.identify.static.seals import fit_characterisation
+from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report import write_report
 from pneudrive.report.page import Report
 from pneudrive.report.recording.verdict import verdict

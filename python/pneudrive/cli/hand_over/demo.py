@@ -30,7 +30,7 @@ def demo(
     from pneudrive.errors import CommandError
     from pneudrive.friction.characterisation import characterise_recordings
     from pneudrive.friction.friction_map import write_map
-    from pneudrive.identify.static.seals import fit_characterisation, fit_file
+    from pneudrive.identify.static.fit import fit_characterisation, fit_file
     from pneudrive.report import write_report
     from pneudrive.report.recording.verdict import verdict
     from pneudrive.report.study import WithSections

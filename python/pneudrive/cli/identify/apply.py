@@ -33,7 +33,7 @@ def apply(
     from pneudrive.errors import CommandError
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.files import read_fit
-    from pneudrive.identify.volume_result import VolumeFit
+    from pneudrive.identify.volume import VolumeFit
 
     check_outputs(out, (".toml",))
     found = read_fit(fit)

@@ -109,7 +109,7 @@ def design(
 
 def _shared(fit: FrictionFit, plan: Design) -> list[str]:
     """Return a note if errors shared by all points exceed the errors that more points reduce."""
-    from pneudrive.identify.determined import shown_in
+    from pneudrive.identify.base import shown_in
     from pneudrive.identify.static.model import unit_of
 
     out = []

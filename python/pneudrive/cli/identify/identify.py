@@ -117,7 +117,7 @@ def _motion(
 
 def _show(progress: Progress) -> None:
     """Write the rms residual of each channel. The cost is left out: each phase weights the residuals anew."""
-    from pneudrive.identify.dynamic.recordings import CHANNELS
+    from pneudrive.identify.dynamic.sensors import CHANNELS
 
     rms = []
     for name, value in progress.rms.items():

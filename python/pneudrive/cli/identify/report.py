@@ -29,8 +29,7 @@ def report(
     from pneudrive.errors import CommandError
     from pneudrive.friction.friction_map import read_map
     from pneudrive.identify.files import read_fit
-    from pneudrive.identify.static.sliding_fit import SlidingFit
-    from pneudrive.identify.static.with_map import with_map
+    from pneudrive.identify.static.result import SlidingFit, with_map
 
     found = read_fit(fit)
     if friction_map is not None:

@@ -50,8 +50,7 @@ def characterise(
     from pneudrive.friction.conditions import ALL_RECORDINGS
     from pneudrive.friction.friction_map import write_map
     from pneudrive.friction.motion import SAMPLE_CHOICES
-    from pneudrive.identify.static.fit import LAWS
-    from pneudrive.identify.static.seals import fit_characterisation
+    from pneudrive.identify.static.fit import LAWS, fit_characterisation
     from pneudrive.report import write_report
     from pneudrive.signals.load import recordings_in
     from pneudrive.validate.closure import close_balance

@@ -58,8 +58,7 @@ def compare(
 
 def _values(first: str, second: str) -> None:
     """Print the values that differ between two drives or fits."""
-    from pneudrive.identify.files import read_source
-    from pneudrive.identify.static.differences import differences
+    from pneudrive.identify.files import differences, read_source
     from pneudrive.identify.static.result import FrictionFit
 
     sources = read_source(first), read_source(second)
@@ -78,7 +77,7 @@ def _curves(before: FrictionFit, after: FrictionFit) -> None:
     """Print the difference between the curves of two fits, at speeds and pressures that both have measured."""
     import numpy as np
 
-    from pneudrive.identify.static.differences import common, curve_differences
+    from pneudrive.identify.files import common, curve_differences
 
     low, high = common(before, after, "speed_m_s")
     gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]

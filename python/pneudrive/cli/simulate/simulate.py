@@ -92,7 +92,7 @@ def simulate(
 
 def _along(circuit: str, motion: Path, layout: Path | None, out: Path | None) -> None:
     """Simulate a circuit along a recorded motion."""
-    from pneudrive.identify.follow.simulated import simulate_motion
+    from pneudrive.identify.follow.fit import simulate_motion
     from pneudrive.simulation.trajectory import save_columns
 
     columns, provenance = simulate_motion(circuit, motion, layout=layout)

@@ -20,9 +20,8 @@ from pneudrive.estimate.estimates import Estimate, mean_estimate
 from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.stops.dwell_law import ASSUMED_DISTANCE_M, FEWEST_STOPS, ContactAge, fit_contact_age
 from pneudrive.friction.conditions import BOTH
-from pneudrive.identify.dependences import Dependences
-from pneudrive.identify.static.fit import LAWS
-from pneudrive.identify.static.seals import fit_groups
+from pneudrive.identify.identified import Dependences
+from pneudrive.identify.static.fit import LAWS, fit_groups
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

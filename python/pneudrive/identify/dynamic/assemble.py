@@ -1,37 +1,356 @@
-"""Result of a dynamic identification from the end of its search: values, intervals, notes, statistics."""
+"""Result of a dynamic identification from the end of its search: values, intervals, notes, statistics.
+
+Lower limit of the model error of identified values: effect of errors in held numbers.
+
+An interval covers only the noise of the sensors and becomes smaller with every sample, while the model is never exact.
+Here each held
+number of the description (bore, supply pressure, conductance, ...) has an error of `MODEL_SHARE`, the fraction of the
+balances' terms that the diagnosis ignores. The free values respond by least squares on the balances along the
+recordings (force in sliding, both pressure rates):
+
+    d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
+
+Phi are the derivatives of the balances' residuals by the free values, and d e_h their change with the held number h. W
+weights each balance by one over the mean square of its terms. The formula uses the motion of the recordings, but not
+their noise.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive import __version__
+from pneudrive import __version__, _core
+from pneudrive.errors import FitError, PneudriveError
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import intervals as intervals_at
-from pneudrive.free.parameters import Parameter, numbers_of
-from pneudrive.identify.determined import SIMULATED
-from pneudrive.identify.dynamic.mixture import applied_note
-from pneudrive.identify.dynamic.model_error import model_errors
-from pneudrive.identify.dynamic.result import DriveFit, Series, fit_hash
-from pneudrive.identify.dynamic.uncertainty import profile
-from pneudrive.identify.dynamic.undetermined import LARGEST_REACH, statements
+from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
+from pneudrive.identify.base import SIMULATED, Undetermined
+from pneudrive.identify.dynamic.problem import Iterate
+from pneudrive.identify.dynamic.result import KEPT, DriveFit, Series, fit_hash
+from pneudrive.identify.dynamic.search import profile
 from pneudrive.numbers import plain
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping
+
     from numpy.typing import NDArray
 
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.dynamic.problem import FitProblem
-    from pneudrive.identify.dynamic.search import Watcher
-    from pneudrive.identify.dynamic.solved import Attempt, SearchOptions
-    from pneudrive.identify.dynamic.uncertainty import Solved
+    from pneudrive.identify.dynamic.search import Attempt, SearchOptions, Solved, Watcher
     from pneudrive.signals.drive_recording import DriveRecording
 
     Array = NDArray[np.float64]
+
+
+def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
+    """Return a note that compares the error of a free run with the applied values and with the fitted ones.
+
+    The start of each recording and the errors of its sensors are those of the fit. The fit has no such note if no
+    values were kept, or none was determined.
+
+    Parameters
+    ----------
+    solved : Solved
+        End of the search.
+    kept : collection of str
+        Undetermined values, which keep their start value.
+    """
+    problem = solved.problem
+    places = [i for i, p in enumerate(problem.parameters) if p.name in kept]
+    if not places or len(places) == problem.drive_size:
+        return []
+    fitted = problem.values(solved.point.eta)
+    mixed = fitted.copy()
+    mixed[places] = [problem.parameters[i].value for i in places]
+    before, after = _free_run(solved, fitted), _free_run(solved, mixed)
+    words = f"{KEPT}{', '.join(problem.parameters[i].name for i in places)} in addition to the fitted values: "
+    if not after:
+        return [f"{words}this mixture cannot be simulated"]
+    shown = {c.name: readable(c.unit) for e in problem.experiments for c in e.channels}
+    errors = []
+    for name, rms in after.items():
+        factor, unit = shown[name]
+        fitted_words = f" (fitted values: {plain(before[name] / factor)} {unit})" if before else ""
+        errors.append(f"{plain(rms / factor)} {unit} in {name}{fitted_words}")
+    return [f"{words}the error of a free run of this mixture is {', '.join(errors)}, rms"]
+
+
+def _free_run(solved: Solved, values: Array) -> dict[str, float]:
+    """Return the root mean square error of each channel of free runs, SI; empty if a run fails."""
+    problem, whole = solved.problem, np.zeros(1, dtype=np.int64)
+    shooters = [experiment.shooter for experiment in problem.experiments]
+    point = Iterate(problem.transforms.internal(values), [states[:1] for states in solved.point.states])
+    try:
+        for experiment in problem.experiments:
+            experiment.shooter = experiment.shooter.with_starts(whole)
+        shots = problem.run(point, derivatives=False)
+        if isinstance(shots, str):
+            return {}
+        return problem.rms([
+            problem.measure(i, point.eta, slice(None), s.outputs, np.zeros((*s.outputs.shape, problem.size)))[0]
+            for i, s in enumerate(shots)
+        ])  # fmt: skip
+    except FitError:  # the core rejects such a drive
+        return {}
+    finally:
+        for experiment, shooter in zip(problem.experiments, shooters, strict=True):
+            experiment.shooter = shooter
+
+
+#: Relative error of each term of a model of a drive (assumed).
+MODEL_SHARE = 0.01
+#: Share of the greatest speed below which friction is not that of sliding.
+SLIDES = 0.01
+#: Share of the largest scaled derivative below which a direction is not determined.
+SINGULAR_SHARE = 1e-3
+_STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
+
+
+def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> dict[str, float]:
+    """Return the lower limit of the model error of each free value with an effect on sliding, SI."""
+    if not drive.is_plain:  # the balances of the chambers differ
+        return {}
+    found = solved.problem.values(solved.point.eta)[: len(parameters)]
+    free = [replace(p, value=float(value)) for p, value in zip(parameters, found, strict=True)]
+    held = _held(drive, free, solved)
+    family = family_of(drive, [*free, *held])
+    values = np.array([p.value for p in (*free, *held)])
+    steps = np.array([MODEL_SHARE * max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held)])
+    try:
+        motions = [_motion(solved, index) for index in range(len(solved.problem.experiments))]
+        at = [_balances(family, values, motion) for motion in motions]
+        scale = np.sqrt([sum(np.sum(one[1][b] ** 2) for one in at) for b in range(3)])
+        here = [balances for balances, _ in at]
+        columns = np.column_stack(
+            [_change(family, values, k, steps[k], zip(motions, here, strict=True), scale) for k in range(values.size)]
+        )
+    except (PneudriveError, ValueError):
+        return {}
+    if not np.isfinite(columns).all():
+        return {}
+    own, off = columns[:, : len(free)], columns[:, len(free) :]
+    size = np.linalg.norm(own, axis=0)
+    shown = size > 0.0
+    inverse = np.linalg.pinv(own[:, shown] / size[shown], rcond=SINGULAR_SHARE) / size[shown][:, None]
+    floor = np.linalg.norm(inverse @ off, axis=1) * steps[: len(free)][shown]
+    names = [p.name for p, one in zip(free, shown, strict=True) if one]
+    return dict(zip(names, floor.tolist(), strict=True))
+
+
+def _held(drive: Drive, free: list[Parameter], solved: Solved) -> list[Parameter]:
+    """Return the held numbers of the drive that are not derived from free ones, with their values."""
+    family = solved.problem.experiments[0].shooter.family
+    known = {*family.paths, *(one.path for one in family.settled), *(p.core for p in free)}
+    every = [replace(p, value=family.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
+    return [p for p in every if p.value != 0.0 and not p.name.startswith(("gas.", "valve.linear_above"))]
+
+
+def _motion(solved: Solved, index: int) -> dict[str, Array]:
+    """Return the states of the fitted model along a recording, without noise."""
+    experiment = solved.problem.experiments[index]
+    shooter = experiment.shooter.with_outputs(_STATES)
+    values = solved.problem.values(solved.point.eta)[: solved.problem.drive_size]
+    states = shooter.run(values, solved.point.states[index], derivatives=False).outputs
+    motion = {name: np.ascontiguousarray(states[:, k]) for k, name in enumerate(_STATES)}
+    recording = shooter.recording
+    start = solved.point.states[index][0]
+    return motion | {"time_s": recording.time_s, "command": recording["command"], "temperatures": start[[3, 5]]}
+
+
+def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
+    """Return the balances along a motion, and their terms: force in sliding, N, and pressure rates, Pa/s."""
+    out = family.core(values).along(
+        motion["time_s"],
+        motion["position_m"],
+        motion["velocity_m_s"],
+        motion["pressure_a_pa"],
+        motion["pressure_b_pa"],
+        _core.valve_openings(motion["command"]),
+        [float(t) for t in motion["temperatures"]],
+    )
+    if "slides" not in motion:  # at the solution; changes of numbers are evaluated along the same motion
+        speed = np.abs(motion["velocity_m_s"])
+        motion["slides"] = (speed > SLIDES * speed.max()) & (out["end_stop_force_n"] == 0.0)
+    slides = motion["slides"]
+    pushed, friction = out["force_n"] * slides, out["friction_n"] * slides
+    mass = family.get("cylinder.moving_mass") + family.get("load.mass")
+    if "inertia_n_kg" not in motion:
+        motion["inertia_n_kg"] = (pushed - friction) / mass
+    residual = mass * motion["inertia_n_kg"] - pushed + friction
+    rates = [out["pressure_rate_a_pa_s"], out["pressure_rate_b_pa_s"]]
+    return [residual, *rates], [np.hypot(pushed, friction), *rates]
+
+
+def _change(
+    family: DriveFamily,
+    values: Array,
+    k: int,
+    step: float,
+    motions: Iterable[tuple[dict[str, Array], list[Array]]],
+    scale: Array,
+) -> Array:
+    """Return the change of all balances, relative to their terms, for a step of one number of the drive.
+
+    `motions` are given with their balances at `values`.
+    """
+    parts = []
+    for motion, here in motions:
+        for sign in (1.0, -1.0):  # a number at a bound is changed in the other direction
+            beside = values.copy()
+            beside[k] += sign * step
+            try:
+                there = _balances(family, beside, motion)[0]
+            except PneudriveError:
+                if sign < 0.0:
+                    raise
+                continue
+            parts += [sign * (b - a) / s for a, b, s in zip(here, there, scale, strict=True)]
+            break
+    return np.concatenate(parts)
+
+
+#: Largest distance of a 95 % interval's end, as a share of the value, for a determined value.
+LARGEST_REACH = 0.5
+#: Ratio of the ends of an interval beyond which a value has no effect.
+NO_EFFECT = 1e6
+#: Component of a vanishing direction from which a parameter counts as part of it.
+TAKES_PART = 0.3
+#: Correlation above which two values are only determined together.
+TOGETHER = 0.95
+#: An encoder resolves bristles whose deflection before breakaway, Fs/sigma0, is at least ten of its steps.
+RESOLVED_SHARE = 0.1
+
+_REMEDIES = {
+    "friction.coulomb": "record steady sliding in both directions at two speeds or more",
+    "friction.viscous": "record faster sliding, and at two speeds at least",
+    "friction.breakaway": "record starts from rest and speeds below the Stribeck velocity",
+    "friction.stribeck_velocity": "record slow sliding, from half to three times the Stribeck velocity",
+    "friction.stribeck_exponent": "record slow sliding at five speeds about the Stribeck velocity, or fix it at 2",
+    "friction.bristle_stiffness": "record slow reversals with an encoder that resolves a tenth of Fs/sigma0",
+    "friction.bristle_damping": "record a tap on the resting piston, or fix it",
+    "friction.damping_fade_velocity": "fix it: only fast motion out of stick depends on it",
+    "friction.breakaway_share": "record loads that come and go below breakaway",
+    "friction.pressure.*": "change the pressure of this chamber by 1 bar, independently of the other chamber",
+    "friction.direction.*": "record both directions",
+    "friction.dwell.*": "record starts after stops of different length, from 0.1 s to the longest that matters",
+    "friction.relaxation.*": "record holds under load after motion",
+    "friction.position.*": "record over the whole stroke",
+    "friction.side_load.*": "fix it: a side load has the same effect as the Coulomb force",
+    "valve.conductance": "record fast motion with choked flow at a known supply pressure",
+    "valve.overlap": "record motion at small and at large commands",
+    "valve.critical_pressure_ratio": "record fills and releases that end near supply and ambient pressure",
+    "valve.*": "measure the valve by itself (ISO 6358)",
+    "cylinder.dead_volume.a": "record motion near the end of chamber a",
+    "cylinder.dead_volume.b": "record motion near the end of chamber b",
+    "cylinder.heat_transfer*": "record a pressure that settles with the valve shut after a fast fill",
+    "cylinder.wall_temperature": "measure it",
+    "cylinder.moving_mass": "record fast reversals, or weigh it",
+    "load.mass": "record fast reversals, or weigh it",
+    "load.force": "record both directions, slowly",
+    "cylinder.incline": "measure it, or record both directions, slowly",
+    "*leak*": "record pressures with the valve shut for tens of seconds",
+    "supply.*": "measure it",
+    "ambient.*": "measure it",
+    "*.offset": "read the sensor at a known position or at ambient pressure",
+    "*.gain": "calibrate the sensor",
+    "*.lag": "record fast changes of this channel",
+    "command.delay": "record steps of the command",
+}
+_ANY = "record motion that depends on it, or fix it"
+
+
+def remedy_for(name: str) -> str:
+    """Return the recording that would determine a value, in words."""
+    plain = name.partition(" [")[0]
+    return next((text for pattern, text in _REMEDIES.items() if fnmatchcase(plain, pattern)), _ANY)
+
+
+def statements(
+    names: list[str],
+    values: Array,
+    sizes: Array,
+    intervals: dict[str, tuple[float, float]],
+    units: Mapping[str, str],
+    correlation: Array,
+    weak: Array,
+) -> list[Undetermined]:
+    """Return statements on values that the recordings do not determine.
+
+    Parameters
+    ----------
+    names, values
+        Names and values of the free numbers, SI, shape (P,).
+    sizes : ndarray, shape (P,)
+        Reference for the width of an interval: the value, or a usual change of a value that may be zero.
+    intervals : dict
+        95 % intervals.
+    units : mapping
+        SI units.
+    correlation : ndarray, shape (P, P)
+    weak : ndarray, shape (w, P)
+        Directions of the scaled coordinates that vanish.
+    """
+    out: dict[str, Undetermined] = {}
+    for direction in weak:
+        part = [n for n, share in zip(names, direction, strict=True) if abs(share) > TAKES_PART]
+        others = {n: [m for m in part if m != n] for n in part}
+        for n in part:
+            if others[n]:
+                reason = f"it can change together with {', '.join(others[n])} without an effect on the recordings"
+                rest = f"{remedy_for(n)}; or fix {' or '.join(others[n])}"
+            else:
+                reason, rest = "the recordings do not depend on it", remedy_for(n)
+            out.setdefault(n, Undetermined(n, reason, rest))
+    for i, n in enumerate(names):
+        lower, upper = intervals[n]
+        if n in out or _is_sensor(n) or not max(values[i] - lower, upper - values[i]) > LARGEST_REACH * sizes[i]:
+            continue
+        factor, unit = readable(units[n])
+        reason = f"anything from {plain(lower / factor)} to {plain(upper / factor)} {unit}".rstrip() + " fits"
+        if upper > NO_EFFECT * lower > 0.0:
+            reason = "the recordings do not depend on it"
+        partners = [m for j, m in enumerate(names) if j != i and abs(correlation[i, j]) > TOGETHER]
+        if partners:
+            reason += f", which is determined only together with {', '.join(partners)}"
+        out[n] = Undetermined(n, reason, remedy_for(n))
+    return [out[n] for n in names if n in out]
+
+
+def _is_sensor(name: str) -> bool:
+    """Return whether a value is an offset or similar, which has no relative width.
+
+    Such a value is undetermined only if its direction vanishes.
+    """
+    return name.partition(" [")[0].endswith((".offset", ".lag", ".gain", ".delay"))
+
+
+def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) -> Undetermined | None:
+    """Return a statement if the encoder does not resolve the bristles, and the damping is not determined.
+
+    Parameters
+    ----------
+    step_m : float
+        Resolution of the position sensor: the larger of its step and its noise.
+    breakaway_n, stiffness_n_m : float
+        Fs and sigma0.
+    """
+    deflection = breakaway_n / stiffness_n_m
+    if step_m <= RESOLVED_SHARE * deflection:
+        return None
+    return Undetermined(
+        "friction.bristle_damping",
+        f"the position is known to {1e6 * step_m:.3g} um, but the bristles deflect only {1e6 * deflection:.3g} um "
+        "before breakaway: the sensor must resolve a tenth of this deflection",
+        f"measure the position to {1e6 * RESOLVED_SHARE * deflection:.2g} um; it is held at its start value",
+    )
+
 
 #: Correlation of residuals, in samples, above which there is a note, unless their variance is only that of the solver.
 CORRELATED, SOLVER_SHARE = 10.0, 0.1

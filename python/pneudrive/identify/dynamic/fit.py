@@ -8,20 +8,44 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import robust_deviation
+from pneudrive.estimate.transforms import Transforms
 from pneudrive.free.parameters import Parameter, chosen, family_of, with_shape
-from pneudrive.identify.dynamic.assemble import assembled
-from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
-from pneudrive.identify.dynamic.recordings import CHANNELS, channels_in
-from pneudrive.identify.dynamic.search import Joined, Progress, Watcher, join_segments, linearise, predict_segments
-from pneudrive.identify.dynamic.sensors import Channel, Sensor, channels_of, command_delay, sensor_parameters
-from pneudrive.identify.dynamic.shooting import Shooter, segment_starts
-from pneudrive.identify.dynamic.solved import LADDER_S, SECOND_LADDER_S, Attempt, SearchOptions
-from pneudrive.identify.dynamic.states import measured_starts, observed, white_noise
-from pneudrive.identify.dynamic.transforms import transforms_of
-from pneudrive.identify.dynamic.uncertainty import Solved, information
-from pneudrive.identify.dynamic.undetermined import unresolved_damping
+from pneudrive.identify.dynamic.assemble import assembled, unresolved_damping
+from pneudrive.identify.dynamic.problem import (
+    FitProblem,
+    FittedRecording,
+    Iterate,
+    Shooter,
+    measured_starts,
+    observed,
+    segment_starts,
+    white_noise,
+)
+from pneudrive.identify.dynamic.search import (
+    LADDER_S,
+    SECOND_LADDER_S,
+    Attempt,
+    Joined,
+    Progress,
+    SearchOptions,
+    Solved,
+    Watcher,
+    information,
+    join_segments,
+    linearise,
+    predict_segments,
+)
+from pneudrive.identify.dynamic.sensors import (
+    CHANNELS,
+    Channel,
+    Sensor,
+    channels_in,
+    channels_of,
+    command_delay,
+    sensor_parameters,
+)
+from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import identify_motion
-from pneudrive.identify.follow.motion import check_follow, refuse_circuit
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.signals.drive_recording import read_drive_recordings
 from pneudrive.signals.plausible import check_plausible, refuse_standstill, time_gaps
@@ -34,13 +58,42 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
+    from pneudrive.identify.dynamic.problem import Recorded
     from pneudrive.identify.dynamic.result import DriveFit
-    from pneudrive.identify.dynamic.shooting import Recorded
+    from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.identify.follow.fit import FollowFit
     from pneudrive.progress import Flag
     from pneudrive.signals.drive_recording import DriveRecording
 
     Array = NDArray[np.float64]
+
+#: Start value of the excess Fs - Fc for a drive without excess, as a share of Fc.
+_LEAST_EXCESS = 0.02
+
+
+def transforms_of(parameters: Sequence[Parameter], sensors: Sequence[SensorParameter], drive: Drive) -> Transforms:
+    """Return the coordinates of free values of a drive and its sensors.
+
+    The breakaway force is the Coulomb force plus an excess, so it is never lower. If one of these forces is held, it
+    limits the other.
+    """
+    names, held = [p.name for p in parameters], drive.friction.parameters
+    every = [*parameters, *sensors]
+    upper = np.array([p.upper for p in every])
+    place = {name: names.index(f"friction.{name}") for name in ("coulomb", "breakaway") if f"friction.{name}" in names}
+    if "coulomb" in place and "breakaway" not in place and "breakaway" in held:
+        upper[place["coulomb"]] = held["breakaway"]
+    if "valve.critical_pressure_ratio" in names:
+        upper[names.index("valve.critical_pressure_ratio")] = drive.valve.linear_above
+    return Transforms(
+        [p.lower for p in every],
+        upper,
+        [p.size if np.isinf(p.lower) else 1.0 for p in every],
+        excess=place.get("breakaway") if "coulomb" in held else None,
+        over=place.get("coulomb", held.get("coulomb", 0.0)),
+        least_excess=_LEAST_EXCESS,
+    )
+
 
 RTOL = 1e-6
 #: Sizes of the outputs for the solver's error, by unit.

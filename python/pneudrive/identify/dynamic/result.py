@@ -11,10 +11,8 @@ import numpy as np
 
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import warn
-from pneudrive.identify.base import HASH_DIGITS, Fit
-from pneudrive.identify.determined import FittedData
-from pneudrive.identify.dynamic.mixture import warn_of_mixture
-from pneudrive.identify.dynamic.recordings import CHANNELS
+from pneudrive.identify.base import HASH_DIGITS, Fit, FittedData
+from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.identified import apply_identified
 from pneudrive.identify.static.friction_curve import SlidingCurve, curve_of_drive
 from pneudrive.numbers import plain
@@ -22,13 +20,17 @@ from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.dynamic.uncertainty import Solved
+    from pneudrive.identify.dynamic.search import Solved
 
     Array = NDArray[np.float64]
+
+
+#: Start of the note.
+KEPT = "apply keeps the start value of "
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class DriveFit(Fit):
         the search did not converge.
     model_errors : dict
         Value or sensor -> lower limit of the model error: its change for errors of 1 % in each held number, in
-        quadrature (`pneudrive.identify.dynamic.model_error`).
+        quadrature (`pneudrive.identify.dynamic.assemble`).
     sources : dict
         Name -> names of its recordings.
     undetermined : tuple of Undetermined
@@ -216,3 +218,25 @@ def fit_hash(provenance: Mapping[str, Any], values: Mapping[str, float]) -> str:
     """Return a hash of the recordings, options and values of a fit."""
     text = json.dumps({"provenance": dict(provenance), "values": dict(values)}, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]
+
+
+def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: bool) -> None:
+    """Warn of start values that are combined with fitted ones; include the error of this mixture if it is known.
+
+    Parameters
+    ----------
+    notes : sequence of str
+        Notes of the fit.
+    kept : collection of str
+        Undetermined values.
+    same_start : bool
+        Whether the kept values are those of the start of the search.
+    """
+    note = next((note for note in notes if note.startswith(KEPT)), None)
+    if note is not None and same_start:
+        warn(note)
+    elif kept:
+        warn(
+            f"the recordings do not determine {', '.join(sorted(kept))}, so that the fitted values are combined with "
+            "values outside the fit: run `pneudrive validate` on the result"
+        )

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.follow.driven import DrivenCircuit, Number
-    from pneudrive.identify.follow.motion import DrivenRecording
+    from pneudrive.identify.follow.driven import DrivenCircuit, DrivenRecording, Number
     from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]

@@ -1,30 +1,63 @@
-"""Fit a sliding friction law to a friction map."""
+"""Fits of friction laws to friction maps.
+
+`fit_friction` is for laws that are linear in their forces. It gives profile intervals, and fits a part of the law if
+the data do not determine more. `fit_any_law` uses only the bounds of a law: the search has several starts, and the
+intervals are first order, in the logarithm of positive parameters. Parameters without effect on steady sliding keep
+their given values.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive import __version__
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.estimates import changed
+from pneudrive.estimate.estimates import changed, student
+from pneudrive.estimate.information import covariance_of, shift_of, weak_coordinates
 from pneudrive.estimate.losses import LOSSES
-from pneudrive.friction.pressure import CONFOUNDED
-from pneudrive.identify.determined import SIMULATED
-from pneudrive.identify.diagnose import choose_model, diagnose
-from pneudrive.identify.static.assemble import assembled
-from pneudrive.identify.static.model import PRESSURE_FORMS, STRIBECK_SHAPES, FrictionModel, Observations
-from pneudrive.identify.static.model_selection import Support, interval_over_shapes, shrunk_to_the_data, with_knee
-from pneudrive.identify.static.observations import observations
+from pneudrive.estimate.profile import profile_interval
+from pneudrive.estimate.transforms import intervals
+from pneudrive.friction.conditions import ALL_RECORDINGS, group_of
+from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
+from pneudrive.identify.static.diagnose import (
+    Support,
+    choose_model,
+    diagnose,
+    interval_over_shapes,
+    shrunk_to_the_data,
+    with_knee,
+)
+from pneudrive.identify.static.model import (
+    PRESSURE_FORMS,
+    STRIBECK_SHAPES,
+    UNITS,
+    AnyLaw,
+    FrictionModel,
+    Observations,
+    unit_of,
+)
+from pneudrive.identify.static.observations import ambient_of, fingerprint, observations, recordings_of, simulated
+from pneudrive.identify.static.result import FrictionFit, LawFit
+from pneudrive.identify.static.robust import deviance, estimate
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     import xarray as xr
+    from numpy.typing import NDArray
 
-    from pneudrive.identify.static.result import FrictionFit
+    from pneudrive.describe.tables.friction import Friction
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.identify.base import Undetermined
+    from pneudrive.identify.static.model import StaticLaw
+    from pneudrive.identify.static.robust import RobustEstimate
+
+    Array = NDArray[np.float64]
 
 LAWS = ("coulomb", "stribeck")
 
@@ -172,23 +205,6 @@ def fit_values(
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
 
 
-#: Largest number of listed recordings; more are given by their number, the first and the last one.
-MOST_RECORDINGS = 50
-
-
-def recordings_of(friction_map: xr.Dataset) -> list[str]:
-    """Return the names of the recordings of a map."""
-    if "recording" not in friction_map:
-        return []
-    names = list(dict.fromkeys(str(name) for name in friction_map["recording"].to_numpy()))
-    return names if len(names) <= MOST_RECORDINGS else [f"{len(names)} recordings from {names[0]} to {names[-1]}"]
-
-
-def simulated(friction_map: xr.Dataset) -> list[str]:
-    """Return a note if the map is known to be of simulated recordings."""
-    return [SIMULATED] if friction_map.attrs.get("synthetic", False) else []
-
-
 def _ranges(data: Observations) -> dict[str, object]:
     """Return the lowest and highest speed and gauge pressures, outside which the fit is an extrapolation."""
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
@@ -225,30 +241,6 @@ def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: o
     return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
 
 
-def fingerprint(data: Observations) -> str:
-    """Return the SHA-256 of the values of the fit."""
-    import hashlib
-
-    columns = (data.speed_m_s, data.friction_n, data.stderr_n, data.gauge_a_pa, data.gauge_b_pa)
-    return hashlib.sha256(np.ascontiguousarray(np.stack(columns), dtype="<f8").tobytes()).hexdigest()
-
-
-def ambient_of(friction_map: xr.Dataset, given: float | None, needed: bool) -> float:
-    """Return the ambient pressure as reference of gauge pressures, Pa; 0 if it is unknown and not needed."""
-    value = given if given is not None else friction_map.attrs.get("ambient_pressure_pa")
-    if value is None:
-        if needed:
-            raise FitError(
-                "the friction map has no ambient pressure",
-                rule="pressure_dependence needs gauge pressures",
-                remedy="Pass ambient_pressure_pa, for example 101300.0.",
-            )
-        return 0.0
-    if not np.isfinite(value) or value <= 0.0:
-        raise FitError("the ambient pressure must be positive", value=f"ambient_pressure_pa = {value}")
-    return float(value)
-
-
 def _confounding(data: Observations, pressure_dependence: bool) -> list[str]:
     notes = []
     pressure = data.gauge_a_pa + data.gauge_b_pa
@@ -268,3 +260,287 @@ def _confounding(data: Observations, pressure_dependence: bool) -> list[str]:
                 "the fit may attribute an effect of pressure to speed, and the other way round"
             )
     return notes
+
+
+def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
+    """Return the fit of an estimate: natural parameters with covariance, intervals and statistics."""
+    model, data, found = support.model, support.data, support.found
+    theta = dict(zip(model.names, map(float, model.natural(found.q)), strict=True))
+    shared = dict(zip(model.names, map(float, systematic(model, data, found)), strict=True))
+    parameters = _parameters(law, model, theta)
+    return FrictionFit(
+        law=law,
+        values=parameters,
+        units={n: unit_of(n) for n in (*parameters, *model.names)},
+        free=model.names,
+        covariance=covariance(model, found),
+        intervals=support.intervals,
+        systematic=shared,
+        undetermined=tuple(lost),
+        notes=tuple(notes),
+        statistics=statistics_of(model, data, found, support.scatter_n),
+        provenance=provenance,
+        model=model,
+        observations=data,
+        weights=found.weight,
+        profiler=support.intervals.__getitem__,
+    )
+
+
+def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict[str, float]:
+    """Return every parameter of the requested law; NaN if its value is not determined."""
+    names = ["coulomb", "viscous"]
+    if law == "stribeck":
+        names = ["coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"]
+        if model.lorentzian:
+            names.remove("stribeck_exponent")
+    parameters = {name: theta.get(name, float("nan")) for name in names}
+    if "stribeck_exponent" in parameters and model.stribeck and model.exponent is not None:
+        parameters["stribeck_exponent"] = float(model.exponent)
+    for name in UNITS:
+        if name in theta:
+            parameters[name] = theta[name]
+        elif f"{name}b" in theta:  # coulomb_ab -> both chambers
+            parameters[name] = parameters[f"{name[:-1]}b"] = theta[f"{name}b"]
+    return parameters
+
+
+def statistics_of(
+    model: StaticLaw, data: Observations, found: RobustEstimate, scatter_n: float = 0.0
+) -> dict[str, float]:
+    """Return the statistics of a fit; AICc and BIC come from the deviance."""
+    residual, n = found.residual, len(data)
+    weighted_mean = float(np.average(data.friction_n, weights=data.stderr_n**-2))
+    spread = float(np.sum(((data.friction_n - weighted_mean) / data.stderr_n) ** 2))
+    k, fit = len(model.names) + model.chosen + 1, deviance(data, found)
+    small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
+    return {
+        "values": float(n),
+        "degrees_of_freedom": float(n - len(model.names) - model.chosen),
+        "scale": found.scale,
+        "variance": found.variance,
+        "scatter_n": scatter_n,
+        "rms_n": float(np.sqrt(np.mean((residual * data.stderr_n) ** 2))),
+        "outlying": float(np.sum(found.weight < 0.5)),
+        "fit_percent": 100.0 * (1.0 - float(np.sqrt(np.sum(residual**2) / spread))) if spread > 0.0 else float("nan"),
+        "starts": float(found.starts),
+        "starts_agreeing": float(found.agreeing),
+        "aicc": fit + 2.0 * k + small,
+        "bic": fit + k * float(np.log(n)),
+    }
+
+
+def covariance(model: StaticLaw, found: RobustEstimate) -> Array:
+    """Return the covariance in natural units, without directions that the data do not determine (open intervals)."""
+    to_natural = model.natural_jacobian(found.q)
+    matrix = to_natural @ covariance_of(found.jacobian, found.variance) @ to_natural.T
+    return 0.5 * (matrix + matrix.T)
+
+
+def systematic(model: StaticLaw, data: Observations, found: RobustEstimate) -> Array:
+    """Return the standard uncertainty of each parameter from errors shared by all rows, to first order."""
+    shift = shift_of(found.jacobian, data.u_systematic_n / data.stderr_n)
+    return np.abs(model.natural_jacobian(found.q) @ shift)
+
+
+#: Relative sensitivity of friction below which a parameter counts as without effect.
+NO_EFFECT = 1e-9
+#: Distance of an end of a profile from the estimate, in the logarithm, beyond which a side is open: as the search's.
+FARTHEST_LOG = 14.0
+
+
+def fit_any_law(
+    friction_map: xr.Dataset,
+    friction: Friction,
+    free: Sequence[str] | None = None,
+    *,
+    direction: int | None = None,
+    ambient_pressure_pa: float | None = None,
+    exclude_flags: Collection[str] = (),
+    loss: str = "huber",
+    seed: int = 1,
+) -> LawFit:
+    """Fit the steady sliding of any law to a friction map.
+
+    Parameters
+    ----------
+    friction_map : xarray.Dataset
+        As for :func:`fit_friction`.
+    friction : Friction
+        Law, also a custom one, with guesses of its parameters; its modifiers (pressure, direction) are kept.
+    free : sequence of str, optional
+        Parameters to fit; by default all with an effect on steady sliding.
+    direction, ambient_pressure_pa, exclude_flags, loss
+        As for :func:`fit_friction`.
+    seed : int
+        Seed of the further starts, within a factor of five of the guesses.
+
+    Returns
+    -------
+    LawFit
+    """
+    ambient = ambient_of(friction_map, ambient_pressure_pa, needed=True)
+    data, _ = observations(friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags)
+    known = tuple(friction.parameters)
+    unknown = [n for n in free or () if n not in known]
+    if unknown:
+        raise FitError(
+            f"law {friction.law!r} has no parameter {unknown[0]!r}", rule="parameters of the law: " + ", ".join(known)
+        )
+    seen = _seen(_with_sizes(AnyLaw(friction, known), data), data)
+    model = _with_sizes(AnyLaw(friction, tuple(free) if free else seen, seed=seed), data)
+    if not model.names:
+        raise FitError("none of the free parameters has an effect on steady sliding", value=", ".join(free or known))
+    if len(data) <= len(model.names):
+        raise FitError(
+            "the friction map has too few values for this law",
+            value=f"{len(data)} values, {len(model.names)} parameters",
+        )
+    found = estimate(model, data, loss=loss)
+    matrix, theta = covariance(model, found), model.natural(found.q)
+    reach = student(len(data) - len(model.names)) * np.sqrt(np.diag(matrix))
+    low, high = intervals(theta, reach, model.transforms.lower)
+    lost = weak_coordinates(found.jacobian) | found.active
+    origin = {
+        "version": __version__,
+        "map_sha256": fingerprint(data),
+        "loss": loss,
+        "seed": seed,
+        "direction": "both" if direction is None else f"{direction:+d}",
+        "ambient_pressure_pa": ambient,
+        "recordings": recordings_of(friction_map),
+    }
+    return LawFit(
+        model=model,
+        values=dict(zip(model.names, theta.tolist(), strict=True)),
+        units={entry["key"]: entry["unit"] for entry in model.entries()},
+        free=model.names,
+        covariance=matrix,
+        intervals={n: (float(a), float(b)) for n, a, b in zip(model.names, low, high, strict=True)},
+        systematic=dict(zip(model.names, systematic(model, data, found).tolist(), strict=True)),
+        undetermined=tuple(n for n, is_lost in zip(model.names, lost, strict=True) if is_lost),
+        unseen=tuple(n for n in known if n not in seen),
+        notes=tuple(simulated(friction_map)),
+        statistics=statistics_of(model, data, found),
+        provenance=origin,
+        observations=data,
+        profiler=partial(_profile, model, data, found),
+    )
+
+
+def _profile(model: AnyLaw, data: Observations, found: RobustEstimate, name: str) -> tuple[float, float]:
+    """Return the interval of one parameter by profile likelihood, on the pseudo-values of the estimate."""
+    k, theta = model.names.index(name), model.natural(found.q)
+    is_positive, spread = bool(model.positive[k]), float(np.sqrt(covariance(model, found)[k, k]))
+    pseudo = replace(data, friction_n=found.pseudo)
+    reach = student(len(data) - len(model.names))
+    top = model.entries()[k]["upper"]
+    upper = np.inf if top is None else float(top)
+
+    def natural(coordinate: float) -> float:
+        return min(float(np.exp(coordinate)) if is_positive else coordinate, upper)
+
+    def held(coordinate: float, start: Array) -> tuple[float, Array]:
+        tried = model.without(name, natural(coordinate), start)
+        q = tried.internal(tried.given)
+        if tried.names:
+            q = estimate(tried, pseudo, loss="linear", starts=[q]).q
+        cost = float(np.sum(((found.pseudo - tried.value(q, data)) / data.stderr_n) ** 2))
+        return cost, np.insert(tried.natural(q), k, natural(coordinate))
+
+    at, step = (float(np.log(theta[k])), spread / theta[k]) if is_positive else (float(theta[k]), spread)
+    least = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
+    farthest = FARTHEST_LOG if is_positive else np.inf
+    low, high = profile_interval(held, theta, at, reach * step, least, found.variance * reach**2, farthest)
+    return natural(low), natural(high)
+
+
+def _with_sizes(model: AnyLaw, data: Observations) -> AnyLaw:
+    """Replace guesses of zero, which have no logarithm, by values that change friction by about a tenth."""
+    start = model.given
+    zero = model.positive & (start == 0.0)
+    if not zero.any():
+        return model
+    q = model.internal(start)
+    value, jac = model.value_and_jacobian(q, data)
+    slope = np.abs(jac).max(axis=0) / np.diag(model.natural_jacobian(q))
+    sizes = 0.1 * float(np.median(np.abs(value))) / np.where(slope > 0.0, slope, np.inf)
+    uppers = [entry["upper"] for entry in model.entries()]
+    most = np.array([np.inf if top is None else 0.5 * top for top in uppers])
+    return replace(model, start=tuple(np.where(zero, np.minimum(sizes, most), start).tolist()))
+
+
+def _seen(model: AnyLaw, data: Observations) -> tuple[str, ...]:
+    value, jac = model.value_and_jacobian(model.internal(model.given), data)
+    size = np.abs(jac).max(axis=0)
+    return tuple(n for n, s in zip(model.names, size, strict=True) if s > NO_EFFECT * np.abs(value).max())
+
+
+def fit_characterisation(
+    characterisation: Characterisation, laws: Sequence[str] = LAWS
+) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+    """Fit laws to the friction map of a characterisation.
+
+    Parameters
+    ----------
+    characterisation : Characterisation
+        As returned by ``characterise_recordings``.
+    laws : sequence of str
+        Laws to fit.
+
+    Returns
+    -------
+    dict of dict of FrictionFit, list of str
+        Group -> law -> fit, and notes on failed fits. Each assembly (mounting, seal, drive) is a separate group, or
+        ``all recordings`` if there is only one. Friction may depend on pressure if the recordings have several
+        pressures.
+    """
+    curves = characterisation.friction_map
+    of_row = np.array(row_seals_and_runs(characterisation)[0])
+    groups = {ALL_RECORDINGS: curves}
+    if len(set(of_row)) > 1:
+        groups = {seal: curves.isel(row=np.flatnonzero(of_row == seal)) for seal in dict.fromkeys(of_row.tolist())}
+    return fit_groups(groups, laws)
+
+
+def fit_file(group: str) -> str:
+    """Return the name of the file of a group's fit.
+
+    Examples
+    --------
+    >>> fit_file("all recordings"), fit_file("NBR, mounting 2")
+    ('fit.toml', 'fit-NBR-mounting-2.toml')
+    """
+    return "fit.toml" if group == ALL_RECORDINGS else f"fit-{re.sub(r'[^A-Za-z0-9._-]+', '-', group)}.toml"
+
+
+def fit_groups(
+    groups: Mapping[str, xr.Dataset], laws: Sequence[str], exclude_flags: Sequence[str] = ()
+) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+    """Fit laws to each of several friction maps: group -> law -> fit, and notes on failed fits."""
+    fits: dict[str, dict[str, FrictionFit]] = {}
+    problems: list[str] = []
+    for group, part in groups.items():
+        for law in laws:
+            label = f"{group}, {law}"
+            try:
+                found = fit_map(part, law, exclude_flags)
+            except FitError as error:
+                problems.append(f"{label}: {error.what}")
+            else:
+                fits.setdefault(group, {})[law] = found
+    return fits, problems
+
+
+def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str] = ()) -> FrictionFit:
+    """Fit a law to a friction map. Friction may depend on pressure if the map has several pressures."""
+    spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
+    return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)
+
+
+def row_seals_and_runs(characterisation: Characterisation) -> tuple[list[str], list[str]]:
+    """Return seal and run of each row of the friction map of a characterisation, for :func:`survey`."""
+    labels = {r.name: (group_of(r.labels), "1") for r in characterisation.recordings}
+    labels |= {point.recording: (point.seal, point.run) for point in characterisation.points}
+    rows = [labels[name] for name in characterisation.friction_map["recording"].to_numpy()]
+    return [seal for seal, _ in rows], [run for _, run in rows]

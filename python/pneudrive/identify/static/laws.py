@@ -10,14 +10,11 @@ import numpy as np
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.levels import distinct_levels
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
-from pneudrive.identify.diagnose import choose_model
-from pneudrive.identify.static.assemble import assembled
-from pneudrive.identify.static.fit import ambient_of, fit_values
-from pneudrive.identify.static.hierarchy import SPEED_SPAN
+from pneudrive.identify.static.diagnose import as_it_is, choose_model, with_knee
+from pneudrive.identify.static.fit import assembled, fit_values
 from pneudrive.identify.static.model import PRESSURE_FORMS, FrictionModel
-from pneudrive.identify.static.model_selection import as_it_is, with_knee
-from pneudrive.identify.static.observations import observations
-from pneudrive.identify.static.survey import pressure_levels, row_labels
+from pneudrive.identify.static.observations import ambient_of, observations
+from pneudrive.identify.static.survey import SPEED_SPAN, pressure_levels, row_labels
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Shown
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.moderate import moderate
+from pneudrive.identify.base import SIMULATED
 from pneudrive.identify.static.model import Observations
 
 if TYPE_CHECKING:
@@ -185,3 +187,42 @@ def _standard_errors(
         notes.append(f"{np.sum(~known)} rows have no standard error: the median of the others is used")
     dof = np.where(np.isfinite(strokes), np.maximum(strokes - 2.0, 1.0), np.inf)
     return np.sqrt(moderate(stated**2, dof, speed)), notes
+
+
+#: Largest number of listed recordings; more are given by their number, the first and the last one.
+MOST_RECORDINGS = 50
+
+
+def recordings_of(friction_map: xr.Dataset) -> list[str]:
+    """Return the names of the recordings of a map."""
+    if "recording" not in friction_map:
+        return []
+    names = list(dict.fromkeys(str(name) for name in friction_map["recording"].to_numpy()))
+    return names if len(names) <= MOST_RECORDINGS else [f"{len(names)} recordings from {names[0]} to {names[-1]}"]
+
+
+def simulated(friction_map: xr.Dataset) -> list[str]:
+    """Return a note if the map is known to be of simulated recordings."""
+    return [SIMULATED] if friction_map.attrs.get("synthetic", False) else []
+
+
+def fingerprint(data: Observations) -> str:
+    """Return the SHA-256 of the values of the fit."""
+    columns = (data.speed_m_s, data.friction_n, data.stderr_n, data.gauge_a_pa, data.gauge_b_pa)
+    return hashlib.sha256(np.ascontiguousarray(np.stack(columns), dtype="<f8").tobytes()).hexdigest()
+
+
+def ambient_of(friction_map: xr.Dataset, given: float | None, needed: bool) -> float:
+    """Return the ambient pressure as reference of gauge pressures, Pa; 0 if it is unknown and not needed."""
+    value = given if given is not None else friction_map.attrs.get("ambient_pressure_pa")
+    if value is None:
+        if needed:
+            raise FitError(
+                "the friction map has no ambient pressure",
+                rule="pressure_dependence needs gauge pressures",
+                remedy="Pass ambient_pressure_pa, for example 101300.0.",
+            )
+        return 0.0
+    if not np.isfinite(value) or value <= 0.0:
+        raise FitError("the ambient pressure must be positive", value=f"ambient_pressure_pa = {value}")
+    return float(value)

@@ -1,34 +1,80 @@
-"""Fit of a sliding law: estimates with covariance, prediction, application to a drive."""
+"""Results of fits of steady sliding: prediction, profiles, export, and application to a drive."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
+from pneudrive.describe.parameters import parameter_quantities
+from pneudrive.describe.tables.dependences import DEPENDENCES
+from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import FitError, warn
-from pneudrive.estimate.estimates import student
-from pneudrive.identify.dependences import Dependences
-from pneudrive.identify.identified import Identified, apply_identified
+from pneudrive.estimate.estimates import CONFIDENCE, student
+from pneudrive.identify.base import Fit, FittedData
+from pneudrive.identify.identified import Dependences, Identified, apply_identified
+from pneudrive.identify.static.diagnose import estimated, interval_over_knees
 from pneudrive.identify.static.friction_curve import (
     TABLES,
     CurveEntry,
     SlidingCurve,
     curve_of_drive,
+    curve_of_friction,
     middle_of,
     speeds_over,
 )
-from pneudrive.identify.static.model import PRESSURE_NAMES, FrictionModel, at_conditions, unit_of
-from pneudrive.identify.static.sliding_fit import SlidingFit
+from pneudrive.identify.static.model import PRESSURE_NAMES, AnyLaw, FrictionModel, at_conditions, unit_of
+from pneudrive.identify.static.observations import fingerprint, observations, recordings_of
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
     from pneudrive.describe.drive import Drive
+    from pneudrive.identify.static.model import Observations, StaticLaw
 
     Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SlidingFit(Fit):
+    """Fit of a law of steady sliding to a friction map. A fit from a file has `observations=None`."""
+
+    model: StaticLaw
+    observations: Observations | None = field(default=None, repr=False)
+
+    def free_values(self) -> dict[str, float]:
+        """Return the values, with all names in `free`."""
+        return self.values
+
+    @property
+    def coordinates(self) -> Array:
+        """Internal coordinates of the model at the estimates, shape (p,)."""
+        values = self.free_values()
+        return self.model.internal(np.array([values[n] for n in self.free]))
+
+    def with_data(self) -> Observations:
+        """Return the fitted values.
+
+        Raises
+        ------
+        FitError
+            The fit was read from a file, without them.
+        """
+        return self._with_data(self.observations)
+
+    def compared(self) -> dict[str, FittedData]:
+        """Return the fitted values and those of the law. Empty if the fit was read from a file."""
+        data = self.observations
+        if data is None:
+            return {}
+        model = self.model.value(self.coordinates, data)
+        return {"friction": FittedData("speed_m_s", "friction_n", data.speed_m_s, data.friction_n, model)}
+
 
 #: Laws of a fit from a file, and required entries of its statistics.
 LAWS = ("coulomb", "stribeck")
@@ -414,3 +460,285 @@ def _remedy(fit: FrictionFit, i: int, j: int) -> str:
     if best > high:
         return f"speeds above {1e3 * high:.3g} mm/s would separate them"
     return f"more values near {1e3 * best:.2g} mm/s would separate them"
+
+
+#: Modifiers that act only at rest, without effect on steady sliding.
+AT_REST = ("dwell", "relaxation")
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class LawFit(SlidingFit):
+    """Parameters of any law with their uncertainty.
+
+    Attributes
+    ----------
+    model : AnyLaw
+        Given law with guesses, and the names of its free parameters.
+    intervals : dict
+        Free parameter that the data determine -> 95 % interval, statistical, first order in the logarithm of positive
+        parameters; other parameters have none.
+    systematic : dict
+        Free parameter -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
+    covariance : ndarray, shape (p, p)
+    undetermined : tuple of str
+        Free parameters in directions that the data do not determine.
+    unseen : tuple of str
+        Parameters of the law without effect on steady sliding.
+    statistics : dict
+        values, degrees_of_freedom, scale, rms_n, aicc, bic, starts, starts_agreeing.
+    provenance : dict
+        Version, hash of the values, recordings, options.
+    observations : Observations or None
+        Fitted values (None if read from a file).
+    """
+
+    KIND: ClassVar[str] = "law"
+    TITLE: ClassVar[str] = "fit of a law"
+    GROUPS: ClassVar[tuple[str, ...]] = ("parameters",)
+    HEAD: ClassVar[str] = (
+        "# Fit of any law. SI units; intervals are 95 %, statistical; [given] has the start values of the search."
+    )
+
+    model: AnyLaw
+    unseen: tuple[str, ...]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Free parameter -> value, SI."""
+        return self.values
+
+    @property
+    def friction(self) -> Friction:
+        """Law with the determined parameters; all others keep the given values."""
+        marks = parameter_quantities(self.model.friction.entry)
+        fitted = {name: marks[name].show(self.values[name]) for name in self.determined}
+        return Friction.model_validate(self.model.friction.to_dict() | fitted)
+
+    def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
+        """Return the friction at speeds and gauge pressures, N."""
+        speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
+        return self.model.value(self.coordinates, at_conditions(speed.ravel(), a.ravel(), b.ravel())).reshape(
+            speed.shape
+        )
+
+    def apply(self, drive: Drive) -> Drive:
+        """Return a drive with this law, each determined value with its interval and its recordings.
+
+        A drive with the same law keeps its undetermined parameters. Any other drive gets the whole law, with unfitted
+        parameters at the values of the fit.
+
+        Raises
+        ------
+        FitError
+            A modifier of sliding friction, such as pressure or direction, differs between drive and fit.
+        DescriptionError
+            The combination of fitted and kept values violates a rule of the law.
+        """
+        own, theirs = self.model.friction, drive.friction
+        sliding = [key for key in DEPENDENCES if key not in AT_REST]
+        for key in sliding:
+            there = getattr(theirs, key)
+            if there is not None and there != getattr(own, key):
+                raise FitError(
+                    f"[friction.{key}] of the drive differs from that of the fit",
+                    rule="fitted values are valid only with the modifiers of the fit",
+                    remedy=f"Fit the drive's friction (drive.friction), or remove [friction.{key}] from the drive.",
+                )
+        tables: dict[str, Any] = {key: value for key in sliding if (value := getattr(own, key)) is not None}
+        if (own.law, own.formula) != (theirs.law, theirs.formula):
+            tables = {key: value for key, value in self.friction.to_dict().items() if key not in AT_REST}
+        with_law = drive.replace({f"friction.{key}": value for key, value in tables.items()}) if tables else drive
+        return apply_identified(self.identified(), with_law)
+
+    def identified(self) -> Identified:
+        """Return the determined parameters under their names in the drive file, with their whole uncertainty."""
+        return self.identified_as({name: f"friction.{name}" for name in self.determined})
+
+    def curve(
+        self,
+        gauge_a_pa: float | None = None,
+        gauge_b_pa: float | None = None,
+        speeds_m_s: tuple[float, float] | None = None,
+    ) -> SlidingCurve:
+        """Return the law's curve with its determined parameters; see `FrictionFit.curve`."""
+        said = self.provenance
+        speed = speeds_over(speeds_m_s or said.get("speed_m_s"), "fit")
+        gauges = tuple(middle_of(p, said.get(f"gauge_{c}_pa")) for c, p in (("a", gauge_a_pa), ("b", gauge_b_pa)))
+        entries = [
+            CurveEntry(name, value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "")
+            for name, value in self.values.items()
+        ]
+        title = f"friction fit, law {self.model.friction.law}"
+        return curve_of_friction(self.friction, title, speed, (gauges[0], gauges[1]), entries)
+
+    def statements(self) -> list[str]:
+        """Return sentences on undetermined parameters."""
+        lost, unseen = ", ".join(self.undetermined), ", ".join(self.unseen)
+        said = [f"these values do not determine {lost}"] if lost else []
+        return said + ([f"{unseen} have no effect on steady sliding and keep their given values"] if unseen else [])
+
+    def _first(self) -> dict[str, Any]:
+        notes = {"notes": list(self.notes)} if self.notes else {}
+        return {"kind": self.KIND, "unseen": self.unseen} | notes
+
+    def _last(self) -> dict[str, Any]:
+        return {"given": {"friction": self.model.friction.to_dict()}}
+
+    @classmethod
+    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
+        lost = tuple(name for name, entry in content["parameters"].items() if not entry["determined"])
+        found = super()._from_content(content | {"undetermined": []})
+        model = AnyLaw(Friction.model_validate(content["given"]["friction"]), found["free"])
+        return found | {"model": model, "unseen": tuple(content["unseen"]), "undetermined": lost}
+
+    def _title(self) -> str:
+        s = self.statistics
+        return (
+            f"{self.model.friction.law} friction from {s['values']:.0f} values (rms {s['rms_n']:.3g} N, "
+            f"residuals {s['scale']:.2g} times their standard errors, "
+            f"{s['starts_agreeing']:.0f} of {s['starts']:.0f} starts agree)"
+        )
+
+
+Sliding = TypeVar("Sliding", bound=SlidingFit)
+
+#: Probabilities of the intervals that make a profile.
+PROBABILITIES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.7, 0.8, 0.875, 0.925, CONFIDENCE, 0.97, 0.985, 0.99)
+
+
+def values_of_fit(friction_map: xr.Dataset, provenance: Mapping[str, Any]) -> Observations | None:
+    """Return the values that a fit with this provenance takes from a map; None from a map of other recordings.
+
+    Parameters
+    ----------
+    friction_map : xarray.Dataset
+    provenance : mapping
+        Points of a `SlidingFit`.
+
+    Raises
+    ------
+    FitError
+        No row of the map can be used.
+    """
+    names, of_row = list(provenance.get("recordings", ())), friction_map["recording"].to_numpy().astype(str)
+    if names and recordings_of(friction_map) != names:
+        if not set(names) <= set(of_row):
+            return None
+        friction_map = friction_map.isel(row=np.flatnonzero(np.isin(of_row, names)))
+    direction = provenance["direction"]
+    return observations(
+        friction_map,
+        direction=None if direction == "both" else int(direction),
+        ambient_pressure_pa=float(provenance["ambient_pressure_pa"]),
+        exclude_flags=provenance.get("exclude_flags", ()),
+    )[0]
+
+
+def with_map(fit: Sliding, friction_map: xr.Dataset) -> Sliding:
+    """Return a fit with the values of its map, which gives its residuals (`Fit.compared`, `Fit.report`).
+
+    Parameters
+    ----------
+    fit : FrictionFit or LawFit
+        From a file.
+    friction_map : xarray.Dataset
+        The map that it was fitted to.
+
+    Raises
+    ------
+    FitError
+        The map is not that of the fit, by the hash in the fit's provenance.
+    """
+    return replace(fit, observations=_values(fit, friction_map))
+
+
+def _values(fit: SlidingFit, friction_map: xr.Dataset) -> Observations:
+    data = values_of_fit(friction_map, fit.provenance)
+    if data is None or fingerprint(data) != fit.provenance["map_sha256"]:
+        raise FitError(
+            "the friction map is not the one of this fit",
+            rule="the values have the hash map_sha256 of the fit's provenance",
+            remedy="Name the map that was fitted, or fit again.",
+        )
+    return data
+
+
+def profiles(
+    fit: FrictionFit, friction_map: xr.Dataset, probabilities: Sequence[float] = PROBABILITIES
+) -> dict[str, Array]:
+    """Return intervals by profile likelihood for several probabilities.
+
+    They show how well the data determine each value.
+
+    Parameters
+    ----------
+    fit : FrictionFit
+    friction_map : xarray.Dataset
+        The map that it was fitted to.
+    probabilities : sequence of float
+        Probability of the intervals, shape (n,). At 0.95 they are the intervals of the fit.
+
+    Returns
+    -------
+    dict
+        Free value -> lower and upper ends, SI, shape (n, 2). Infinite if the data do not bound the value.
+
+    Raises
+    ------
+    FitError
+        The map is not that of the fit.
+    """
+    loss = str(fit.provenance["loss"])
+    data, found, _, dof = estimated(fit.model, _values(fit, friction_map), loss)
+    each = [interval_over_knees(fit.model, data, found, student(dof, share), loss) for share in probabilities]
+    return {name: np.array([one[name] for one in each]) for name in fit.free}
+
+
+class Ellipse(NamedTuple):
+    """The first-order 95 % ellipse of two values. Its projections are value ± t times standard error.
+
+    Attributes
+    ----------
+    x, y : str
+        Names of the values.
+    correlation : float
+    points : ndarray, shape (n, 2)
+        Its outline, closed, SI.
+    """
+
+    x: str
+    y: str
+    correlation: float
+    points: Array
+
+
+def ellipses(fit: Fit, count: int = 6, points: int = 73) -> list[Ellipse]:
+    """Return the ellipses of the pairs of determined values with the largest correlations.
+
+    Parameters
+    ----------
+    fit : Fit
+        Fit of any kind, also from a file.
+    count : int
+        Largest number of pairs.
+    points : int
+        Points of an outline.
+    """
+    turn = np.linspace(0.0, 2.0 * np.pi, points)
+    circle = np.stack([np.cos(turn), np.sin(turn)])
+    known = [k for k, name in enumerate(fit.free) if name in fit.standard_errors]
+    pairs = [(i, j) for i in known for j in known if i < j]
+    pairs.sort(key=lambda pair: -abs(fit.correlation[pair]))
+    values = {name: value for table in fit.tables() for name, value in table.items()}
+    out = []
+    for i, j in pairs[:count]:
+        names = fit.free[i], fit.free[j]
+        part = fit.covariance[np.ix_([i, j], [i, j])]
+        if not np.all(np.diag(part) > 0.0):
+            continue
+        size = np.sqrt(np.diag(part))
+        rho = float(np.clip(fit.correlation[i, j], -1.0, 1.0))
+        root = np.array([[1.0, 0.0], [rho, np.sqrt(1.0 - rho * rho)]])
+        outline = np.array([values[name] for name in names])[:, None] + fit.reach * size[:, None] * (root @ circle)
+        out.append(Ellipse(*names, rho, outline.T))
+    return out

@@ -1,4 +1,21 @@
-"""Survey of several seals of one friction map, and its cross-validation."""
+"""Prediction of friction at a pressure or in a run that was not measured, with a valid interval.
+
+A fit of one seal gives the uncertainty of its parameters. It does not give the deviation of the next mounting, nor the
+error of a straight line over pressure between the levels. A few recordings of one seal do not determine them, but
+several seals together do. The model of friction F of seal s in run r and recording i at gauge pressures p
+is
+
+    F_sri = L_s(v, p) [1 + d_s(p) + m_sr + e_sri],   e ~ N(0, sigma_s^2),   sigma_s^2 ~ nu tau^2 / chi2(nu)
+
+Here L_s is the law, linear in pressure, with separate parameters for each seal. The deviation d_s from a straight
+line is an integrated Wiener process over pressure, which equals a smoothing spline [wahba1983]. Its roughness gamma is
+shared by all seals. m ~ N(0, omega^2) shifts all recordings of one run (one mounting). The relative scatter sigma_s of
+the seals is distributed around a common value tau [smyth2004]. The parameters of the laws are removed by restricted
+likelihood
+[patterson1971]. The other parameters are integrated on grids, with priors flat in gamma and omega [gelman2006], ln tau
+and 1/nu. A prediction is universal kriging from the recordings of one seal, averaged over the posterior of gamma, omega
+and sigma_s.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +25,370 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError, nearest
-from pneudrive.identify.diagnose import SAME_PRESSURE_PA
-from pneudrive.identify.static.fit import ambient_of, recordings_of
-from pneudrive.identify.static.hierarchy import Survey, survey_values
-from pneudrive.identify.static.observations import observations
+from pneudrive.estimate.splines import integrated_wiener
+from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
+from pneudrive.identify.static.fit import fit_values
+from pneudrive.identify.static.model import FrictionModel, at_conditions
+from pneudrive.identify.static.observations import ambient_of, observations, recordings_of
+from pneudrive.identify.static.result import Prediction
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     import xarray as xr
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from pneudrive.identify.static.model import Observations
+    from pneudrive.identify.static.result import FrictionFit
 
     Array = NDArray[np.float64]
+
+#: Roughness gamma: at 1.5 a line misses the middle of the range by 22 % of the friction.
+ROUGHNESS = np.linspace(0.0, 1.5, 11)
+#: Relative scatter between runs, omega; repeats that differ by more are not of one pneumatic seal.
+BETWEEN_RUNS = np.linspace(0.0, 0.4, 9)
+#: Relative scatter of a seal's recordings, sigma_s, and its common value tau.
+SCATTER = np.geomspace(0.008, 0.6, 20)
+COMMON = np.geomspace(0.01, 0.5, 12)
+#: 1/nu: variation of the scatter between seals, from small to any factor.
+DIVERSITY = np.linspace(0.02, 0.5, 7)
+#: Start of the Wiener process, below all gauge pressures; its exact value has no effect.
+VACUUM_PA = -1.1e5
+#: Factor between speeds of one seal below which its friction gets no dependence on speed.
+SPEED_SPAN = 3.0
+#: Least number of recordings beyond the parameters, over all seals, to estimate a scatter.
+LEAST_FREEDOM = 3
+#: Deviation of an integrated Wiener process of unit roughness from its chord at the middle of a unit range.
+MIDDLE = 48.0**-0.5
+
+
+@dataclass(frozen=True)
+class Surveyed:
+    """Data of one seal: values, law, and derivatives of friction by the parameters, all relative to the law.
+
+    ``columns`` (n, p) are relative derivatives, ``rest`` (n,) relative residuals, ``theta`` (p,) internal coordinates.
+    ``fit`` is the fit of only this seal: ``survey.seals["PK"].fit.apply(drive)``.
+    """
+
+    name: str
+    data: Observations
+    runs: tuple[str, ...]
+    fit: FrictionFit
+    theta: Array
+    columns: Array
+    rest: Array
+
+    @property
+    def model(self) -> FrictionModel:
+        """Law of the fit."""
+        return self.fit.model
+
+
+@dataclass(frozen=True, repr=False)
+class Survey(Shown):
+    """Fits of several seals, and their common statistics.
+
+    Attributes
+    ----------
+    seals : dict
+        Name -> values and law.
+    unused : dict
+        Name -> why a seal is left out, or does not contribute to scatter and roughness.
+    freedom : int
+        Recordings beyond parameters, over all seals.
+    scatter, between_runs : float
+        Relative standard deviation between recordings of a run (root mean square over the seals), and between runs.
+    repeated : int
+        Runs beyond the first, over all seals, from which `between_runs` is estimated.
+    misses : float
+        Relative standard deviation of a straight line over the whole range of pressure at its middle.
+    straight : float
+        Likelihood of zero roughness over that of the most likely one.
+    span_pa : float
+        Largest range of gauge pressure of one seal: the unit of the roughness.
+    weights : dict
+        Seal -> posterior probability of roughness, scatter between runs and scatter on their grids, shape (11, 9, 20).
+    """
+
+    seals: dict[str, Surveyed]
+    unused: dict[str, str]
+    freedom: int
+    scatter: float
+    between_runs: float
+    repeated: int
+    misses: float
+    straight: float
+    span_pa: float
+    weights: dict[str, Array]
+
+    def predict(
+        self,
+        seal: str,
+        *,
+        speed_m_s: ArrayLike,
+        gauge_a_pa: ArrayLike = 0.0,
+        gauge_b_pa: ArrayLike = 0.0,
+        run: str | None = None,
+        probability: float = 0.95,
+    ) -> Prediction:
+        """Predict the friction of a further recording of one seal.
+
+        Parameters
+        ----------
+        seal : str
+        speed_m_s, gauge_a_pa, gauge_b_pa : array_like
+            Conditions, broadcast against each other.
+        run : str or None
+            Measured run, for a further recording in it; None: a new run.
+        probability : float
+            Probability of the interval.
+
+        Returns
+        -------
+        Prediction
+            Its interval contains the mean of a new recording with that probability, including uncertainty of the
+            parameters, scatter between recordings, and deviation from a straight line.
+        """
+        if seal not in self.seals:
+            raise FitError(f"the survey has no seal {seal!r}", remedy=nearest(seal, self.seals))
+        if not 0.0 < probability < 1.0:
+            raise FitError("a probability lies between 0 and 1", value=f"probability = {probability}")
+        if run is not None and run not in self.seals[seal].runs:
+            raise FitError(f"{seal} has no run {run!r}", remedy=nearest(run, self.seals[seal].runs))
+        speed, a, b = np.broadcast_arrays(*(np.asarray(x, float) for x in (speed_m_s, gauge_a_pa, gauge_b_pa)))
+        at = at_conditions(np.abs(speed).ravel(), a.ravel(), b.ravel())
+        one = self.seals[seal]
+        borrowed = not one.model.chambers and _elsewhere(one.data, at)
+        value, variance = self._borrowed(one, at) if borrowed else self._kriged(one, at, run)
+        weight = self.weights[seal].ravel()
+        value, variance = value.reshape(weight.size, -1), variance.reshape(weight.size, -1)
+        mean = weight @ value
+        lower, upper = _quantiles(value, np.sqrt(variance), weight, probability)
+        stderr = np.sqrt(weight @ (variance + (value - mean) ** 2))
+        return Prediction(*(x.reshape(speed.shape) for x in (mean, lower, upper, stderr)))
+
+    def statements(self) -> list[str]:
+        """Return the findings in sentences."""
+        lines = [
+            f"recordings of one seal scatter by {100 * self.scatter:.2g} % about its law "
+            f"({self.freedom} degrees of freedom over {len(self.seals)} seals)",
+            f"runs of one seal differ by a further {100 * self.between_runs:.2g} % "
+            f"({self.repeated} repeated run{'s' * (self.repeated != 1)})"
+            if self.repeated
+            else "no seal was run twice: the difference between runs is assumed (up to 40 %) and widens the interval "
+            "of another run; repeat one run after remounting the seal",
+        ]
+        if self.straight < 0.15:  # likelihood ratio of one parameter at p = 0.05: exp(-3.84 / 2)
+            lines.append(
+                f"a straight line in pressure does not hold: it misses the middle of the range by "
+                f"{100 * self.misses:.2g} % of the friction; measure pressures between the levels, "
+                "or compare laws with pressure='quadratic' and 'saturating'"
+            )
+        else:
+            lines.append("a straight line in pressure agrees with the measured values")
+        return lines + [f"{name}: {why}" for name, why in self.unused.items()]
+
+    def _kriged(self, one: Surveyed, at: Observations, run: str | None = None) -> tuple[Array, Array]:
+        """Return the prediction and its variance at each roughness and scatter, shapes (11, 9, 20, n)."""
+        mean, jac = one.model.value_and_jacobian(one.theta, at)
+        drift = jac / mean[:, None]
+        inside = _kernel(one.model, one.data, one.data, self.span_pa)
+        across = _kernel(one.model, at, one.data, self.span_pa)
+        own = np.diag(_kernel(one.model, at, at, self.span_pa))
+        with_it = np.array([r == run for r in one.runs], dtype=float)
+        value, variance = np.empty((2, ROUGHNESS.size, BETWEEN_RUNS.size, SCATTER.size, len(at)))
+        for i, roughness in enumerate(ROUGHNESS):
+            weight, inverse, change = _least_squares(one, inside, roughness)
+            link = roughness**2 * across + (BETWEEN_RUNS**2)[:, None, None] * with_it
+            near = link[:, None] @ weight
+            away = drift - near @ one.columns
+            off = away @ change[..., None] + (near @ one.rest)[..., None]
+            value[i] = mean * (1.0 + off[..., 0])
+            spread = roughness**2 * own + (BETWEEN_RUNS**2)[:, None, None] - np.sum(near * link[:, None], axis=-1)
+            spread = spread + np.sum((away @ inverse) * away, axis=-1)
+            variance[i] = mean**2 * ((SCATTER**2)[:, None] + np.maximum(spread, 0.0))
+        return value, variance
+
+    def _borrowed(self, one: Surveyed, at: Observations) -> tuple[Array, Array]:
+        """Predict a seal at another pressure than the measured one, by the ratio of the other seals."""
+        here = at_conditions(at.speed_m_s, 0.0 * at.gauge_a_pa, 0.0 * at.gauge_b_pa)
+        here.gauge_a_pa[:], here.gauge_b_pa[:] = one.data.gauge_a_pa.mean(), one.data.gauge_b_pa.mean()
+        ratios = [
+            self._most_likely(s, at) / self._most_likely(s, here) for s in self.seals.values() if s.model.chambers
+        ]
+        others = [ratio for ratio in ratios if (ratio > 0.0).all()]
+        if len(others) < LEAST_FREEDOM:
+            raise FitError(
+                f"{one.name} was measured at only one pressure, and fewer than {LEAST_FREEDOM} other seals at several",
+                remedy=f"Measure {one.name} at a second pressure.",
+            )
+        ratio = np.log(others)
+        value = one.model.value(one.theta, at) * np.exp(ratio.mean(axis=0))
+        between = ratio.var(axis=0, ddof=1) * (1.0 + 1.0 / len(others))
+        runs = (BETWEEN_RUNS**2)[:, None] + (SCATTER**2)[None, :]
+        variance = between + runs[..., None] * (1.0 + 1.0 / len(one.data))
+        shape = (ROUGHNESS.size, BETWEEN_RUNS.size, SCATTER.size, len(at))
+        return np.broadcast_to(value, shape), np.broadcast_to(value**2 * variance, shape)
+
+    def _most_likely(self, one: Surveyed, at: Observations) -> Array:
+        value, _ = self._kriged(one, at)
+        return np.einsum("ijk,ijkn->n", self.weights[one.name], value)
+
+
+def survey_values(
+    groups: Mapping[str, Observations],
+    runs: Mapping[str, Sequence[str]] | None = None,
+    law: str | None = None,
+    options: Mapping[str, Mapping[str, object]] | None = None,
+) -> Survey:
+    """Survey several seals; see the docstring of this module.
+
+    Parameters
+    ----------
+    groups : mapping
+        Seal -> values.
+    runs : mapping, optional
+        Seal -> name of the run (mounting) of each value; the default is one run for each seal.
+    law : str or None
+        None: ``stribeck`` for a seal whose speeds span a factor of three or more, otherwise friction at its speed.
+    options : mapping, optional
+        Seal -> entries for the provenance of its fit: direction, recordings.
+
+    Raises
+    ------
+    FitError
+        All seals together have too few recordings.
+    """
+    seals: dict[str, Surveyed] = {}
+    unused: dict[str, str] = {}
+    for name, data in groups.items():
+        one = _surveyed(
+            name, data, tuple(runs[name]) if runs else ("",) * len(data), law, (options or {}).get(name, {})
+        )
+        if isinstance(one, str):
+            unused[name] = one
+            continue
+        seals[name] = one
+        if len(data) <= one.theta.size:
+            unused[name] = "as many parameters as recordings: the seal does not contribute to the scatter"
+    freedom = sum(len(s.data) - s.theta.size for s in seals.values())
+    if freedom < LEAST_FREEDOM:
+        raise FitError(
+            "too few recordings for the number of parameters",
+            value=f"{freedom} degrees of freedom over {len(seals)} seals",
+            rule=f"at least {LEAST_FREEDOM} are needed for a scatter between recordings",
+            remedy="Measure more pressures of each seal, or repeat runs.",
+        )
+    span = max(max(float(np.ptp(s.data.gauge_a_pa)), float(np.ptp(s.data.gauge_b_pa))) for s in seals.values())
+    span = span if span > 0.0 else 1e5
+    logs = {name: _restricted(one, span) for name, one in seals.items()}
+    weights, shared = _posterior(logs)
+    mean_square = np.mean([weights[n].sum(axis=(0, 1)) @ SCATTER**2 for n in seals])
+    roughness = shared.sum(axis=1)
+    return Survey(
+        seals,
+        unused,
+        freedom,
+        scatter=float(np.sqrt(mean_square)),
+        between_runs=float(np.sqrt(shared.sum(axis=0) @ BETWEEN_RUNS**2)),
+        repeated=sum(len(set(s.runs)) - 1 for s in seals.values()),
+        misses=float(ROUGHNESS[np.argmax(roughness)]) * MIDDLE,
+        straight=float(roughness[0] / roughness.max()),
+        span_pa=span,
+        weights=weights,
+    )
+
+
+def _posterior(logs: dict[str, Array]) -> tuple[dict[str, Array], Array]:
+    """Return the posterior of each seal, (11, 9, 20), and the common one, (11, 9), from log likelihoods (11, 9, 20).
+
+    The squared scatter of a seal is distributed as nu tau^2 / chi2(nu): the density in ln sigma is proportional to
+    sigma^-nu exp(-nu tau^2 / (2 sigma^2)).
+    """
+    nu, tau = 1.0 / DIVERSITY[:, None, None], COMMON[None, :, None]
+    log_prior = -nu * np.log(SCATTER / tau) - nu * tau**2 / (2.0 * SCATTER**2)
+    prior = np.exp(log_prior - log_prior.max(axis=-1, keepdims=True))
+    prior = (prior / prior.sum(axis=-1, keepdims=True)).reshape(-1, SCATTER.size)
+    likelihood = {name: np.exp(log - log.max()) for name, log in logs.items()}
+    given = {name: part @ prior.T for name, part in likelihood.items()}  # common posterior, (11, 9, m)
+    joint = np.prod(list(given.values()), axis=0)
+    joint /= joint.sum()
+    weights = {name: ((joint / np.maximum(given[name], 1e-300)) @ prior) * part for name, part in likelihood.items()}
+    return weights, joint.sum(axis=-1)
+
+
+def _surveyed(
+    name: str, data: Observations, runs: tuple[str, ...], law: str | None, options: Mapping[str, object]
+) -> Surveyed | str:
+    """Fit one seal, or return the reason why it is left out."""
+    wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
+    wanted = FrictionModel(law or ("stribeck" if wide else "coulomb"), viscous=wide)
+    fit = fit_values(wanted, data, pressure="linear", options={"direction": "both", **options})
+    theta = fit.coordinates
+    value, jac = fit.model.value_and_jacobian(theta, data)
+    if not (value > 0.0).all():
+        return "left out: its fitted friction is not positive in all rows, and the scatter is relative to it"
+    return Surveyed(name, data, runs, fit, theta, jac / value[:, None], data.friction_n / value - 1.0)
+
+
+def _elsewhere(data: Observations, at: Observations) -> bool:
+    from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
+
+    off = np.maximum(np.abs(at.gauge_a_pa - data.gauge_a_pa.mean()), np.abs(at.gauge_b_pa - data.gauge_b_pa.mean()))
+    return bool((off > 4.0 * SAME_PRESSURE_PA).any())
+
+
+def _kernel(model: FrictionModel, first: Observations, second: Observations, span: float) -> Array:
+    """Return the covariance of the integrated Wiener process, one for each chamber with varied pressure."""
+    total = np.zeros((len(first), len(second)))
+    for chamber in "".join(model.chambers):
+        s, t = (np.asarray(getattr(x, f"gauge_{chamber}_pa")) - VACUUM_PA for x in (first, second))
+        total += integrated_wiener(s / span, t / span) / 3.0  # of white noise of unit density
+    return total
+
+
+def _least_squares(one: Surveyed, kernel: Array, roughness: float) -> tuple[Array, Array, Array]:
+    """Return inverse covariance of values, covariance and change of parameters, for all scatters, (9, 20, ...)."""
+    same_run = np.array([[r == s for s in one.runs] for r in one.runs], dtype=float)
+    between = (BETWEEN_RUNS**2)[:, None, None, None] * same_run
+    weight = np.linalg.inv((SCATTER**2)[:, None, None] * np.eye(len(one.data)) + between + roughness**2 * kernel)
+    inverse = np.linalg.pinv(one.columns.T @ weight @ one.columns, rcond=1e-12, hermitian=True)
+    change = (inverse @ (one.columns.T @ (weight @ one.rest)[..., None]))[..., 0]
+    return np.asarray(weight, float), np.asarray(inverse, float), np.asarray(change, float)
+
+
+def _restricted(one: Surveyed, span: float) -> Array:
+    """Return the logarithm of the restricted likelihood of one seal on the grids, shape (11, 9, 20)."""
+    kernel = _kernel(one.model, one.data, one.data, span)
+    size = np.linalg.norm(one.columns, axis=0)
+    scaled = one.columns / np.where(size > 0.0, size, 1.0)
+    out = np.empty((ROUGHNESS.size, BETWEEN_RUNS.size, SCATTER.size))
+    for i, roughness in enumerate(ROUGHNESS):
+        weight, _, change = _least_squares(one, kernel, roughness)
+        rest = one.rest - change @ one.columns.T
+        logs = np.linalg.slogdet(weight)[1] - np.linalg.slogdet(scaled.T @ weight @ scaled)[1]
+        out[i] = 0.5 * (logs - np.einsum("...i,...ij,...j->...", rest, weight, rest))
+    return out
+
+
+def _quantiles(value: Array, deviation: Array, weight: Array, probability: float) -> tuple[Array, Array]:
+    """Return the interval of a mixture of normal distributions, shapes (m, n) and (m,), by bisection."""
+    from scipy.special import ndtr
+
+    keep = weight > 1e-6 * weight.max()
+    value, deviation, weight = value[keep], deviation[keep], weight[keep] / weight[keep].sum()
+    reach = 10.0 * deviation.max(axis=0)
+    out = []
+    for share in (0.5 * (1.0 - probability), 0.5 * (1.0 + probability)):
+        low, high = value.min(axis=0) - reach, value.max(axis=0) + reach
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            below = weight @ ndtr((middle - value) / deviation) < share
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        out.append(0.5 * (low + high))
+    return out[0], out[1]
+
 
 HELD_OUT = ("pressure", "run")
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.identify.determined import shown_in
+from pneudrive.identify.base import shown_in
 from pneudrive.identify.static.model import unit_of
 from pneudrive.numbers import with_u
 from pneudrive.report import style

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.friction.conditions import ALL_RECORDINGS
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
-from pneudrive.identify.determined import shown_in
+from pneudrive.identify.base import shown_in
 from pneudrive.identify.static.model import unit_of
 from pneudrive.numbers import with_u
 from pneudrive.report import axes as draw_axes

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.characterise import characterise_recordings
-from pneudrive.identify.static.seals import fit_characterisation
+from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report.recording import recovered
 from pneudrive.report.study import Addition
 from pneudrive.report.topics import Topic

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError
 from pneudrive.friction.friction_map import read_map
+from pneudrive.identify.base import shown_in
 from pneudrive.identify.design import next_measurements
-from pneudrive.identify.determined import shown_in
 from pneudrive.identify.files import read_fit
-from pneudrive.identify.static.result import FrictionFit
-from pneudrive.identify.static.sliding_fit import SlidingFit
-from pneudrive.identify.static.with_map import PROBABILITIES, ellipses, profiles, with_map
+from pneudrive.identify.static.result import PROBABILITIES, FrictionFit, SlidingFit, ellipses, profiles, with_map
 from pneudrive.rig.loading import load_rig
 from pneudrive.web.jobs import RIG
 from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage
@@ -88,7 +86,7 @@ def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
     lines = [
         "from pneudrive.characterise import read_map",
         "from pneudrive.identify.files import read_fit",
-        "from pneudrive.identify.static.with_map import ellipses, profiles, with_map\n",
+        "from pneudrive.identify.static.result import ellipses, profiles, with_map\n",
         f"curves = read_map({edge.path!r})\nfit = with_map(read_fit({path!r}), curves)",
         'data = fit.compared()["friction"]\nresiduals = data.measured - data.model',
         "outlines = ellipses(fit)",

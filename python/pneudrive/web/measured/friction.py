@@ -13,9 +13,9 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError
 from pneudrive.friction.friction_map import AMBIENT, read_map
 from pneudrive.friction.sentences import flag_sentences
-from pneudrive.identify.static.differences import common, curve_differences
+from pneudrive.identify.files import common, curve_differences
+from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit
-from pneudrive.identify.static.seals import fit_file
 from pneudrive.views import ShownCurve, View
 from pneudrive.web.lineage import recordings_of_map
 from pneudrive.web.measured.map_fits import FIT, assemblies_of, fits_of
@@ -240,7 +240,7 @@ def map_difference(workspace: Workspace, path: str, fit: str, other: str) -> dic
         raise CommandError("the maps have no pair of chamber pressures in common", value=" and ".join(names))
     fit_names = list(map(_fit_name, names, beside))
     python = (
-        "import numpy as np\nfrom pneudrive.identify.static.differences import common, curve_differences\n"
+        "import numpy as np\nfrom pneudrive.identify.files import common, curve_differences\n"
         "from pneudrive.identify.static.result import FrictionFit\n\n"
         f"before, after = (FrictionFit.from_toml(name) for name in {fit_names!r})\n"
         f'speeds = np.geomspace(*common(before, after, "speed_m_s"), {SPEEDS})\n'

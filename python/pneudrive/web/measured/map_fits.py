@@ -9,8 +9,8 @@ import numpy as np
 from pneudrive.errors import PneudriveError
 from pneudrive.friction.conditions import ALL_RECORDINGS, LEVELS, group_of
 from pneudrive.identify.files import read_fit
+from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit
-from pneudrive.identify.static.seals import fit_file
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -18,8 +18,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
 from pneudrive.free.parameters import Parameter, numbers_of, with_shape
-from pneudrive.identify.files import read_fit
-from pneudrive.identify.static.differences import differences
+from pneudrive.identify.files import differences, read_fit
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
 from pneudrive.simulation.trajectory import columns_in, read_columns
 from pneudrive.units import readable
@@ -286,7 +285,7 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive)]
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
     python = (
-        "from pneudrive.identify.static.differences import differences\n"
+        "from pneudrive.identify.files import differences\n"
         "from pneudrive.identify.files import read_source\n\n"
         f"for one in differences(read_source({before!r}), read_source({after!r})):\n    print(one)\n"
     )

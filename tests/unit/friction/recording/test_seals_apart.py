@@ -6,7 +6,7 @@ import pytest
 from oracle.recordings import AMBIENT
 from pneudrive.characterise import characterise_recordings, write_map
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
-from pneudrive.identify.static.seals import fit_characterisation, fit_file
+from pneudrive.identify.static.fit import fit_characterisation, fit_file
 from pneudrive.web.measured.friction import drawn_map
 
 COULOMB_N = {"lip": 5.0, "cup": 9.0}
