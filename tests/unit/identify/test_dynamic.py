@@ -225,16 +225,18 @@ def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(law: str, 
         loops.append({"time_s": time, "position_m": position, "friction_n": friction})
     start = drive.replace({"friction.bristle_stiffness": "4e5 N/m"})
     found = pn.identify_presliding(start, loops)
-    assert found.stiffness_n_m == pytest.approx(1e5, rel=0.03)
+    assert found.values["friction.bristle_stiffness"] == pytest.approx(1e5, rel=0.03)
     found.to_toml(tmp_path / "fit.toml")
     read = read_fit(tmp_path / "fit.toml")
     assert str(read) == str(found)
     after = read.apply(start)
     assert after.friction.parameters["bristle_stiffness"] == pytest.approx(1e5, rel=0.03)
     assert set(after.provenance) == set(found.determined)
-    assert found.profile(["friction.bristle_stiffness"]).popitem()[1] == found.stiffness_interval
+    assert found.profile(["friction.bristle_stiffness"]) == {
+        "friction.bristle_stiffness": found.intervals["friction.bristle_stiffness"]
+    }
     coarse = pn.identify_presliding(start, loops, resolution_m=60e-6)
-    assert coarse.damping_n_s_m is None
+    assert "friction.bristle_damping" not in coarse.determined
     assert any("60 um" in u.reason for u in coarse.undetermined)
 
 

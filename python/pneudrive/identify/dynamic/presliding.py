@@ -55,8 +55,8 @@ class Presliding(Fit):
         ``friction.bristle_stiffness`` (sigma0) and ``friction.bristle_damping`` (sigma1); intervals are 95 %, from the
         scatter between reversals.
     statistics : dict
-        ``reversals`` is their number. ``breakaway_n`` is the breakaway force. ``slope_factor`` is the slope relative to
-        the stiffness of the law.
+        ``reversals`` is their number. ``breakaway_n`` is the breakaway force: half the change of friction between both
+        directions. ``slope_factor`` is the slope relative to the stiffness of the law.
     each : dict
         Name -> value of each reversal, shape (n,); empty if read from a file.
     """
@@ -68,36 +68,6 @@ class Presliding(Fit):
     )
 
     each: dict[str, Array] = field(default_factory=dict, repr=False)
-
-    @property
-    def stiffness_n_m(self) -> float:
-        """Stiffness sigma0, even if the data do not determine it."""
-        return self.values[STIFFNESS]
-
-    @property
-    def stiffness_interval(self) -> tuple[float, float]:
-        """95 % interval of the stiffness; infinite for a single reversal."""
-        return self._ends(STIFFNESS)
-
-    @property
-    def damping_n_s_m(self) -> float | None:
-        """Damping sigma1; None if not determined."""
-        return self.values[DAMPING] if DAMPING in self.determined else None
-
-    @property
-    def damping_interval(self) -> tuple[float, float]:
-        """95 % interval of the damping; infinite for a single reversal."""
-        return self._ends(DAMPING)
-
-    @property
-    def breakaway_n(self) -> float:
-        """Half the change of friction between both directions, which is the load of the bristles."""
-        return self.statistics["breakaway_n"]
-
-    @property
-    def reversals(self) -> int:
-        """Number of evaluated reversals."""
-        return int(self.statistics["reversals"])
 
     def apply(self, drive: Drive) -> Drive:
         """Return a drive with the determined values, each with its interval and its recordings.
@@ -117,21 +87,9 @@ class Presliding(Fit):
             for name, own in self.each.items()
         }
 
-    def _ends(self, name: str) -> tuple[float, float]:
-        return self.intervals[name] if self.profiler is None else self.profiler(name)
-
     def _title(self) -> str:
-        return f"bristles from {self.reversals} reversal(s), friction of {self.breakaway_n:.4g} N in each direction"
-
-
-@dataclass(frozen=True)
-class _Loop:
-    """Displacement, increase of friction and speed after a reversal, in the new direction; `swing` of friction."""
-
-    displacement: Array
-    gain: Array
-    speed: Array
-    swing: float
+        reversals, force = self.statistics["reversals"], self.statistics["breakaway_n"]
+        return f"bristles from {reversals:.0f} reversal(s), friction of {force:.4g} N in each direction"
 
 
 def identify_presliding(
@@ -161,99 +119,90 @@ def identify_presliding(
     FitError
         The law has no bristles, or no reversal can be evaluated.
     """
-    law = drive.friction.law
     if "bristle_stiffness" not in drive.friction.parameters:
-        raise FitError(f"law {law} has no bristle stiffness", remedy="Choose lugre or elasto-plastic.")
+        raise FitError(f"law {drive.friction.law} has no bristle stiffness", remedy="Choose lugre or elasto-plastic.")
     every = loops if isinstance(loops, (list, tuple)) else [loops]
-    given = [_columns(g) for g in every]
-    step = max([resolution_m, *(white_noise(position) for _, position, _ in given)])
-    found = [loop for columns in given for loop in _reversals(*columns, step)]
-    most = max((loop.swing for loop in found), default=0.0)
-    found = [loop for loop in found if loop.swing >= WHOLE_SWING * most]
-    fits = [fit for loop in found if (fit := _slope(loop, step)) is not None]
-    if not fits:
+    columns = [_columns(loop) for loop in every]
+    step = max([resolution_m, *(white_noise(position) for _, position, _ in columns)])
+    found = [reversal for loop in columns for reversal in _reversals(*loop, step)]
+    most = max((_swing(reversal) for reversal in found), default=0.0)
+    found = [reversal for reversal in found if _swing(reversal) >= WHOLE_SWING * most]
+    slopes = [slope for reversal in found if (slope := _slope(reversal, step)) is not None]
+    if not slopes:
         raise FitError(
             "no reversal shows the bristles",
             value=f"{len(found)} reversals, position known to {1e6 * step:.3g} um",
             rule=f"{LEAST_SAMPLES} samples within {100 * SWING_SHARE:.0f} % of the swing of friction",
             remedy="Reverse more slowly, or sample faster.",
         )
-    slopes, dampings = np.array(fits).T
-    level = 0.5 * float(np.median([loop.swing for loop in found]))
-    top = float(np.median([loop.speed.max() for loop in found]))
-    factor = _factor(drive, float(slopes.mean()), level, top)
-    each = {STIFFNESS: slopes / factor, DAMPING: dampings / factor}
-    pooled = {name: _pooled(values) for name, values in each.items()}
-    count = len(fits)
+    stiffness, damping = np.array(slopes).T
+    level = 0.5 * float(np.median([_swing(reversal) for reversal in found]))
+    top = float(np.median([speed.max() for _, _, speed in found]))
+    factor = _factor(drive, float(stiffness.mean()), level, top)
+    each, count = {STIFFNESS: stiffness / factor, DAMPING: damping / factor}, len(slopes)
+    values = {name: float(own.mean()) for name, own in each.items()}
+    ends = {name: _interval(own) for name, own in each.items()}
     return Presliding(
-        values={name: value for name, (value, _) in pooled.items()},
+        values=values,
         units={STIFFNESS: "N/m", DAMPING: "N s/m"},
         free=tuple(each),
         covariance=np.cov(np.array(list(each.values()))) / count if count > 1 else np.zeros((2, 2)),
-        intervals={name: ends for name, (_, ends) in pooled.items()},
-        undetermined=_lost(step, level, pooled[STIFFNESS], pooled[DAMPING]),
-        notes=(SIMULATED,) if any(getattr(g, "synthetic", False) for g in every) else (),
+        intervals=ends,
+        undetermined=_lost(step, level, values, ends),
+        notes=(SIMULATED,) if any(getattr(loop, "synthetic", False) for loop in every) else (),
         statistics={"reversals": float(count), "breakaway_n": level, "slope_factor": factor},
         provenance={
             "version": __version__,
             "drive": drive.name,
             "description_hash": drive.description_hash,
-            "recordings": [str(getattr(g, "name", f"loop {i}")) for i, g in enumerate(every, 1)],
+            "recordings": [str(getattr(loop, "name", f"loop {i}")) for i, loop in enumerate(every, 1)],
         },
-        profiler={name: ends for name, (_, ends) in pooled.items()}.__getitem__,
+        profiler=ends.__getitem__,
         each=each,
     )
 
 
 def _lost(
-    step: float,
-    level: float,
-    stiffness: tuple[float, tuple[float, float]],
-    damping: tuple[float, tuple[float, float]],
+    step: float, level: float, values: dict[str, float], ends: dict[str, tuple[float, float]]
 ) -> tuple[Undetermined, ...]:
+    unresolved = unresolved_damping(step, level, values[STIFFNESS])
+    remedies = {STIFFNESS: "reverse more slowly and more often, with a finer encoder"}
+    remedies |= {} if unresolved else {DAMPING: "reverse at several speeds, some of them ten times faster"}
     out = []
-    for name, (value, (low, high)), remedy in (
-        (STIFFNESS, stiffness, "reverse more slowly and more often, with a finer encoder"),
-        (DAMPING, damping, "reverse at several speeds, some of them ten times faster"),
-    ):
-        if not (value > 0.0 and 0.5 * (high - low) <= LARGEST_REACH * value):
+    for name, remedy in remedies.items():
+        low, high = ends[name]
+        if not (values[name] > 0.0 and 0.5 * (high - low) <= LARGEST_REACH * values[name]):
             reason = f"its 95 % interval over the reversals reaches from {low:.3g} to {high:.3g}"
             out.append(Undetermined(name, reason, remedy))
-    unresolved = unresolved_damping(step, level, stiffness[0])
-    if unresolved is not None:
-        out = [u for u in out if u.parameter != unresolved.parameter] + [unresolved]
-    return tuple(out)
+    return (*out, unresolved) if unresolved else tuple(out)
 
 
-def _columns(given: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recording or a mapping, distinguished here
+def _columns(loop: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recording or a mapping, distinguished here
     """Return time, position and friction."""
-    if hasattr(given, "balance_n"):
-        return given.time_s, given.position_m, given.balance_n()
+    if hasattr(loop, "balance_n"):
+        return loop.time_s, loop.position_m, loop.balance_n()
     names = ("time_s", "position_m", "friction_n")
-    missing = [c for c in names if c not in given]
+    missing = [c for c in names if c not in loop]
     if missing:
         raise FitError(f"a loop lacks {', '.join(missing)}", rule="time_s, position_m and friction_n of one length")
-    time, position, friction = (np.asarray(given[c], dtype=np.float64) for c in names)
+    time, position, friction = (np.asarray(loop[c], dtype=np.float64) for c in names)
     return time, position, friction
 
 
-def _reversals(time: Array, position: Array, friction: Array, step: float) -> list[_Loop]:
-    """Return the loops from each turning point of the position."""
-    threshold = max(5.0 * step, 1e-9)
-    turns = _turning_points(position, threshold)
+def _reversals(time: Array, position: Array, friction: Array, step: float) -> list[Array]:
+    """Return displacement, increase of friction and speed after each turn, in the new direction, shape (3, n) each."""
     out = []
-    for begin, end in pairwise(turns):
-        if end - begin < LEAST_SAMPLES:
-            continue
-        part = slice(begin, end + 1)
-        sign = np.sign(position[end] - position[begin])
-        x = sign * (position[part] - position[begin])
-        f = sign * (friction[part] - friction[begin])
-        speed = sign * np.gradient(position[part], time[part])
-        swing = float(np.median(f[len(f) * 3 // 4 :]))
-        if swing > 0.0:
-            out.append(_Loop(x, f, speed, swing))
-    return out
+    for begin, end in pairwise(_turning_points(position, max(5.0 * step, 1e-9))):
+        part, sign = slice(begin, end + 1), np.sign(position[end] - position[begin])
+        if end - begin >= LEAST_SAMPLES:
+            x, f = position[part] - position[begin], friction[part] - friction[begin]
+            out.append(sign * np.stack([x, f, np.gradient(position[part], time[part])]))
+    return [reversal for reversal in out if _swing(reversal) > 0.0]
+
+
+def _swing(reversal: Array) -> float:
+    """Return the change of friction between both directions: the median over the last quarter."""
+    return float(np.median(reversal[1, reversal.shape[1] * 3 // 4 :]))
 
 
 def _turning_points(position: Array, threshold: float) -> list[int]:
@@ -274,29 +223,29 @@ def _turning_points(position: Array, threshold: float) -> list[int]:
     return sorted(set(turns))
 
 
-def _slope(loop: _Loop, step: float) -> tuple[float, float] | None:
+def _slope(reversal: Array, step: float) -> tuple[float, float] | None:
     """Return the slopes of friction over displacement at the reversal and over speed, by least squares.
 
     x = b (F - s v) + c F^2, as friction is more accurate than a displacement of a few encoder steps.
     """
-    begin = loop.gain <= SWING_SHARE * loop.swing
+    begin = reversal[1] <= SWING_SHARE * _swing(reversal)
     stop = int(np.argmin(begin)) if not begin.all() else begin.size
-    if stop < LEAST_SAMPLES or loop.displacement[stop - 1] < 2.0 * step:
+    if stop < LEAST_SAMPLES or reversal[0, stop - 1] < 2.0 * step:
         return None
-    f, v, x = loop.gain[:stop], loop.speed[:stop], loop.displacement[:stop]
+    x, f, v = reversal[:, :stop]
     sizes = np.array([f.max(), f.max() ** 2, max(np.abs(v).max(), 1e-12), 1.0])
     design = np.stack([f, f**2, v, np.ones_like(f)], axis=1) / sizes
     b, _, d, _ = np.linalg.lstsq(design, x, rcond=1e-8)[0] / sizes
     return (1.0 / b, -d / b) if b > 0.0 else None
 
 
-def _pooled(values: Array) -> tuple[float, tuple[float, float]]:
-    """Return the mean and the 95 % interval over reversals."""
+def _interval(values: Array) -> tuple[float, float]:
+    """Return the 95 % interval of the mean over reversals; infinite for a single one."""
+    if values.size == 1:
+        return -np.inf, np.inf
     mean, n = float(values.mean()), values.size
-    if n == 1:
-        return mean, (-np.inf, np.inf)
     reach = float(student(n - 1) * values.std(ddof=1) / np.sqrt(n))
-    return mean, (mean - reach, mean + reach)
+    return mean - reach, mean + reach
 
 
 def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
@@ -304,15 +253,13 @@ def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
 
     A simulated loop of this force is evaluated like a measured one.
     """
-    stiffness = slope
     factor = 1.0
     for _ in range(ROUNDS):
-        loops = _reversals(*_simulated_loop(drive, stiffness, level, speed), 0.0)
-        fits = [fit[0] for loop in loops[1:] if (fit := _slope(loop, 0.0)) is not None]
-        if not fits:
+        loops = _reversals(*_simulated_loop(drive, slope / factor, level, speed), 0.0)
+        slopes = [found[0] for loop in loops[1:] if (found := _slope(loop, 0.0)) is not None]
+        if not slopes:
             break
-        factor = float(np.mean(fits)) / stiffness
-        stiffness = slope / factor
+        factor = float(np.mean(slopes)) / (slope / factor)
     return factor
 
 

@@ -1,4 +1,4 @@
-"""A circuit whose piston follows a recorded motion, simulated with any values of its free numbers, and its recordings."""
+"""A circuit whose piston follows a recorded motion, with any values of its free numbers, and its recordings."""
 
 from __future__ import annotations
 
