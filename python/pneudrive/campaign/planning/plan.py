@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.batching import many_objects
@@ -16,6 +17,7 @@ from pneudrive.campaign.planning.points import (
     Planned,
     Way,
     axis_use,
+    cells_of,
     cycle_count,
     ordered_blocks,
     ordered_cells,
@@ -36,7 +38,6 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.planning.protocol import Protocol
     from pneudrive.rig.interface import Envelope, Identity, Step
-    from pneudrive.units import Pressure
 
 
 #: Samples per stroke of a cycle that only prepares: enough to show a fault (assumed).
@@ -71,7 +72,7 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     # The description of a custom rig goes into its folder, and must be readable from there.
     identity_of(json.loads(json.dumps(identity.to_dict(), default=plain)), f'rig "{identity.name}"')
     plan = draft(protocol, identity, envelope)
-    return Plan(protocol, identity, envelope, plan.planned, check(plan))
+    return replace(plan, notes=check(plan))
 
 
 def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
@@ -81,15 +82,11 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     within("cycles", count, f"the protocol asks for {count:,} cycles or more", ProtocolError, protocol.origin)
     with many_objects():
         planned = _Layout(protocol, identity, envelope).run()
-    seen: set[str] = set()
-    for one in planned:
-        if one.cycle.key in seen:
-            raise ProtocolError(
-                f"two cycles have the key {one.cycle.key}",
-                where=protocol.origin,
-                rule="levels must differ within 6 significant digits",
-            )
-        seen.add(one.cycle.key)
+    keys = Counter(p.cycle.key for p in planned)
+    for key, times in keys.items():
+        if times > 1:
+            rule = "levels must differ within 6 significant digits"
+            raise ProtocolError(f"two cycles have the key {key}", where=protocol.origin, rule=rule)
     return Plan(protocol, identity, envelope, tuple(planned))
 
 
@@ -106,35 +103,29 @@ class _Layout:
         self.protocol, self.ambient_pa = protocol, identity.ambient_pressure_pa
         self.way = Way.on(protocol, envelope)
         self.first = protocol.pressure.levels[0]
-        self.block, self.levels = 1, dict[str, str]()
+        self.block, self.levels = 0, dict[str, str]()
         self.planned: list[Planned] = []
-        self._steps: dict[str, tuple[Step, ...]] = {}  # of each cell
-        self._uses: dict[str, tuple[float, int]] = {}  # cell or key -> time on the axis, samples
+        self._uses: dict[str, tuple[tuple[Step, ...], float, int]] = {}  # cell or key -> steps, axis time, samples
         self._pressures = VENTED.absolute_pa(self.ambient_pa)
 
     def run(self) -> list[Planned]:
         """Return the cycles of all blocks."""
         chosen = self._fraction()
-        before: dict[str, str] = {}
-        number = 0
         for index, levels in enumerate(ordered_blocks(self.protocol), start=1):
-            cells = [
-                (cell, repeat)
-                for cell, repeat in ordered_cells(self.protocol, index)
-                if chosen is None or cell_name(levels, cell) in chosen
-            ]
+            cells = ordered_cells(self.protocol, index)
+            if chosen is not None:
+                cells = [(cell, repeat) for cell, repeat in cells if cell_name(levels, cell) in chosen]
             if cells:
-                number += 1
-                self.block, self.levels = number, levels
+                before, self.levels = self.levels, levels
+                self.block += 1
                 self._block(before, cells)
-                before = levels
         return self.planned
 
     def _fraction(self) -> set[str] | None:
         fraction = self.protocol.fraction
         if fraction is None:
             return None
-        cells = [cell for cell, repeat in ordered_cells(self.protocol, 1) if repeat == 1]
+        cells = [cell for family in cells_of(self.protocol) for cell in family]
         known = {cell_name(levels, cell) for levels in ordered_blocks(self.protocol) for cell in cells}
         for name in fraction.cells:
             if name not in known:
@@ -204,19 +195,9 @@ class _Layout:
 
     def _point(self, cell: Cell, repeat: int) -> None:
         """Add the cycle that measures a cell."""
-        if cell.name not in self._steps:
-            self._steps[cell.name] = self._sweep(cell) if cell.place is None else self._stop(cell)
-        self._add(
-            f"{cell.name}/r{repeat}",
-            cell.kind,
-            self._steps[cell.name],
-            cell.pressures,
-            cell=cell,
-            repeat=repeat,
-            speed_m_s=cell.speed_m_s,
-            stop_s=cell.stop_s,
-            released=cell.released,
-        )
+        factors = {name: getattr(cell, name) for name in ("speed_m_s", "stop_s", "released")}
+        steps = () if cell.name in self._uses else self._sweep(cell) if cell.position is None else self._stop(cell)
+        self._add(f"{cell.name}/r{repeat}", cell.kind, steps, cell.pressures, cell=cell, repeat=repeat, **factors)
 
     def _add(
         self,
@@ -230,27 +211,20 @@ class _Layout:
         sampling: Sampling | None = None,
         **rest: Any,  # noqa: ANN401 - the optional fields of Cycle
     ) -> None:
-        """Add a cycle to the plan."""
+        """Add a cycle to the plan; all cycles of a cell have the steps of the first one."""
+        key, sampling = f"b{self.block}/{key}", sampling or self.protocol.sampling
+        name = cell.name if cell is not None else key
+        if name not in self._uses:
+            self._uses[name] = (steps, *axis_use(steps, self.way, sampling))
+        steps, axis_s, samples = self._uses[name]
         pressures = pair.absolute_pa(self.ambient_pa)
-        cycle = Cycle(
-            f"b{self.block}/{key}",
-            kind,
-            steps,
-            sampling or self.protocol.sampling,
-            *pressures,
-            block=self.block,
-            levels=self.levels,
-            start_m=self.way.low_m,
-            **rest,
-        )
         if pressures != self._pressures:
             wait_s += self.protocol.pressure.settling_s
             self._pressures = pressures
-        name = cell.name if cell is not None else cycle.key
-        if name not in self._uses:
-            self._uses[name] = axis_use(cycle, self.way.limits)
-        axis_s, samples = self._uses[name]
-        self.planned.append(Planned(cycle, axis_s, wait_s, samples, cell))
+        rest |= {"block": self.block, "levels": self.levels, "start_m": self.way.low_m}
+        self.planned.append(
+            Planned(Cycle(key, kind, steps, sampling, *pressures, **rest), axis_s, wait_s, samples, cell)
+        )
 
     def _out_and_back(self, speed_m_s: float, times: int = 1) -> tuple[Step, ...]:
         return (Move(self.way.high_m, speed_m_s), Move(self.way.low_m, speed_m_s)) * times
@@ -262,61 +236,41 @@ class _Layout:
         cruise = self.way.cruise_s(speed)
         strokes = min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes) if cruise else 1
         back = speed if cell.direction == "both" else speeds.return_speed_m_s
-        out_speed = back if cell.direction == "-x" else speed
-        back_speed = back if cell.direction == "+x" else speed
+        out_speed, back_speed = (back, speed) if cell.direction == "-x" else (speed, back)
         return (Move(self.way.high_m, out_speed), Move(self.way.low_m, back_speed)) * strokes
 
     def _stop(self, cell: Cell) -> tuple[Step, ...]:
         """Return the steps of a stop: preconditioning, uninterrupted stroke, interrupted stroke, way back."""
-        stop = self.protocol.stop
+        stop, speed = self.protocol.stop, cell.speed_m_s
         assert stop is not None
-        assert cell.place is not None
+        assert cell.position is not None
         assert cell.stop_s is not None
         low, high, back = self.way.low_m, self.way.high_m, stop.preconditioning.speed_m_s
         sign = 1.0 if cell.direction == "+x" else -1.0
         near, far = (low, high) if sign > 0.0 else (high, low)
-        at = cell.place.at(low, high)
+        at = cell.position.at(low, high)
         begin = near if stop.approach_m is None else at - sign * stop.approach_m
         end = far if stop.recovery_m is None else at + sign * stop.recovery_m
-        speed = cell.speed_m_s
         to_begin = [Move(near, back)] if begin == near else [Move(near, back), Move(begin, back)]
         steps: list[Step] = list(self._out_and_back(back, stop.preconditioning.strokes))
         steps += [*to_begin, Move(end, speed)] * stop.reference_strokes + to_begin
-        if cell.stop_s == 0.0:
-            steps += [Move(end, speed)]
-        else:
-            approach = stop.approach_speed_m_s or speed
-            steps += [Move(at, approach), Hold(cell.stop_s, released=cell.released), Move(end, speed)]
-        return _without_standing([*steps, Move(low, back)], low)
-
-
-def _without_standing(steps: list[Step], start_m: float) -> tuple[Step, ...]:
-    """Remove moves of zero length."""
-    out: list[Step] = []
-    at = start_m
-    for step in steps:
-        if isinstance(step, Move):
-            if step.to_m == at:
-                continue
-            at = step.to_m
-        out.append(step)
-    return tuple(out)
+        if cell.stop_s > 0.0:
+            steps += [Move(at, stop.approach_speed_m_s or speed), Hold(cell.stop_s, released=cell.released)]
+        out: list[Step] = []
+        at = low
+        for step in [*steps, Move(end, speed), Move(low, back)]:  # without moves of zero length
+            if isinstance(step, Hold) or step.to_m != at:
+                out.append(step)
+                at = at if isinstance(step, Hold) else step.to_m
+        return tuple(out)
 
 
 def show(plan: Plan) -> str:
     """Return the whole text: blocks with their content and time, and the verdict."""
     rig = f'on "{plan.identity.name}"{" (simulated: its data are synthetic)" if plan.identity.synthetic else ""}'
-    return "\n".join(
-        [
-            f"{plan.protocol.name}, {rig}",
-            "",
-            *_blocks(plan),
-            "",
-            *_contents(plan),
-            "",
-            *_verdict(plan),
-        ]
-    )
+    used = [f"{name} {value:.4g} of {limit:.4g} {unit}" for name, (value, limit, unit) in margins(plan).items()]
+    lines = [f"{plan.protocol.name}, {rig}", "", _blocks(plan), "", *_contents(plan), ""]
+    return "\n".join([*lines, f"pre-flight: passed ({', '.join(used)})", *(f"note: {note}" for note in plan.notes)])
 
 
 def size(count: float) -> str:
@@ -327,47 +281,39 @@ def size(count: float) -> str:
     return f"{count / 1e3:.3g} kB"
 
 
-def _clock(seconds: float) -> str:
-    minutes = round(seconds / 60.0)
-    return f"{minutes // 60}:{minutes % 60:02d}"
-
-
-def _blocks(plan: Plan) -> list[str]:
-
+def _blocks(plan: Plan) -> str:
     groups: dict[int, list[Planned]] = {}
-    for one in plan.planned:
-        groups.setdefault(one.cycle.block, []).append(one)
+    for planned in plan.planned:
+        groups.setdefault(planned.cycle.block, []).append(planned)
     rows = [["block", "set-up", "cells", "cycles", "strokes", "time, h:min", "data"]]
     for block, group in [*groups.items(), (0, list(plan.planned))]:
-        levels = group[0].cycle.levels
-        rows.append(
-            [
-                str(block or "all"),
-                ", ".join(f"{name} {level}" for name, level in levels.items()) if block and levels else "-",
-                str(len({(str(one.cycle.levels), one.cell.name) for one in group if one.cell is not None})),
-                str(len(group)),
-                str(sum(one.strokes for one in group)),
-                _clock(sum(one.time_s for one in group)),
-                size(size_of(group)),
-            ]
-        )
-    return aligned(rows if len(groups) > 1 else rows[:2], right_from=2, indent="").splitlines()
+        levels = group[0].cycle.levels if block else {}
+        cells = {(str(p.cycle.levels), p.cell.name) for p in group if p.cell is not None}
+        minutes = round(sum(p.time_s for p in group) / 60.0)
+        counts = [len(cells), len(group), sum(p.strokes for p in group), f"{minutes // 60}:{minutes % 60:02d}"]
+        set_up = ", ".join(f"{name} {level}" for name, level in levels.items()) or "-"
+        rows.append([str(block or "all"), set_up, *map(str, counts), size(size_of(group))])
+    return aligned(rows if len(groups) > 1 else rows[:2], right_from=2, indent="")
 
 
 def _contents(plan: Plan) -> list[str]:
-
     p = plan.protocol
-    kinds = Counter(one.cycle.kind for one in plan.planned)
-    operator_s = sum(one.wait_s for one in plan.planned if one.cycle.kind == "operator")
-    settling_s = sum(one.wait_s for one in plan.planned) - operator_s
-    axis_s = sum(one.axis_s for one in plan.planned)
+    kinds = Counter(planned.cycle.kind for planned in plan.planned)
+    operator_s = sum(planned.wait_s for planned in plan.planned if planned.cycle.kind == "operator")
+    settling_s = sum(planned.wait_s for planned in plan.planned) - operator_s
+    axis_s = sum(planned.axis_s for planned in plan.planned)
     seed = f" (seed {p.seed})" if p.order.kind == "randomised" else ""
     each = f"{p.pressure.settling_s:g} s each, assumed"
     waits = f", settling after changes of pressure {duration(settling_s)} ({each})" if settling_s else ""
     hands = f", operator {duration(operator_s)} (assumed)" if operator_s else ""
+    speeds = [] if p.speed is None else [f"speed    {_range(p.speed.levels_m_s, 1e3, 'mm/s')}"]
+    if p.stop is not None:
+        speeds.append(f"stop     {_range(p.stop.durations_s, 1.0, 's')}")
+        speeds.append(f"restart  {_range(p.stop.restart_speed_m_s, 1e3, 'mm/s')}")
     return [
         f"cycles   {', '.join(f'{kind} {count}' for kind, count in kinds.items())}",
-        *_factors(plan),
+        *speeds,
+        f"pressure {_pressures(p.pressure.levels)}",
         f"order    {p.order.kind}{seed}; repeats {p.repeats}, replicates {p.order.replicates}",
         f"time     {duration(plan.time_s)}: axis {duration(axis_s)}{waits}{hands}",
         f"data     {plan.samples} samples, {size(plan.bytes)} "
@@ -375,38 +321,17 @@ def _contents(plan: Plan) -> list[str]:
     ]
 
 
-def _factors(plan: Plan) -> list[str]:
-    p, out = plan.protocol, []
-    if p.speed is not None:
-        out.append(f"speed    {_range(p.speed.levels_m_s, 1e3, 'mm/s')}")
-    if p.stop is not None:
-        out.append(f"stop     {_range(p.stop.durations_s, 1.0, 's')}")
-        out.append(f"restart  {_range(p.stop.restart_speed_m_s, 1e3, 'mm/s')}")
-    return [*out, f"pressure {_pressures(p.pressure.levels)}"]
-
-
 def _pressures(levels: Sequence[Pair]) -> str:
     """Return the pressures as text, absolute or gauge as stated."""
-    (a, b) = levels[0]
+    (a, b), last = ([f"{p.to('bar'):.6g} bar {'gauge' if p.gauge else 'abs'}" for p in levels[end]] for end in (0, -1))
     if len(levels) == 1:
-        return f"{_bar(a)} in both chambers" if a == b else f"{_bar(a)} in chamber a, {_bar(b)} in chamber b"
+        return f"{a} in both chambers" if levels[0].a == levels[0].b else f"{a} in chamber a, {b} in chamber b"
     if all(a == b for a, b in levels):
-        return f"{len(levels)} levels in both chambers, {_bar(a)} to {_bar(levels[-1][0])}"
-    last = levels[-1]
-    return f"{len(levels)} pairs, a {_bar(a)} and b {_bar(b)} to a {_bar(last[0])} and b {_bar(last[1])}"
-
-
-def _bar(pressure: Pressure) -> str:
-    return f"{pressure.to('bar'):.6g} bar {'gauge' if pressure.gauge else 'abs'}"
+        return f"{len(levels)} levels in both chambers, {a} to {last[0]}"
+    return f"{len(levels)} pairs, a {a} and b {b} to a {last[0]} and b {last[1]}"
 
 
 def _range(levels: Sequence[float], factor: float, unit: str) -> str:
     if len(levels) == 1:
         return f"{factor * levels[0]:.4g} {unit}"
     return f"{len(levels)} levels, {factor * levels[0]:.4g} to {factor * levels[-1]:.4g} {unit}"
-
-
-def _verdict(plan: Plan) -> list[str]:
-
-    asked = [f"{name} {value:.4g} of {limit:.4g} {unit}" for name, (value, limit, unit) in margins(plan).items()]
-    return [f"pre-flight: passed ({', '.join(asked)})", *(f"note: {note}" for note in plan.notes)]

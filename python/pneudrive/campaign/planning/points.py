@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import product
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Hold, Move, Sampling
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.planning.protocol import Pair, Place, Protocol
+    from pneudrive.campaign.planning.protocol import AxisPosition, Pair, Protocol
     from pneudrive.rig.interface import Envelope, Identity, Step
 
 
@@ -40,7 +40,7 @@ class Cell:
         ``both``, ``+x`` or ``-x``.
     turn : str
         ``up`` or ``down`` if a speed is measured twice, on the way up and down the list.
-    stop_s, released, place
+    stop_s, released, position
         Levels of a stop.
     """
 
@@ -51,67 +51,58 @@ class Cell:
     turn: str = ""
     stop_s: float | None = None
     released: bool = False
-    place: Place | None = None
+    position: AxisPosition | None = None
 
     @cached_property
     def name(self) -> str:
         """Permanent name of the cell within its block: the middle part of a key."""
         speed = f"v{1e3 * self.speed_m_s:.6g}"
-        if self.place is None:
+        if self.position is None:
             way = "" if self.direction == "both" else self.direction
             parts = [speed, self.pressures.name, way, self.turn]
         else:
             held = "released" if self.released else "held"
-            parts = [f"t{self.stop_s:.6g}", self.pressures.name, speed, held, self.place.name, self.direction]
+            parts = [f"t{self.stop_s:.6g}", self.pressures.name, speed, held, self.position.name, self.direction]
         return "/".join([self.kind, *(part for part in parts if part)])
 
 
-def sweep_cells(protocol: Protocol) -> list[Cell]:
-    """Return the cells of the sweep, pressure outermost, speeds in the requested order."""
+def _sweep_levels(protocol: Protocol) -> list[tuple[str, float]]:
+    """Return turn and speed of each point of the sweep at one pressure, in the requested order."""
     if protocol.speed is None:
         return []
-    up = protocol.speed.levels_m_s
-    order = protocol.speed.order
-    runs = {
-        "ascending": [("", up)],
-        "descending": [("", up[::-1])],
-        "up-and-down": [("up", up), ("down", up[::-1])],
-    }[order]
-    return [
-        Cell("sweep", pair, speed, protocol.directions, turn)
-        for pair in protocol.pressure.levels
-        for turn, speeds in runs
-        for speed in speeds
-    ]
+    up, order = protocol.speed.levels_m_s, protocol.speed.order
+    if order == "up-and-down":
+        return [*(("up", speed) for speed in up), *(("down", speed) for speed in up[::-1])]
+    return [("", speed) for speed in (up if order == "ascending" else up[::-1])]
 
 
-def stop_cells(protocol: Protocol) -> list[Cell]:
-    """Return the cells of the stops, pressure outermost, durations innermost."""
+def _stop_levels(protocol: Protocol) -> tuple[Sequence[Any], ...]:
+    """Return the levels of the stops at one pressure: position, release, speed, direction, and duration innermost."""
     stop = protocol.stop
     if stop is None:
-        return []
+        return ((),)
     directions = ("+x", "-x") if protocol.directions == "both" else (protocol.directions,)
-    return [
-        Cell("stop", pair, speed, direction, stop_s=duration, released=released, place=place)
-        for pair in protocol.pressure.levels
-        for place in stop.position
-        for released in stop.released
-        for speed in stop.restart_speed_m_s
-        for direction in directions
-        for duration in stop.durations_s
+    return stop.position, stop.released, stop.restart_speed_m_s, directions, stop.durations_s
+
+
+def cells_of(protocol: Protocol) -> tuple[list[Cell], list[Cell]]:
+    """Return the cells of the sweep and of the stops, pressure outermost."""
+    pairs, levels = protocol.pressure.levels, list(product(*_stop_levels(protocol)))
+    turns = _sweep_levels(protocol)
+    sweep = [Cell("sweep", pair, speed, protocol.directions, turn) for pair in pairs for turn, speed in turns]
+    stops = [
+        Cell("stop", pair, speed, direction, stop_s=stop_s, released=released, position=position)
+        for pair in pairs
+        for position, released, speed, direction, stop_s in levels
     ]
+    return sweep, stops
 
 
 def cycle_count(protocol: Protocol) -> int:
     """Return the number of points of all blocks without building them."""
-    stop, speed = protocol.stop, protocol.speed
-    turns = 0 if speed is None else len(speed.levels_m_s) * (2 if speed.order == "up-and-down" else 1)
-    if stop is not None:
-        ways = 2 if protocol.directions == "both" else 1
-        levels = (stop.position, stop.released, stop.restart_speed_m_s, stop.durations_s)
-        turns += ways * math.prod(map(len, levels))
+    points = len(_sweep_levels(protocol)) + math.prod(map(len, _stop_levels(protocol)))
     blocks = math.prod(len(factor.levels) for factor in protocol.hard.values()) * protocol.order.replicates
-    return turns * len(protocol.pressure.levels) * protocol.repeats * blocks
+    return points * len(protocol.pressure.levels) * protocol.repeats * blocks
 
 
 @dataclass(frozen=True)
@@ -156,15 +147,14 @@ def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: S
     return time_s, step_samples(time_s, isinstance(step, Move), sampling)
 
 
-def axis_use(cycle: Cycle, limits: Limits) -> tuple[float, int]:
-    """Return the time of the axis for a cycle, moves and holds, s, and the number of samples."""
-    at, time_s, samples = cycle.start_m, 0, int(bool(cycle.steps))
-    for step in cycle.steps:
+def axis_use(steps: Sequence[Step], way: Way, sampling: Sampling) -> tuple[float, int]:
+    """Return the time of the axis for the steps of a cycle, moves and holds, s, and the number of samples."""
+    at, time_s, samples = way.low_m, 0.0, int(bool(steps))
+    for step in steps:
         distance = 0.0
         if isinstance(step, Move):
-            assert at is not None
             distance, at = step.to_m - at, step.to_m
-        step_s, count = _time_and_samples(step, distance, limits, cycle.sampling)
+        step_s, count = _time_and_samples(step, distance, way.limits, sampling)
         time_s, samples = time_s + step_s, samples + count
     return time_s, samples
 
@@ -189,15 +179,11 @@ def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
 def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
     """Return the cells of a block with their repeat (from 1) in running order."""
     repeats = range(1, protocol.repeats + 1)
-    families = (sweep_cells(protocol), stop_cells(protocol))
-    kind = protocol.order.kind
+    families, kind = cells_of(protocol), protocol.order.kind
     if kind == "as-given":  # a change of pressure is slow: the list is repeated at each pressure
-        out = []
-        for cells in families:
-            for pair in protocol.pressure.levels:
-                here = [cell for cell in cells if cell.pressures == pair]
-                out += [(cell, repeat) for repeat in repeats for cell in here]
-        return out
+        order = {pair: index for index, pair in enumerate(protocol.pressure.levels)}
+        listed = ([(cell, repeat) for repeat in repeats for cell in cells] for cells in families)
+        return [entry for entries in listed for entry in sorted(entries, key=lambda entry: order[entry[0].pressures])]
     if kind == "interleaved":
         return [(cell, repeat) for repeat in repeats for cells in families for cell in _interleaved(cells)]
     every = [cell for cells in families for cell in cells]
@@ -225,11 +211,7 @@ def alternate(items: Sequence[T]) -> list[T]:
     [1, 4, 2, 5, 3]
     """
     half = (len(items) + 1) // 2
-    out: list[T] = []
-    for index in range(half):
-        out += items[index : index + 1]
-        out += items[half + index : half + index + 1]
-    return out
+    return [items[index // 2 + index % 2 * half] for index in range(len(items))]
 
 
 def _interleaved(cells: list[Cell]) -> list[Cell]:

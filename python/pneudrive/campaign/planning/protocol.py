@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from pneudrive import units
 from pneudrive.describe.base import Described
@@ -76,19 +76,19 @@ class MovingAverage(Quantity):
 
 
 @dataclass(frozen=True, order=True)
-class Place:
+class AxisPosition:
     """A position: absolute, m, or as a fraction of the range that the campaign uses."""
 
     value: float
-    share: bool
+    relative: bool
 
     def at(self, low_m: float, high_m: float) -> float:
         """Return the position within a range, m."""
-        return low_m + self.value * (high_m - low_m) if self.share else self.value
+        return low_m + self.value * (high_m - low_m) if self.relative else self.value
 
     def __str__(self) -> str:
         """Return it as users write it."""
-        return units.write_share(self.value) if self.share else units.write(self.value, "m", "mm")
+        return units.write_share(self.value) if self.relative else units.write(self.value, "m", "mm")
 
     @property
     def name(self) -> str:
@@ -97,20 +97,53 @@ class Place:
 
 
 @dataclass(frozen=True)
-class PlaceMark(Mark):
+class PositionMark(Mark):
     """Annotation of a field for a position: a length or a fraction, ``"120 mm"``, ``"50 %"``."""
 
-    def read(self, given: object) -> Place:
+    def read(self, given: object) -> AxisPosition:
         """Convert and check."""
-        return place(given)
+        fraction = units.share_of(given)
+        if fraction is not None:
+            if not 0.0 <= fraction <= 1.0:
+                raise WrongValueError(f'"{given}" lies outside the range', rule="0 % to 100 %")
+            return AxisPosition(fraction, relative=True)
+        if not isinstance(given, str):
+            raise WrongValueError(f"{given!r} has no unit", remedy='Write "50 %" or "120 mm".')
+        try:
+            return AxisPosition(units.parse(given, "m"), relative=False)
+        except DescriptionError as error:
+            raise WrongValueError(error.what, error.rule, 'Write "50 %" or "120 mm".') from None
 
-    def show(self, value: Place) -> str:
+    def show(self, value: AxisPosition) -> str:
         """Return it as users write it."""
         return str(value)
 
     def schema(self) -> dict[str, Any]:
         """Return the schema of its written form."""
         return {"type": "string", "x-unit": "m or %"}
+
+
+@dataclass(frozen=True)
+class BetweenPositions(PositionMark):
+    """Annotation of a field that takes a range of positions, ``"10 mm .. 290 mm"`` or ``"5 % .. 95 %"``."""
+
+    def read(self, given: object) -> tuple[AxisPosition, AxisPosition]:  # type: ignore[override]
+        """Convert and check."""
+        ends = given.split("..") if isinstance(given, str) else []
+        if len(ends) != 2:
+            raise WrongValueError(f"{given!r} is not a range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
+        low, high = (super(BetweenPositions, self).read(end.strip()) for end in ends)
+        if low.relative == high.relative and not low.value < high.value:
+            raise WrongValueError(f'range "{given}" is empty', rule="the first end must lie below the second")
+        return low, high
+
+    def show(self, value: tuple[AxisPosition, AxisPosition]) -> str:  # type: ignore[override]
+        """Return it as users write it."""
+        return f"{value[0]} .. {value[1]}"
+
+    def schema(self) -> dict[str, Any]:
+        """Return the schema of its written form."""
+        return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": "m or %"}
 
 
 @dataclass(frozen=True)
@@ -139,7 +172,7 @@ class ListOf(Mark):
 
     Parameters
     ----------
-    one : Mark
+    mark : Mark
         Annotation of each value.
     spacing : str
         Default of a range, ``log`` or ``linear``; empty: no ranges.
@@ -149,7 +182,7 @@ class ListOf(Mark):
         A single value needs a list, too.
     """
 
-    one: Mark
+    mark: Mark
     spacing: str = ""
     sorts: bool = True
     only_list: bool = False
@@ -160,96 +193,60 @@ class ListOf(Mark):
             return self._range(given)
         if self.only_list and (not isinstance(given, list) or not given):
             raise WrongValueError(f"{given!r} is not a list of pairs", remedy="Write [{ a = ..., b = ... }, ...].")
-        values = [self.one.read(one) for one in listed(given)]
-        values = sorted(values) if self.sorts else values
-        return distinct(values, [str(self.one.show(value)) for value in values])
+        entries = given if isinstance(given, list) else [given]
+        if not entries:
+            raise WrongValueError("the list is empty")
+        Bounds(bound="count").beyond(f"{len(entries)} entries", len(entries))
+        values = [self.mark.read(entry) for entry in entries]
+        seen = set()
+        for value in sorted(values) if self.sorts else values:
+            if value in seen:
+                raise WrongValueError(f"{self.mark.show(value)} occurs twice", remedy="Use `repeats` for repetitions.")
+            seen.add(value)
+        return tuple(sorted(values) if self.sorts else values)
 
     def _range(self, given: dict[str, Any]) -> tuple[Any, ...]:
-        low, high, count, spacing = spacing_of(given, self.spacing)
-        ends = self.one.read(low), self.one.read(high)
-        if isinstance(self.one, Quantity):
-            return spaced(*ends, count, spacing, self.one)
-        if ends[0].gauge != ends[1].gauge:
-            raise WrongValueError(f"the range {low!r} to {high!r} mixes abs and gauge")
-        values = spaced(ends[0].value_pa, ends[1].value_pa, count, spacing, Quantity("Pa", "bar"))
-        return tuple(units.Pressure(value, ends[0].gauge) for value in values)
+        """Read ``{ from, to, count, spacing }``."""
+        keys = ["from", "to", "count", "spacing"]
+        for key in given:
+            if key not in keys:
+                raise WrongValueError(f"'{key}' is not known here", remedy=nearest(key, keys))
+        for key in keys[:3]:
+            if key not in given:
+                raise WrongValueError(f"'{key}' is missing", remedy="Write { from = ..., to = ..., count = ... }.")
+        spacing = given.get("spacing", self.spacing)
+        if spacing not in SPACINGS:
+            raise WrongValueError(f"spacing = {spacing!r} is not known", remedy=nearest(str(spacing), SPACINGS))
+        count = Whole(at_least=2).read(given["count"])
+        low, high = (self.mark.read(given[key]) for key in ("from", "to"))
+        if isinstance(self.mark, Quantity):
+            return spaced(low, high, count, spacing, self.mark)
+        if low.gauge != high.gauge:
+            raise WrongValueError(f"the range {given['from']!r} to {given['to']!r} mixes abs and gauge")
+        values = spaced(low.value_pa, high.value_pa, count, spacing, Quantity("Pa", "bar"))
+        return tuple(units.Pressure(value, low.gauge) for value in values)
 
     def show(self, value: tuple[Any, ...]) -> list[Any]:
         """Return all levels in the form that users write."""
-        return [self.one.show(one) for one in value]
+        return [self.mark.show(level) for level in value]
 
     def named(self, value: tuple[Any, ...]) -> tuple[Any, ...]:
         """Return each level as a quantity with its unit."""
-        return tuple(map(self.one.named, value))
+        return tuple(map(self.mark.named, value))
 
     def schema(self) -> dict[str, Any]:
         """Return the schema of its written forms."""
-        one = self.one.schema()
-        if isinstance(self.one, Quantity):
-            one.pop("description")
-        several = {"type": "array", "items": one, "minItems": 1}
+        entry = self.mark.schema()
+        if isinstance(self.mark, Quantity):
+            entry.pop("description")
+        several = {"type": "array", "items": entry, "minItems": 1}
         if self.only_list:
             return several | {"x-unit": "Pa"}
-        return {"anyOf": [one, several, *([range_schema(one)] if self.spacing else [])], "x-unit": one["x-unit"]}
-
-
-@dataclass(frozen=True)
-class BetweenPlaces(Quantity):
-    """Annotation of a field that takes a range of positions, ``"10 mm .. 290 mm"`` or ``"5 % .. 95 %"``."""
-
-    si_unit: str = "m"
-
-    def read(self, given: object) -> tuple[Place, Place]:  # type: ignore[override]
-        """Convert and check."""
-        ends = given.split("..") if isinstance(given, str) else []
-        if len(ends) != 2:
-            raise WrongValueError(f"{given!r} is not a range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
-        low, high = place(ends[0].strip()), place(ends[1].strip())
-        if low.share == high.share and not low.value < high.value:
-            raise WrongValueError(f'range "{given}" is empty', rule="the first end must lie below the second")
-        return low, high
-
-    def show(self, value: tuple[Place, Place]) -> str:  # type: ignore[override]
-        """Return it as users write it."""
-        return f"{value[0]} .. {value[1]}"
-
-    def schema(self) -> dict[str, Any]:
-        """Return the schema of its written form."""
-        return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": "m or %"}
-
-
-def listed(given: object) -> list[object]:
-    """Return a list unchanged, and one value as a list."""
-    if isinstance(given, list):
-        if not given:
-            raise WrongValueError("the list is empty")
-        Bounds(bound="count").beyond(f"{len(given)} entries", len(given))
-        return given
-    return [given]
-
-
-def distinct(values: Any, shown: list[str]) -> Any:  # noqa: ANN401 - any sequence
-    """Return the values as a tuple; refuse a value that occurs twice."""
-    seen = set()
-    for index, one in enumerate(values):
-        if one in seen:
-            raise WrongValueError(f"{shown[index]} occurs twice", remedy="Use `repeats` for repetitions.")
-        seen.add(one)
-    return tuple(values)
-
-
-def spacing_of(given: dict[str, Any], spacing: str) -> tuple[object, object, int, str]:
-    """Read ``{ from, to, count, spacing }``."""
-    for key in given:
-        if key not in {"from", "to", "count", "spacing"}:
-            raise WrongValueError(f"'{key}' is not known here", remedy=nearest(key, ["from", "to", "count", "spacing"]))
-    for key in ("from", "to", "count"):
-        if key not in given:
-            raise WrongValueError(f"'{key}' is missing", remedy="Write { from = ..., to = ..., count = ... }.")
-    kind = given.get("spacing", spacing)
-    if kind not in SPACINGS:
-        raise WrongValueError(f"spacing = {kind!r} is not known", remedy=nearest(str(kind), SPACINGS))
-    return given["from"], given["to"], Whole(at_least=2).read(given["count"]), kind
+        count = {"type": "integer", "minimum": 2}
+        keys = {"from": entry, "to": entry, "count": count, "spacing": {"enum": list(SPACINGS)}}
+        needed = {"required": ["from", "to", "count"], "additionalProperties": False}
+        ranges = [{"type": "object", "properties": keys, **needed}] if self.spacing else []
+        return {"anyOf": [entry, several, *ranges], "x-unit": entry["x-unit"]}
 
 
 def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) -> tuple[float, ...]:
@@ -266,99 +263,77 @@ def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) ->
         raise WrongValueError("a logarithmic range must start above zero", remedy='Write spacing = "linear".')
     unit = mark.written or mark.si_unit
     factor, offset = units.converter(unit, mark.si_unit)
-    inner = []
-    for index in range(1, count - 1):
-        share = index / (count - 1)
-        value = math.exp((1.0 - share) * math.log(low) + share * math.log(high)) if spacing == "log" else None
-        value = (1.0 - share) * low + share * high if value is None else value
-        inner.append(units.parse(f"{(value - offset) / factor:.{DIGITS}g} {unit}", mark.si_unit))
-    out = (low, *inner, high)
+
+    def level(fraction: float) -> float:
+        if spacing == "log":
+            value = math.exp((1.0 - fraction) * math.log(low) + fraction * math.log(high))
+        else:
+            value = (1.0 - fraction) * low + fraction * high
+        return units.parse(f"{(value - offset) / factor:.{DIGITS}g} {unit}", mark.si_unit)
+
+    out = (low, *(level(index / (count - 1)) for index in range(1, count - 1)), high)
     if any(not a < b for a, b in pairwise(out)):
-        raise WrongValueError(
-            f"{count} levels do not differ within {DIGITS} significant digits", remedy="Lower the count."
-        )
+        what = f"{count} levels do not differ within {DIGITS} significant digits"
+        raise WrongValueError(what, remedy="Lower the count.")
     return out
-
-
-def range_schema(one: dict[str, Any]) -> dict[str, Any]:
-    """Describe ``{ from, to, count, spacing }``."""
-    count = {"type": "integer", "minimum": 2}
-    keys = {"from": one, "to": one, "count": count, "spacing": {"enum": list(SPACINGS)}}
-    return {"type": "object", "properties": keys, "required": ["from", "to", "count"], "additionalProperties": False}
-
-
-def place(given: object) -> Place:
-    """Read one position."""
-    share = units.share_of(given)
-    if share is not None:
-        if not 0.0 <= share <= 1.0:
-            raise WrongValueError(f'"{given}" lies outside the range', rule="0 % to 100 %")
-        return Place(share, share=True)
-    if not isinstance(given, str):
-        raise WrongValueError(f"{given!r} has no unit", remedy='Write "50 %" or "120 mm".')
-    try:
-        return Place(units.parse(given, "m"), share=False)
-    except DescriptionError as error:
-        raise WrongValueError(error.what, error.rule, 'Write "50 %" or "120 mm".') from None
 
 
 POSITIVE, NOT_NEGATIVE = Bounds(above=0.0), Bounds(at_least=0.0)
 LASTS, MAY_LAST = Bounds(above=0.0, bound="seconds"), Bounds(at_least=0.0, bound="seconds")
-SPEED, TIME, LENGTH, FORCE, RATE = ("m/s", "mm/s"), ("s", "s"), ("m", "mm"), ("N", "N"), ("1/s", "Hz")
-SPEED_MARK = Quantity(*SPEED, POSITIVE)
+SPEED = Quantity("m/s", "mm/s", POSITIVE)
 
-Speed = Annotated[float, SPEED_MARK]
-Time = Annotated[float, Quantity(*TIME, LASTS)]
-Distance = Annotated[float, Quantity(*LENGTH, POSITIVE)]
-Rate = Annotated[float, Quantity(*RATE, NOT_NEGATIVE)]
+Speed = Annotated[float, SPEED]
+Duration = Annotated[float, Quantity("s", "s", LASTS)]
+DurationOrZero = Annotated[float, Quantity("s", "s", MAY_LAST)]
+Minutes = Annotated[float, Quantity("s", "min", LASTS)]
+Rate = Annotated[float, Quantity("1/s", "Hz", NOT_NEGATIVE)]
 Count = Annotated[int, Whole()]
 CountOrNone = Annotated[int, Whole(at_least=0)]
-MaybeSpeed = Annotated[float | None, SPEED_MARK]
-MaybeTime = Annotated[float | None, Quantity(*TIME, LASTS)]
-MaybeDistance = Annotated[float | None, Quantity(*LENGTH, POSITIVE)]
-MaybeForce = Annotated[float | None, Quantity(*FORCE, POSITIVE)]
-MaybePressures = Annotated[tuple[units.Pressure, ...] | None, ListOf(StatedPressure(), "linear", sorts=False)]
+MaybeSpeed = Annotated[float | None, SPEED]
+MaybeDuration = Annotated[float | None, Quantity("s", "s", LASTS)]
+MaybeDistance = Annotated[float | None, Quantity("m", "mm", POSITIVE)]
 MaybePressure = Annotated[units.Pressure | None, StatedPressure()]
+MaybePressures = Annotated[tuple[units.Pressure, ...] | None, ListOf(StatedPressure(), "linear", sorts=False)]
 
-Axis = Literal["held", "released"]
+
+class Table(Described):
+    """Base of the tables of a protocol: the text below a key is its description in the schema."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
 
-class Speeds(Described):
+class Speeds(Table):
     """Speeds of the sweep: out and back at each."""
 
     table_name: ClassVar[str] = "speed"
-    list_m_s: Annotated[tuple[float, ...] | None, ListOf(SPEED_MARK, "log")] = Field(
-        default=None, description="one speed or a list; instead of from, to and count"
-    )
-    from_m_s: MaybeSpeed = Field(default=None, description="lowest speed")
-    to_m_s: MaybeSpeed = Field(default=None, description="highest speed")
-    count: Annotated[int | None, Whole(at_least=2)] = Field(
-        default=None, description="number of speeds, both ends included"
-    )
-    spacing: Literal["log", "linear"] = Field(
-        default="log", description="speeds between the ends, rounded to 4 significant digits"
-    )
-    order: Literal["ascending", "descending", "up-and-down"] = Field(
-        default="ascending", description="order of the speeds; up-and-down measures each speed twice"
-    )
-    settled_time_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=1.0,
-        description="least time at constant speed in each direction, reached by repeated strokes; 0 s: one stroke each",
-    )
-    most_strokes: Count = Field(default=20, description="highest number of these repetitions")
-    return_speed_m_s: Speed = Field(
-        default=0.1, description="speed of the return stroke if only one direction is measured"
-    )
+    list_m_s: Annotated[tuple[float, ...] | None, ListOf(SPEED, "log")] = None
+    """one speed or a list; instead of from, to and count"""
+    from_m_s: MaybeSpeed = None
+    """lowest speed"""
+    to_m_s: MaybeSpeed = None
+    """highest speed"""
+    count: Annotated[int | None, Whole(at_least=2)] = None
+    """number of speeds, both ends included"""
+    spacing: Literal["log", "linear"] = "log"
+    """speeds between the ends, rounded to 4 significant digits"""
+    order: Literal["ascending", "descending", "up-and-down"] = "ascending"
+    """order of the speeds; up-and-down measures each speed twice"""
+    settled_time_s: DurationOrZero = 1.0
+    """least time at constant speed in each direction, reached by repeated strokes; 0 s: one stroke each"""
+    most_strokes: Count = 20
+    """highest number of these repetitions"""
+    return_speed_m_s: Speed = 0.1
+    """speed of the return stroke if only one direction is measured"""
 
     @model_validator(mode="after")
-    def _one_form(self) -> Speeds:
+    def _in_one_form(self) -> Speeds:
         ends = {"from": self.from_m_s, "to": self.to_m_s, "count": self.count}
-        given = [name for name, value in ends.items() if value is not None]
+        stated = [name for name, value in ends.items() if value is not None]
         if self.list_m_s is not None:
-            if given:
-                raise wrong(f"speed.{given[0]}", f"speed.list and speed.{given[0]} exclude each other")
+            if stated:
+                raise wrong(f"speed.{stated[0]}", f"speed.list and speed.{stated[0]} exclude each other")
             return self
-        missing = [name for name in ends if name not in given]
+        missing = [name for name in ends if name not in stated]
         if missing:
             raise wrong(
                 f"speed.{missing[0]}",
@@ -366,48 +341,46 @@ class Speeds(Described):
                 rule="give either list, or from, to and count",
                 remedy='Write list = ["1 mm/s", ...], or from = "1 mm/s", to = "450 mm/s", count = 20.',
             )
-        self._spaced()
-        return self
-
-    def _spaced(self) -> tuple[float, ...]:
-        assert self.from_m_s is not None
-        assert self.to_m_s is not None
-        assert self.count is not None
         try:
-            return spaced(self.from_m_s, self.to_m_s, self.count, self.spacing, SPEED_MARK)
+            _ = self.levels_m_s
         except DescriptionError as error:
             raise wrong("speed.to", f"speed: {error.what}", rule=error.rule, remedy=error.remedy) from None
+        return self
 
     @property
     def levels_m_s(self) -> tuple[float, ...]:
         """All speeds, ascending."""
-        return self._spaced() if self.list_m_s is None else self.list_m_s
+        if self.list_m_s is not None:
+            return self.list_m_s
+        assert self.from_m_s is not None
+        assert self.to_m_s is not None
+        assert self.count is not None
+        return spaced(self.from_m_s, self.to_m_s, self.count, self.spacing, SPEED)
 
 
-class Pressures(Described):
+class Pressures(Table):
     """Pressures in the chambers, in exactly one of three ways; default: both open to ambient."""
 
     table_name: ClassVar[str] = "pressure"
-    both: MaybePressures = Field(default=None, description="the same pressure in both chambers")
-    a: MaybePressures = Field(default=None, description="chamber a; with b: every combination")
-    b: MaybePressures = Field(default=None, description="chamber b")
-    pairs: Annotated[tuple[Pair, ...] | None, ListOf(PressurePair(), sorts=False, only_list=True)] = Field(
-        default=None, description="`[{ a = ..., b = ... }, ...]`"
-    )
-    settling_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=5.0, description="wait after the rig has set a new pressure"
-    )
+    both: MaybePressures = None
+    """the same pressure in both chambers"""
+    a: MaybePressures = None
+    """chamber a; with b: every combination"""
+    b: MaybePressures = None
+    """chamber b"""
+    pairs: Annotated[tuple[Pair, ...] | None, ListOf(PressurePair(), sorts=False, only_list=True)] = None
+    """`[{ a = ..., b = ... }, ...]`"""
+    settling_s: DurationOrZero = 5.0
+    """wait after the rig has set a new pressure"""
 
     @model_validator(mode="after")
-    def _one_form(self) -> Pressures:
+    def _in_one_form(self) -> Pressures:
         grid = self.a is not None or self.b is not None
         if (self.both is not None) + grid + (self.pairs is not None) > 1:
             raise wrong("pressure", "pressure.both, a with b, and pairs exclude each other")
-        for given, other, name in ((self.a, self.b, "b"), (self.b, self.a, "a")):
-            if given is not None and other is None:
-                raise wrong(
-                    "pressure", f"pressure.{name} is missing", remedy=f'Add {name} = "0 bar gauge" for ambient.'
-                )
+        if grid and (self.a is None or self.b is None):
+            name = "a" if self.a is None else "b"
+            raise wrong("pressure", f"pressure.{name} is missing", remedy=f'Add {name} = "0 bar gauge" for ambient.')
         return self
 
     @property
@@ -422,42 +395,38 @@ class Pressures(Described):
         return (VENTED,)
 
 
-class Preconditioning(Described):
+class Preconditioning(Table):
     """Strokes that bring the contact to the same state before every stop."""
 
     table_name: ClassVar[str] = "stop.preconditioning"
-    strokes: CountOrNone = Field(default=3, description="full strokes out and back")
-    speed_m_s: Speed = Field(default=0.1, description="speed of these strokes and of every return stroke")
+    strokes: CountOrNone = 3
+    """full strokes out and back"""
+    speed_m_s: Speed = 0.1
+    """speed of these strokes and of every return stroke"""
 
 
-class Stops(Described):
+class Stops(Table):
     """Stops in the middle of a move: preconditioning strokes, an uninterrupted stroke, the interrupted one."""
 
     table_name: ClassVar[str] = "stop"
-    durations_s: Annotated[tuple[float, ...], ListOf(Quantity(*TIME, MAY_LAST), "log")] = Field(
-        description="duration, a list or { from, to, count, spacing }; 0 s: not interrupted"
-    )
-    axis: Literal["held", "released", "both"] = Field(
-        default="held",
-        description="held: the axis keeps its position; released: it moves until the force is zero; both: a factor",
-    )
-    restart_speed_m_s: Annotated[tuple[float, ...], ListOf(SPEED_MARK, "log")] = Field(
-        default=(0.01,), description="speed after the stop; a value or a list"
-    )
-    approach_speed_m_s: MaybeSpeed = Field(default=None, description="speed before the stop; absent: the restart speed")
-    position: Annotated[tuple[Place, ...], ListOf(PlaceMark())] = Field(
-        default=(Place(0.5, share=True),), description='positions; a value or a list: "50 %" of the range, or "120 mm"'
-    )
-    approach_m: MaybeDistance = Field(
-        default=None, description="length of the move before the stop; absent: from the end of the range"
-    )
-    recovery_m: MaybeDistance = Field(
-        default=None, description="length of the move after the stop; absent: to the end of the range"
-    )
-    preconditioning: Preconditioning = Field(default=Preconditioning(), description="see below")
-    reference_strokes: CountOrNone = Field(
-        default=1, description="uninterrupted strokes before the stop, over the same distance at the restart speed"
-    )
+    durations_s: Annotated[tuple[float, ...], ListOf(Quantity("s", "s", MAY_LAST), "log")]
+    """duration, a list or { from, to, count, spacing }; 0 s: not interrupted"""
+    axis: Literal["held", "released", "both"] = "held"
+    """held: the axis keeps its position; released: it moves until the force is zero; both: a factor"""
+    restart_speed_m_s: Annotated[tuple[float, ...], ListOf(SPEED, "log")] = (0.01,)
+    """speed after the stop; a value or a list"""
+    approach_speed_m_s: MaybeSpeed = None
+    """speed before the stop; absent: the restart speed"""
+    position: Annotated[tuple[AxisPosition, ...], ListOf(PositionMark())] = (AxisPosition(0.5, relative=True),)
+    """positions; a value or a list: "50 %" of the range, or "120 mm\""""
+    approach_m: MaybeDistance = None
+    """length of the move before the stop; absent: from the end of the range"""
+    recovery_m: MaybeDistance = None
+    """length of the move after the stop; absent: to the end of the range"""
+    preconditioning: Preconditioning = Preconditioning()
+    """see below"""
+    reference_strokes: CountOrNone = 1
+    """uninterrupted strokes before the stop, over the same distance at the restart speed"""
 
     @property
     def released(self) -> tuple[bool, ...]:
@@ -465,23 +434,23 @@ class Stops(Described):
         return {"held": (False,), "released": (True,), "both": (False, True)}[self.axis]
 
 
-class HardFactor(Described):
+class HardFactor(Table):
     """A factor that is changed by hand, between blocks."""
 
-    levels: Annotated[list[str], Field(min_length=1)] = Field(description="names of the levels")
-    ask: str = Field(default="", description="text of the request to the operator; {level} is replaced by the level")
-    time_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(default=1200.0, description="time of a change")
+    levels: Annotated[list[str], Field(min_length=1)]
+    """names of the levels"""
+    ask: str = ""
+    """text of the request to the operator; {level} is replaced by the level"""
+    time_s: Minutes = 1200.0
+    """time of a change"""
 
     @model_validator(mode="after")
     def _distinct(self) -> HardFactor:
         within("count", len(self.levels), f"{self.table_name}.levels has {len(self.levels)} entries", DescriptionError)
         for index, level in enumerate(self.levels):
             if not level.strip() or level in self.levels[:index]:
-                raise wrong(
-                    f"{self.table_name}.levels",
-                    f"{self.table_name}.levels: {level!r} is empty or occurs twice",
-                    rule="levels differ",
-                )
+                key = f"{self.table_name}.levels"
+                raise wrong(key, f"{key}: {level!r} is empty or occurs twice", rule="levels differ")
         return self
 
 
@@ -503,7 +472,7 @@ class DriveUnderTest(HardFactor):
     table_name: ClassVar[str] = "drive"
 
 
-class Order(Described):
+class Order(Table):
     """Order in which the points are run."""
 
     table_name: ClassVar[str] = "order"
@@ -512,134 +481,130 @@ class Order(Described):
         description="as-given: pressure, repeat, speed; randomised: each repeat shuffled by the seed; "
         "interleaved: levels taken alternately from the lower and the upper half",
     )
-    replicates: Count = Field(
-        default=1,
-        description="runs of all blocks, each set up again; 2 or more separate the effects of level and block",
-    )
+    replicates: Count = 1
+    """runs of all blocks, each set up again; 2 or more separate the effects of level and block"""
 
 
-class WarmUp(Described):
+class WarmUp(Table):
     """Strokes before the points of each block."""
 
     table_name: ClassVar[str] = "warm_up"
-    cycles: CountOrNone = Field(default=10, description="strokes out and back before each block")
-    speed_m_s: Speed = Field(default=0.1, description="their speed")
-    run_in_cycles: CountOrNone = Field(
-        default=0, description="additional strokes with a new seal or drive: in the first block and after a change"
-    )
+    cycles: CountOrNone = 10
+    """strokes out and back before each block"""
+    speed_m_s: Speed = 0.1
+    """their speed"""
+    run_in_cycles: CountOrNone = 0
+    """additional strokes with a new seal or drive: in the first block and after a change"""
 
 
-class SamplingTable(Described):
+class SamplingTable(Table):
     """Spacing of the samples; all are kept unfiltered."""
 
     table_name: ClassVar[str] = "sampling"
-    samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = Field(
-        default=5000, description="evenly spaced in time over each stroke; the paper has about 5000 a cycle [bracha]"
-    )
-    burst_rate_hz: Rate = Field(
-        default=5000.0, description="lowest sampling rate around each reversal and restart; 0 Hz: no bursts"
-    )
-    burst_before_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=0.05, description="duration of a burst before the end of a move"
-    )
-    burst_after_s: Annotated[float, Quantity(*TIME, MAY_LAST)] = Field(
-        default=0.2, description="duration of a burst after the start of a move"
-    )
-    hold_rate_hz: Annotated[float, Quantity(*RATE, POSITIVE)] = Field(
-        default=20.0, description="rate while the axis rests"
-    )
+    samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = 5000
+    """evenly spaced in time over each stroke; the paper has about 5000 a cycle [bracha]"""
+    burst_rate_hz: Rate = 5000.0
+    """lowest sampling rate around each reversal and restart; 0 Hz: no bursts"""
+    burst_before_s: DurationOrZero = 0.05
+    """duration of a burst before the end of a move"""
+    burst_after_s: DurationOrZero = 0.2
+    """duration of a burst after the start of a move"""
+    hold_rate_hz: Annotated[float, Quantity("1/s", "Hz", POSITIVE)] = 20.0
+    """rate while the axis rests"""
 
 
-class KnownWeight(Described):
+class KnownWeight(Table):
     """A weight that the operator hangs on the force sensor, without the drive, to check the gain of the sensor."""
 
     table_name: ClassVar[str] = "before_block.known_weight"
-    mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)] = Field(description="mass; the force is m g")
-    time_s: Time = Field(default=10.0, description="duration of its recording")
-    change_s: Annotated[float, Quantity("s", "min", LASTS)] = Field(
-        default=120.0, description="time to attach the weight, and to remove it"
-    )
+    mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)]
+    """mass; the force is m g"""
+    time_s: Duration = 10.0
+    """duration of its recording"""
+    change_s: Minutes = 120.0
+    """time to attach the weight, and to remove it"""
 
 
-class BeforeBlock(Described):
+class BeforeBlock(Table):
     """Checks before the points of a block; absent keys: no check."""
 
     table_name: ClassVar[str] = "before_block"
-    tare_s: MaybeTime = Field(default=None, description="zero of the force sensor: standing, force released, vented")
-    known_weight: KnownWeight | None = Field(default=None, description="see below")
-    leak_check_s: MaybeTime = Field(
-        default=None, description="standing under the highest pressures of the protocol, supply shut"
-    )
-    blank_stroke_m_s: MaybeSpeed = Field(
-        default=None, description="speed of a stroke out and back, vented, before and after the block"
-    )
+    tare_s: MaybeDuration = None
+    """zero of the force sensor: standing, force released, vented"""
+    known_weight: KnownWeight | None = None
+    """see below"""
+    leak_check_s: MaybeDuration = None
+    """standing under the highest pressures of the protocol, supply shut"""
+    blank_stroke_m_s: MaybeSpeed = None
+    """speed of a stroke out and back, vented, before and after the block"""
 
 
-class Sentinel(Described):
+class Sentinel(Table):
     """A reference speed that is repeated to show drift: at both ends of a block and in between."""
 
     table_name: ClassVar[str] = "sentinel"
-    speed_m_s: Speed = Field(description="out and back at this speed")
-    every: Count = Field(default=10, description="points between two of them")
-    pressure: MaybePressure = Field(default=None, description="pressures; absent: the first pair of the protocol")
+    speed_m_s: Speed
+    """out and back at this speed"""
+    every: Count = 10
+    """points between two of them"""
+    pressure: MaybePressure = None
+    """pressures; absent: the first pair of the protocol"""
 
 
-class Filter(Described):
+class Filter(Table):
     """Filters of the analysis; the files keep every raw sample."""
 
     table_name: ClassVar[str] = "filter"
-    average: Annotated[int, MovingAverage()] = Field(
-        default=1, description='moving average over this many samples, or "none"'
-    )
-    ignore_initial: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=50.0))] = Field(
-        default=0.05, description="fraction of the samples at the beginning of each stroke that is ignored [bracha]"
-    )
+    average: Annotated[int, MovingAverage()] = 1
+    """moving average over this many samples, or "none\""""
+    ignore_initial: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=50.0))] = 0.05
+    """fraction of the samples at the beginning of each stroke that is ignored [bracha]"""
 
 
-class Conditions(Described):
+class Conditions(Table):
     """Conditions for measuring; outside them the campaign waits."""
 
     table_name: ClassVar[str] = "conditions"
-    supply_pressure: MaybePressure = Field(default=None, description="least supply pressure")
-    temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = Field(
-        default=None, description='range, "15 degC .. 30 degC"'
-    )
-    force_share: Annotated[float, Percent(bounds=Bounds(above=0.0, at_most=100.0))] = Field(
-        default=0.9, description="fraction of the range of the force sensor at which a cycle is stopped"
-    )
+    supply_pressure: MaybePressure = None
+    """least supply pressure"""
+    temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = None
+    """range, "15 degC .. 30 degC\""""
+    force_share: Annotated[float, Percent(bounds=Bounds(above=0.0, at_most=100.0))] = 0.9
+    """fraction of the range of the force sensor at which a cycle is stopped"""
 
 
-class Tightened(Described):
+class Tightened(Table):
     """Limits in addition to those of the rig; the tighter one applies."""
 
     table_name: ClassVar[str] = "limits"
-    speed_m_s: MaybeSpeed = Field(default=None, description="highest speed")
-    acceleration_m_s2: Annotated[float | None, Quantity("m/s^2", "m/s2", POSITIVE)] = Field(
-        default=None, description="highest acceleration that a move may reach"
-    )
-    force_n: MaybeForce = Field(default=None, description="highest force, either sign")
-    pressure: MaybePressure = Field(default=None, description="highest pressure in either chamber")
-    time_s: Time = Field(default=28800.0, description="time of the campaign above which the plan has a note")
+    speed_m_s: MaybeSpeed = None
+    """highest speed"""
+    acceleration_m_s2: Annotated[float | None, Quantity("m/s^2", "m/s2", POSITIVE)] = None
+    """highest acceleration that a move may reach"""
+    force_n: Annotated[float | None, Quantity("N", "N", POSITIVE)] = None
+    """highest force, either sign"""
+    pressure: MaybePressure = None
+    """highest pressure in either chamber"""
+    time_s: Duration = 28800.0
+    """time of the campaign above which the plan has a note"""
 
 
-class Range(Described):
+class Range(Table):
     """Part of the stroke that is used."""
 
     table_name: ClassVar[str] = "position"
-    range: Annotated[tuple[Place, Place] | None, BetweenPlaces()] = Field(
-        default=None,
-        description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: the range without the margin',
-    )
-    margin_m: Annotated[float, Quantity(*LENGTH, NOT_NEGATIVE)] = Field(
-        default=1e-3, description="distance from the ends of the rig's range if `range` is absent"
-    )
+    range: Annotated[tuple[AxisPosition, AxisPosition] | None, BetweenPositions()] = None
+    """"20 mm .. 280 mm", or "5 % .. 95 %" of the rig's range; absent: the range without the margin"""
+    margin_m: Annotated[float, Quantity("m", "mm", NOT_NEGATIVE)] = 1e-3
+    """distance from the ends of the rig's range if `range` is absent"""
 
 
-class Fraction(Described):
+class Fraction(Table):
     """Design points that are run; `pneudrive design` writes this table."""
 
     table_name: ClassVar[str] = "fraction"
-    cells: Annotated[list[str], Field(min_length=1)] = Field(description="names of the design points")
+    cells: Annotated[list[str], Field(min_length=1)]
+    """names of the design points"""
 
     @model_validator(mode="after")
     def _distinct(self) -> Fraction:
@@ -652,12 +617,9 @@ class Fraction(Described):
 
 
 FOLDER = Path(__file__).with_name("protocols")
-HARD = ("mounting", "seal", "drive")
-#: Tables of earlier versions: they are read, and the plan notes that they are not applied.
-UNUSED = Field(default=None, description="of earlier versions; not applied")
 
 
-class Protocol(Described):
+class Protocol(Table):
     """A campaign as its file describes it. Frozen; all values SI, pressures as stated (absolute or gauge).
 
     Examples
@@ -667,18 +629,22 @@ class Protocol(Described):
     0.001
     """
 
-    schema_version: Literal[1] = Field(default=1, alias="schema", description="of this file")
-    name: str = Field(default="unnamed protocol", description="of the campaign")
-    about: str = Field(default="", description="free text")
-    operator: str = Field(default="", description="who is at the rig")
-    seed: Annotated[int, Whole(at_least=0, bound=None)] = Field(
-        default=0, description="seed of the order and of a simulated rig"
-    )
-    repeats: Count = Field(default=1, description="repetitions of every point within each block")
-    directions: Literal["both", "+x", "-x"] = Field(
-        default="both", description="pressures of sweeps and stops; x grows as chamber a grows"
-    )
-    labels: dict[str, str] = Field(default_factory=dict, description="free text, kept with every result")
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    """of this file"""
+    name: str = "unnamed protocol"
+    """of the campaign"""
+    about: str = ""
+    """free text"""
+    operator: str = ""
+    """who is at the rig"""
+    seed: Annotated[int, Whole(at_least=0, bound=None)] = 0
+    """seed of the order and of a simulated rig"""
+    repeats: Count = 1
+    """repetitions of every point within each block"""
+    directions: Literal["both", "+x", "-x"] = "both"
+    """pressures of sweeps and stops; x grows as chamber a grows"""
+    labels: dict[str, str] = Field(default_factory=dict)
+    """free text, kept with every result"""
     speed: Speeds | None = None
     pressure: Pressures = Pressures()
     stop: Stops | None = None
@@ -691,18 +657,20 @@ class Protocol(Described):
     before_block: BeforeBlock = BeforeBlock()
     sentinel: Sentinel | None = None
     filter: Filter = Filter()
-    adaptive: dict[str, Any] | None = UNUSED
+    adaptive: dict[str, Any] | None = None
+    """of earlier versions; not applied"""
     conditions: Conditions = Conditions()
     limits: Tightened = Tightened()
     position: Range = Range()
-    design: dict[str, Any] | None = UNUSED
+    design: dict[str, Any] | None = None
+    """of earlier versions; not applied"""
     fraction: Fraction | None = None
 
     _text: str = PrivateAttr(default="")
     _origin: str = PrivateAttr(default="protocol")
 
     @model_validator(mode="after")
-    def _says_what_to_measure(self) -> Protocol:
+    def _measures(self) -> Protocol:
         if self.speed is None and self.stop is None:
             raise wrong(
                 "speed",
@@ -721,14 +689,13 @@ class Protocol(Described):
     @property
     def hard(self) -> dict[str, HardFactor]:
         """Factors that are changed by hand, the hardest to change outermost."""
-        given = {"drive": self.drive, "seal": self.seal, "mounting": self.mounting}
-        return {name: factor for name, factor in given.items() if factor is not None}
+        factors = {"drive": self.drive, "seal": self.seal, "mounting": self.mounting}
+        return {name: factor for name, factor in factors.items() if factor is not None}
 
     @property
     def sampling(self) -> Sampling:
         """Sampling in the form of a rig."""
-        s = self.samples
-        return Sampling(s.samples_per_stroke, s.burst_rate_hz, s.burst_before_s, s.burst_after_s, s.hold_rate_hz)
+        return Sampling(**self.samples.stored())
 
     @property
     def origin(self) -> str:
