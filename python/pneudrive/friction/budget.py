@@ -20,7 +20,7 @@ runs and known weights, some of these parts are measured instead (``campaign/sen
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -322,8 +322,8 @@ def expanded(stderr_n: float, u_systematic_n: float) -> float:
     return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(stderr_n), u_systematic_n))
 
 
-def stated_shares(recording: Recording, up: Side, down: Side, late_s: float = 0.0) -> dict[str, Any]:
-    """Divide the budget of a cycle into the parts that campaigns treat separately, by the fields of `CycleData`.
+def stated_shares(recording: Recording, up: Side, down: Side, late_s: float = 0.0) -> dict[str, float | bool]:
+    """Divide the budget of a cycle into the parts that campaigns treat separately, by the columns of a cycle.
 
     Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.
     """
@@ -348,8 +348,8 @@ def stated_shares(recording: Recording, up: Side, down: Side, late_s: float = 0.
         "u_gain_n": _root(e.friction_n for e in shared if not e.source.endswith(constant)),
         "u_hysteresis_n": _root(changing),
         "u_offset_n": _root(offsets.values()),
-        "u_pressures_n": {c: offsets.get(f"pressure {c}: common error", 0.0) for c in ("a", "b")},
-        "u_force_n": {e.source: e.friction_n for e in named if e.source.startswith("force: ")},
+        **{f"u_pressure_{c}_n": offsets.get(f"pressure {c}: common error", 0.0) for c in "ab"},
+        **{e.source: e.friction_n for e in named if e.source.startswith("force: ")},
         "u_air_n": _root(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
         "assumed": any(e.source == "force: common error" and e.basis == "assumed" for e in entries),
     }

@@ -22,6 +22,7 @@ from pneudrive.friction.campaign.effects import (
     thresholds,
 )
 from pneudrive.friction.campaign.files import friction_map
+from pneudrive.friction.campaign.loops import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.points import Points, condensed, points_of, suspicions
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
 from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult, Ranges
@@ -36,7 +37,6 @@ from pneudrive.friction.campaign.trends import (
     pure_scatter,
     repeatability,
 )
-from pneudrive.friction.cycle import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.motion import SAMPLE_CHOICES, Settled
 from pneudrive.progress import Watch
 from pneudrive.signals.load import recordings_in
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
 STEPS = 3  # cycles, models, stops
+MEANS = ("friction_n", "offset_n", "stderr_n")
 
 
 def campaign_friction(
@@ -211,12 +212,12 @@ def _loops(reading: CampaignData, points: Points) -> tuple[Loop, ...]:
     loops = []
     for index in range(len(points.conditions[:SHOWN_CONDITIONS])):
         shown: dict[int, int] = {}  # level -> its first cycle with a loop
-        for i in np.flatnonzero(points.condition == index).tolist():
-            if points.reduced.data[i].plan.key in reading.loops:
-                shown.setdefault(int(points.level[i]), i)
+        for i in np.flatnonzero(points["curve"] == index).tolist():
+            if points["key"][i] in reading.loops:
+                shown.setdefault(int(points["level"][i]), i)
         for _, i in sorted(shown.items()):
-            loop = reading.loops[points.reduced.data[i].plan.key]
-            loops.append(replace(loop, friction_n=loop.friction_n - float(points.reduced.offset_n[i])))
+            loop = reading.loops[points["key"][i]]
+            loops.append(replace(loop, friction_n=loop.friction_n - float(points["offset_n"][i])))
     return tuple(loops)
 
 
@@ -234,49 +235,38 @@ def _with_stops(
 
 def _cycles(reading: CampaignData, points: Points | None) -> tuple[CycleResult, ...]:
     """Return a summary of all cycles that were read."""
-    place = {d.plan.key: i for i, d in enumerate(points.reduced.data)} if points is not None else {}
+    place = {key: i for i, key in enumerate(points["key"])} if points is not None else {}
     found = []
-    for d in sorted((*reading.sliding, *reading.tares), key=lambda d: d.plan.index):
-        cycle, i = d.plan, place.get(d.plan.key)
-        speeds = [abs(side.velocity_m_s) for side in d.sides.values()]
-        means, reason = [float("nan")] * 3, ""
-        if points is not None and i is not None:
-            reduced, reason = points.reduced, points.reasons[i]
-            means = [float(v[i]) for v in (reduced.friction_n, reduced.offset_n, reduced.friction_stderr_n)]
-        found.append(
-            CycleResult(
-                index=cycle.index,
-                key=cycle.key,
-                kind=cycle.kind,
-                block=cycle.block,
-                repeat=cycle.repeat,
-                day=cycle.day,
-                condition=d.condition,
-                speed_m_s=float(np.mean(speeds)) if speeds else float("nan"),
-                began_s=cycle.elapsed_s,
-                travel_m=cycle.travel_m,
-                temperature_k=d.temperature_k,
-                friction_n=means[0],
-                offset_n=means[1],
-                stderr_n=means[2],
-                flags=(*d.flags, *([reason] if reason else [])),
+    for cycles in (reading.sliding, reading.tares):
+        speeds = cycles.over_sides("velocity_m_s").tolist()
+        names = ("index", "key", "kind", "block", "repeat", "day", "condition", "travel_m", "temperature_k")
+        columns = {name: cycles[name].tolist() for name in names}
+        for row, (key, speed, began, flags) in enumerate(
+            zip(cycles["key"], speeds, cycles["elapsed_s"].tolist(), cycles["flags"], strict=True)
+        ):
+            i, means, reason = place.get(key), [float("nan")] * 3, ""
+            if points is not None and i is not None:
+                reason = points["reason"][i]
+                means = [float(points[name][i]) for name in ("friction_n", "offset_n", "friction_stderr_n")]
+            own = {name: values[row] for name, values in columns.items()}
+            raised = (*flags, *([reason] if reason else []))
+            found.append(
+                CycleResult(speed_m_s=speed, began_s=began, **own, **dict(zip(MEANS, means, strict=True)), flags=raised)
             )
-        )
-    return tuple(found)
+    return tuple(sorted(found, key=lambda cycle: cycle.index))
 
 
 def _ranges(reading: CampaignData) -> Ranges:
     """Return the lowest and highest measured values."""
-    sides = [side for d in reading.sliding for side in d.sides.values()]
-    ambient = reading.identity.ambient_pressure_pa
-    temperatures = [d.temperature_k for d in reading.sliding if np.isfinite(d.temperature_k)]
+    cycles, ambient = reading.sliding, reading.identity.ambient_pressure_pa
 
-    def span(values: list[float]) -> tuple[float, float]:
-        return (min(values), max(values)) if values else (float("nan"), float("nan"))
+    def span(values: np.ndarray) -> tuple[float, float]:
+        known = values[np.isfinite(values)]
+        return (float(known.min()), float(known.max())) if known.size else (float("nan"), float("nan"))
 
     return Ranges(
-        speed_m_s=span([abs(s.velocity_m_s) for s in sides]),
-        gauge_a_pa=span([s.pressure_a_pa - ambient for s in sides]),
-        gauge_b_pa=span([s.pressure_b_pa - ambient for s in sides]),
-        temperature_k=span(temperatures),
+        speed_m_s=span(np.abs(cycles["velocity_m_s"])),
+        gauge_a_pa=span(cycles["pressure_a_pa"] - ambient),
+        gauge_b_pa=span(cycles["pressure_b_pa"] - ambient),
+        temperature_k=span(cycles["temperature_k"]),
     )

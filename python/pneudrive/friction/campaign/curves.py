@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.mixed import Predicted
-    from pneudrive.friction.cycle import CycleData
+    from pneudrive.friction.campaign.cycles import Cycles
 
     Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ class Fits:
     @property
     def level_n(self) -> float:
         """Mean friction of the points, N."""
-        return float(self.points.reduced.friction_n[self.points.use].mean())
+        return float(self.points["friction_n"][self.points.use].mean())
 
     @property
     def scale_n(self) -> float:
@@ -105,7 +105,7 @@ class Fits:
         return bool((self.offset.data.curve < 0).any())
 
 
-def fit_points(points: Points, tares: Sequence[CycleData], *, condensed: bool = False) -> Fits | None:
+def fit_points(points: Points, tares: Cycles, *, condensed: bool = False) -> Fits | None:
     """Fit the models; return None with too few points of F(v).
 
     A cycle that differs much from all others (a failed sensor) is removed, and the remaining ones are fitted again.
@@ -118,8 +118,9 @@ def fit_points(points: Points, tares: Sequence[CycleData], *, condensed: bool = 
     found, readings = wild_cycles(fits.friction.data)
     if found:
         wild = set(rows[found].tolist())
-        kept = tuple(OUTLIER if i in wild else reason for i, reason in enumerate(points.reasons))
-        fits = _fit_points(replace(points, reasons=kept), tares)
+        reason = points["reason"].copy()
+        reason[list(wild)] = OUTLIER
+        fits = _fit_points(points.having(reason=reason), tares)
     if fits is None or not readings:
         return fits
     left = np.flatnonzero(fits.points.use)
@@ -128,20 +129,18 @@ def fit_points(points: Points, tares: Sequence[CycleData], *, condensed: bool = 
     return replace(fits, friction=both, doubtful=tuple(rows[readings[-1]].tolist()))
 
 
-def _fit_points(points: Points, tares: Sequence[CycleData]) -> Fits | None:
+def _fit_points(points: Points, tares: Cycles) -> Fits | None:
     use = points.use
     if use.sum() < FEWEST:
         return None
-    reduced = points.reduced
-    kept = sorted(set(points.condition[use]))
-    curve = np.array([kept.index(c) if c in kept else 0 for c in points.condition], dtype=np.int64)
+    curve = np.unique(points["curve"][use], return_inverse=True)[1].ravel()
     (blocks, kind), speeds = block_shares(points), curve_speeds(points)
     ones = np.ones(int(use.sum()))
-    alike = (reduced.speed_m_s[use], curve[use], points.order[use], points.count[use], ones)
-    friction = CurveData(reduced.friction_n[use], reduced.friction_stderr_n[use] ** 2, *alike, blocks)
+    alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use], ones)
+    friction = CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks)
     share = carried_drift(friction)
     fitted = _better(replace(friction, drift=share < CARRIED))
-    offset = CurveData(reduced.offset_n[use], reduced.offset_stderr_n[use] ** 2, *alike)
+    offset = CurveData(points["offset_n"][use], points["offset_stderr_n"][use] ** 2, *alike)
     offset = _with_tares(tares, offset)
     carries = carried_drift(offset) < CARRIED or (offset.curve < 0).sum() > 1
     return Fits(points, speeds, fitted, fit_curves(replace(offset, drift=carries)), share, kind)
@@ -178,19 +177,13 @@ def _better(data: CurveData) -> CurveFit:
     return either_chance(better)
 
 
-def _with_tares(tares: Sequence[CycleData], data: CurveData) -> CurveData:
+def _with_tares(tares: Cycles, data: CurveData) -> CurveData:
     """Add the zero runs: observations of only the zero, without a curve."""
     ones = np.ones(len(tares))
-    added = {
-        "y": np.array([t.standing_n for t in tares]),
-        "noise": np.array([t.standing_stderr_n**2 for t in tares]),
-        "speed_m_s": np.nan * ones,
-        "curve": np.full(len(tares), -1, dtype=np.int64),
-        "order": np.array([t.plan.order for t in tares]),
-        "count": ones,
-        "chance": ones,
-    }
-    return replace(data, **{name: np.concatenate([getattr(data, name), values]) for name, values in added.items()})
+    columns = (tares["standing_n"], tares["standing_stderr_n"] ** 2, np.nan * ones, np.full(len(tares), -1))
+    added = CurveData(*columns, tares["order"], ones, ones)
+    names = [name for name, values in vars(added).items() if isinstance(values, np.ndarray)]
+    return replace(data, **{name: np.concatenate([getattr(data, name), getattr(added, name)]) for name in names})
 
 
 def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> SharedTerms:
@@ -198,20 +191,18 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
 
     Without the zero if it is known.
     """
-    points = fits.points
-    members = points.use & (points.condition == condition)
-    data = points.cycles(members)
-    level = float(np.mean(points.reduced.friction_n[members]))
-    gain = float(np.mean([d.u_gain_n for d in data])) / max(abs(level), 1e-12)
-    spread = float(np.std(fits.friction.drift))
-    static = float(np.mean([d.u_offset_n for d in data]))
+    points, pattern = fits.points, fits.points.pattern
+    here = points.at(points.use & (points["curve"] == condition))
+    gain = float(np.mean(here["u_gain_n"])) / max(abs(float(np.mean(here["friction_n"]))), 1e-12)
+    spread, size = float(np.std(fits.friction.drift)), np.abs(friction_n)
+    ones = np.ones(size.size)
     return SharedTerms(
-        gain_n=gain * np.abs(friction_n),
-        hysteresis_n=np.full(friction_n.size, float(np.mean([d.u_hysteresis_n for d in data]))),
-        position_n=points.reduced.u_position * np.abs(friction_n),
-        state_n=spread * np.abs(friction_n) if fits.friction.logarithmic else np.full(friction_n.size, spread),
-        zero_n=np.full(friction_n.size, np.hypot(static, points.reduced.u_position_offset_n)),
-        half_sum_n=np.zeros(friction_n.size) if fits.has_zero else np.abs(half_sum_n),
+        gain_n=gain * size,
+        hysteresis_n=float(np.mean(here["u_hysteresis_n"])) * ones,
+        position_n=pattern.u_friction * size,
+        state_n=spread * (size if fits.friction.logarithmic else ones),
+        zero_n=np.hypot(float(np.mean(here["u_offset_n"])), pattern.u_offset_n) * ones,
+        half_sum_n=0.0 * ones if fits.has_zero else np.abs(half_sum_n),
     )
 
 
@@ -284,22 +275,17 @@ def curves_of(fits: Fits, bands: Sequence[CurveBand], *, contains_air: bool) -> 
 
 def cycle_terms(points: Points, fits: Fits | None) -> CycleTerms:
     """Return the uncertainty budget of each cycle."""
-    reduced, count = points.reduced, len(points)
-    terms = {field.name: np.full(count, np.nan) for field in fields(CycleTerms)}
-    terms |= {"noise_n": reduced.friction_stderr_n, "cycle_n": np.zeros(count)}
+    terms = {field.name: np.full(len(points), np.nan) for field in fields(CycleTerms)}
+    terms |= {"noise_n": points["friction_stderr_n"], "cycle_n": np.zeros(len(points))}
     if fits is None:
         return CycleTerms(**terms)
-    terms["cycle_n"] = deviation_n(fits, "cycle", reduced.friction_n)
-    terms["block_n"] = deviation_n(fits, "block", reduced.friction_n)
-    own = fits.offset.sd["cycle"]
-    for condition in range(len(points.conditions)):
-        members = points.condition == condition
-        if not (members & points.use).any():
-            continue  # no curve for its cycles
-        shared = systematic(fits, reduced.friction_n[members], reduced.offset_n[members], condition)
-        for name, values in vars(shared).items():
+    terms |= {f"{name}_n": deviation_n(fits, name, points["friction_n"]) for name in ("cycle", "block")}
+    for number in set(points["curve"][points.use].tolist()):  # others have no curve for their cycles
+        members = points["curve"] == number
+        shared = systematic(fits, points["friction_n"][members], points["offset_n"][members], number)
+        offset = np.hypot(points["offset_stderr_n"][members], fits.offset.sd["cycle"])
+        for name, values in (*vars(shared).items(), ("offset_n", offset)):
             terms[name][members] = values
-        terms["offset_n"][members] = np.hypot(reduced.offset_stderr_n[members], own)
     return CycleTerms(**terms)
 
 

@@ -29,14 +29,13 @@ from pneudrive.friction.campaign.sensors import GROWING
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.campaign.cycles import Cycles
     from pneudrive.friction.campaign.points import Points
     from pneudrive.friction.campaign.sensors import Gain
     from pneudrive.friction.conditions import Condition
-    from pneudrive.friction.cycle import CycleData
     from pneudrive.signals.force_calibration import ForceCalibration
 
     Array = NDArray[np.float64]
@@ -44,14 +43,15 @@ if TYPE_CHECKING:
 
 def air_shares(fits: Fits, bands: Sequence[CurveBand], *, separated: bool) -> tuple[AirShare, ...]:
     """Divide the total drag at each condition; ``separated`` says whether pressures were measured in the chambers."""
-    reduced, asked = fits.points.reduced, [band.at for band in bands]
+    points, asked = fits.points, [band.at for band in bands]
     unknown = [np.full(at.speed_m_s.size, np.nan) for at in asked]
-    sensors = [np.full_like(nan, _pressure_part(fits, at.index)) for at, nan in zip(asked, unknown, strict=True)]
+    here = [points.use & (points["curve"] == at.index) for at in asked]
+    sensors = [np.full_like(nan, np.mean(points["u_air_n"][own])) for own, nan in zip(here, unknown, strict=True)]
     # One model after the other: each needs much memory.
-    whole = [_with_u(*one) for one in drag(fits, bands, reduced.total_n, reduced.total_stderr_n)]
+    whole = [_with_u(*one) for one in drag(fits, bands, points.total_n, points["total_stderr_n"])]
     part = seal = [(nan, nan, nan) for nan in unknown]
     if separated:
-        air = fit_response(fits, reduced.air_n, reduced.air_stderr_n, drift=False)
+        air = fit_response(fits, points["air_n"], points["air_stderr_n"], drift=False)
         part = [
             _with_u(*in_newton(air, air.at(at.number, at.speed_m_s)), u) for at, u in zip(asked, sensors, strict=True)
         ]
@@ -60,12 +60,6 @@ def air_shares(fits: Fits, bands: Sequence[CurveBand], *, separated: bool) -> tu
     bounds = unknown if separated else least
     each = zip(asked, whole, part, seal, bounds, strict=True)
     return tuple(AirShare(at.condition, separated, at.speed_m_s, *w, *p, *s, bound) for at, w, p, s, bound in each)
-
-
-def _pressure_part(fits: Fits, index: int) -> float:
-    """Return the standard uncertainty of the chambers' force by the accuracy of their sensors, N."""
-    points = fits.points
-    return float(np.mean([d.u_air_n for d in points.cycles(points.use & (points.condition == index))]))
 
 
 def _with_u(value: Array, low: Array, high: Array, u: Array) -> tuple[Array, Array, Array]:
@@ -93,7 +87,7 @@ def sources(
         )
     )
     places = over(lambda band: band.shared.position_n)
-    assumed = any(d.assumed for d in points.reduced.data)
+    assumed = bool(points["assumed"].any())
     stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
     chance = ", ".join(("noise within cycles", *fits.friction.sources))
     named = _named(fits)
@@ -117,9 +111,8 @@ def sources(
 
 def _named(fits: Fits) -> dict[str, float]:
     """Return the parts of the force sensor that its calibration names, root mean square over the cycles, N."""
-    data = fits.points.cycles(fits.points.use)
-    names = (name for name in (*GROWING, *CONSTANT) if name in data[0].u_force_n)
-    found = {name: _rms([np.array([d.u_force_n[name] for d in data])]) for name in names}
+    used = fits.points.at(fits.points.use)
+    found = {name: _rms([used[name]]) for name in (*GROWING, *CONSTANT) if np.isfinite(used[name][0])}
     return {name: u for name, u in found.items() if u > 0.0}
 
 
@@ -135,32 +128,21 @@ def stick_slip_points(points: Points) -> tuple[StickSlipPoint, ...]:
     """Return the conditions and speeds at which sliding was not steady."""
     found = []
     for index, condition in enumerate(points.conditions):
-        for level in range(points.level_speeds_m_s.size):
-            members = _members(points, index, level)
-            bad = [i for i in members if points.reasons[i] in NAMES]
-            if not bad:
+        for level, speed in enumerate(points.level_speeds_m_s.tolist()):
+            here = points.at((points["curve"] == index) & (points["level"] == level))
+            share = float(np.isin(here["reason"].tolist(), NAMES).mean()) if len(here) else 0.0
+            if not share:
                 continue
-            sides = [side for i in members for side in points.reduced.data[i].sides.values()]
-            slipping = [s for s in sides if s.stick_slip]
-            nothing = float("nan")
-            ripples = [max(np.nan_to_num([s.ripple, s.piston_ripple])) for s in sides]
+            slipping = here["stick_slip"] == 1.0
+            ripple = np.nan_to_num([here["ripple"], here["piston_ripple"]]).max(axis=0)
+            medians = [
+                float(np.median(here[n][slipping])) if slipping.any() else np.nan for n in ("period_s", "step_m")
+            ]
+            swing = float(np.median(here["swing_n"]))
             found.append(
-                StickSlipPoint(
-                    condition=condition,
-                    speed_m_s=float(points.level_speeds_m_s[level]),
-                    share=len(bad) / len(members),
-                    strokes=len(sides),
-                    ripple=float(np.median(ripples)),
-                    period_s=float(np.median([s.period_s for s in slipping])) if slipping else nothing,
-                    step_m=float(np.median([s.step_m for s in slipping])) if slipping else nothing,
-                    amplitude_n=float(np.median([s.swing_n for s in sides])),
-                )
+                StickSlipPoint(condition, speed, share, ripple.size, float(np.median(ripple)), *medians, swing)
             )
     return tuple(found)
-
-
-def _members(points: Points, condition: int, level: int) -> list[int]:
-    return np.flatnonzero((points.condition == condition) & (points.level == level)).tolist()
 
 
 def thresholds(points: Points) -> tuple[StickSlipThreshold, ...]:
@@ -169,15 +151,12 @@ def thresholds(points: Points) -> tuple[StickSlipThreshold, ...]:
     for index, condition in enumerate(points.conditions):
         with_it, without = [], []
         for level, speed in enumerate(points.level_speeds_m_s.tolist()):
-            members = _members(points, index, level)
-            if members:
-                # An uneven speed may come from the axis or its encoder, and is therefore not sufficient evidence.
-                slips = sum(points.reasons[i] in STICK_SLIP for i in members)
-                steady = sum(points.reasons[i] not in NAMES for i in members)
-                if slips > 0.5 * len(members):
-                    with_it.append(speed)
-                elif steady >= 0.5 * len(members):
-                    without.append(speed)
+            reasons = points["reason"][(points["curve"] == index) & (points["level"] == level)].tolist()
+            # An uneven speed may come from the axis or its encoder, and is therefore not sufficient evidence.
+            if sum(reason in STICK_SLIP for reason in reasons) > 0.5 * len(reasons):
+                with_it.append(speed)
+            elif reasons and sum(reason not in NAMES for reason in reasons) >= 0.5 * len(reasons):
+                without.append(speed)
         if with_it or without:
             found.append(_threshold(condition, with_it, without))
     return tuple(found)
@@ -202,20 +181,16 @@ HOUR_S = 3600.0
 FEWEST_TARES = 3  # least number of tares for a drift
 
 
-def sensor_zero(tares: Sequence[CycleData]) -> SensorZero:
+def sensor_zero(tares: Cycles) -> SensorZero:
     """Return the zero of each zero run and its drift."""
-    if not tares:
-        return SensorZero(np.zeros(0), np.zeros(0), np.zeros(0), None, "not measured")
-    time = np.array([t.plan.elapsed_s for t in tares])
-    zero = np.array([t.standing_n for t in tares])
-    stderr = np.array([t.standing_stderr_n for t in tares])
+    time, zero, stderr = (tares[name] for name in ("elapsed_s", "standing_n", "standing_stderr_n"))
     drift: Estimate | None = None
     if len(tares) >= FEWEST_TARES and np.ptp(time) > 0:
         x = np.column_stack([np.ones(time.size), (time - time.mean()) / HOUR_S])
         scale = max(float(np.std(zero)), float(stderr.mean()), 1e-9)
         model = MixedModel(zero, x, stderr**2, (RandomEffect("tare", np.ones(time.size), scale),))
         drift = model.fit().contrast(np.array([0.0, 1.0]), "N/h")
-    return SensorZero(time, zero, stderr, drift, "tare")
+    return SensorZero(time, zero, stderr, drift, "tare" if len(tares) else "not measured")
 
 
 def asymmetries(fits: Fits, bands: Sequence[CurveBand]) -> tuple[Asymmetry, ...]:

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.describe.files.toml import key_text, value_text
+from pneudrive.friction.bins import known_mean
+from pneudrive.friction.campaign.cycles import OF_SIDES, WAYS
 from pneudrive.friction.campaign.stops.stop import Stop
 from pneudrive.friction.conditions import LEVELS
+from pneudrive.friction.friction_map import AMBIENT, columns_to_dataset, write_map
 from pneudrive.friction.friction_map import COLUMNS as MAP_COLUMNS
-from pneudrive.friction.friction_map import Row, columns_to_dataset, write_map
-from pneudrive.friction.strokes import row_of
 from pneudrive.simulation.trajectory import check_target, whole, write_frame
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
     import xarray as xr
 
     from pneudrive.estimate.estimates import Estimate
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
-    from pneudrive.friction.cycle import CycleData
 
 STOPS_FILE = "stops.parquet"
 NESTED = {"condition", "relaxation", "recovery", "trace", "flags"}  # fields that are not columns
@@ -59,19 +57,70 @@ def friction_map(
     reading: CampaignData, points: Points | None, fits: Fits | None, terms: CycleTerms | None, protocol: str
 ) -> xr.Dataset:
     """Return the map, one row per cycle and direction, in the order of the campaign."""
-    paired = [] if points is None or terms is None else _paired(points, fits, terms, reading)
-    single = reading.sliding if points is None else points.unpaired
-    parts = [*paired, *_unpaired(single, reading)]
-    rows = [_row(reading, *part) for part in parts]
-    rows.sort(key=lambda row: (row["began_s"], row["recording"], -int(str(row["direction"]))))
-    found = columns_to_dataset({name: [row[name] for row in rows] for name in COLUMNS}, COLUMNS)
+    cycles, edges, ways = reading.sliding, reading.edges_m, np.array(WAYS)
+    count, moves, nothing = len(cycles), cycles.moves, np.full((len(cycles), 2), np.nan)
+    known = np.isfinite(cycles["balance_n"])
+    columns: dict[str, np.ndarray] = {name: cycles[name] for name in MAP_COLUMNS if name in OF_SIDES}
+    columns |= dict.fromkeys(("offset_n", "stderr_n", "u_systematic_n", *BANDS), nothing)
+    columns["balance_n"] = known_mean(cycles["balance_n"], axis=2)
+    columns["friction_n"] = ways * columns["balance_n"]
+    columns["position_from_m"] = edges[known.argmax(axis=2)]
+    columns["position_to_m"] = edges[known.shape[2] - known[:, :, ::-1].argmax(axis=2)]
+    reason = np.full(count, "unpaired", dtype=object)
+    if points is not None and terms is not None:
+        both, centre, common = moves.all(axis=1), points.pattern.position_m, points.pattern.common
+        reason[both], width = points["reason"], edges[1] - edges[0]
+        friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
+        own = friction + ways * (np.full(len(points), np.nan) if fits is None else _offsets(points, fits))[:, None]
+        half, half_direction = terms.half_n[:, None], terms.half_direction_n[:, None]
+        values = {
+            "balance_n": ways * friction + offset,
+            "friction_n": friction,
+            "offset_n": offset,
+            "stderr_n": terms.stderr_n[:, None],
+            "u_systematic_n": terms.u_systematic_n[:, None],
+            "friction_low_n": friction - half,
+            "friction_high_n": friction + half,
+            "friction_direction_n": own,
+            "friction_direction_low_n": own - half_direction,
+            "friction_direction_high_n": own + half_direction,
+            "air_n": points["air_n"][:, None],
+            "position_from_m": np.array([[centre[common][0] - width / 2.0]]),
+            "position_to_m": np.array([[centre[common][-1] + width / 2.0]]),
+        }
+        for name, value in values.items():
+            columns[name] = columns[name].copy()
+            columns[name][both] = value
+    raised = zip(cycles["flags"], reason, strict=True)
+    flags = [",".join(dict.fromkeys([*flags, *([_flag(why)] if why else [])])) for flags, why in raised]
+    of_cycle = {
+        "recording": cycles["key"],
+        "flags": np.array(flags, dtype=object),
+        "temperature_k": cycles["temperature_k"],
+    }
+    of_cycle |= {name: cycles[name] for name in ("kind", "block", "repeat", "began_s")}
+    of_cycle |= {name: np.array([getattr(c, name) for c in cycles["condition"]], dtype=object) for name in LEVELS}
+    columns |= {name: np.tile(values[:, None], 2) for name, values in of_cycle.items()}
+    columns |= {
+        "direction": np.tile(ways, (count, 1)),
+        AMBIENT: np.full((count, 2), reading.identity.ambient_pressure_pa),
+    }
+    rows = {name: values[moves] for name, values in columns.items()}
+    order = sorted(
+        range(int(moves.sum())), key=lambda i: (rows["began_s"][i], rows["recording"][i], -rows["direction"][i])
+    )
+    found = columns_to_dataset({name: values[order] for name, values in rows.items()}, COLUMNS)
     found.attrs |= {
         "title": "friction map of a campaign",
         "protocol": protocol,
-        "ambient_pressure_pa": reading.identity.ambient_pressure_pa,
+        AMBIENT: reading.identity.ambient_pressure_pa,
         "synthetic": reading.identity.synthetic,
     }
     return found
+
+
+def _flag(reason: str) -> str:
+    return reason.replace("-", "_").replace(" ", "_")
 
 
 def _offsets(points: Points, fits: Fits) -> np.ndarray:
@@ -81,62 +130,8 @@ def _offsets(points: Points, fits: Fits) -> np.ndarray:
     zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))
     known = fits.offset.data
     at = np.argsort(known.order, kind="stable")
-    drift = np.interp(points.order, known.order[at], fits.offset.drift[at])
-    return points.reduced.offset_n - zero - drift
-
-
-_Part = tuple["CycleData", int, tuple[float, float], str, dict[str, float]]
-"""Cycle, direction, window, reason for which it is no point of F(v), and friction with its uncertainty and band."""
-VALUES = ("balance_n", "friction_n", "offset_n", "stderr_n", "u_systematic_n")
-
-
-def _paired(points: Points, fits: Fits | None, terms: CycleTerms, reading: CampaignData) -> Iterator[_Part]:
-    reduced = points.reduced
-    offsets = np.full(len(points), np.nan) if fits is None else _offsets(points, fits)
-    known = np.flatnonzero(reduced.common)
-    width = reading.edges_m[1] - reading.edges_m[0]
-    window = (float(reduced.position_m[known[0]] - width / 2.0), float(reduced.position_m[known[-1]] + width / 2.0))
-    columns = (reduced.friction_n, reduced.offset_n, terms.stderr_n, terms.u_systematic_n)
-    bands = (terms.half_n, terms.half_direction_n, offsets, reduced.air_n)
-    for d, reason, *numbers in zip(reduced.data, points.reasons, *columns, *bands, strict=True):
-        friction, offset, stderr, u, half, half_direction, asymmetry, air = map(float, numbers)
-        for direction in (1, -1):
-            own = friction + direction * asymmetry
-            ends = (friction - half, friction + half, own, own - half_direction, own + half_direction, air)
-            values = (direction * friction + offset, friction, offset, stderr, u, *ends)
-            yield d, direction, window, reason, dict(zip((*VALUES, *BANDS), values, strict=True))
-
-
-def _unpaired(data: Iterable[CycleData], reading: CampaignData) -> Iterator[_Part]:
-    nothing = float("nan")
-    for d in data:
-        for direction, side in d.sides.items():
-            balance, known = float(np.nanmean(side.balance_n)), np.flatnonzero(np.isfinite(side.balance_n))
-            values = dict.fromkeys((*VALUES, *BANDS), nothing) | {
-                "balance_n": balance,
-                "friction_n": direction * balance,
-            }
-            window = (float(reading.edges_m[known[0]]), float(reading.edges_m[known[-1] + 1]))
-            yield d, direction, window, "unpaired", values
-
-
-def _row(
-    reading: CampaignData,
-    d: CycleData,
-    direction: int,
-    window_m: tuple[float, float],
-    reason: str,
-    values: dict[str, float],
-) -> Row:
-    """Return the row of every friction map, its band, and the place of the cycle in the plan."""
-    cycle, ambient = d.plan, reading.identity.ambient_pressure_pa
-    flags = ",".join(dict.fromkeys([*d.flags, *([reason.replace("-", "_").replace(" ", "_")] if reason else [])]))
-    plan = {name: getattr(cycle, name) for name in ("kind", "block", "repeat", "began_s")}
-    levels = {name: getattr(d.condition, name) for name in LEVELS}
-    others = {**plan, **levels, "temperature_k": d.temperature_k}
-    return row_of(
-        cycle.key, direction, d.sides[direction], window_m, flags=flags, ambient_pressure_pa=ambient, **values, **others
-    )
+    drift = np.interp(points["order"], known.order[at], fits.offset.drift[at])
+    return points["offset_n"] - zero - drift
 
 
 MAP_FILES = ("map.parquet", "map.csv")

@@ -15,8 +15,9 @@ import numpy as np
 from pneudrive.estimate.autocorrelation import stderrs_of_means
 from pneudrive.estimate.groups import cells, levels
 from pneudrive.estimate.moderate import moderate
-from pneudrive.friction.bins import known_mean, pair_stderr
+from pneudrive.friction.bins import known_mean
 from pneudrive.friction.budget import chance_n, unseen_n
+from pneudrive.friction.campaign.cycles import Cycles, mean_of_sides
 from pneudrive.friction.campaign.result import ExcludedPoint
 from pneudrive.friction.conditions import PA_PER_BAR
 from pneudrive.friction.level import BELOW_AMBIENT
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.conditions import Condition
-    from pneudrive.friction.cycle import CycleData
 
     Array = NDArray[np.float64]
     Whole = NDArray[np.int64]
@@ -43,9 +43,7 @@ STICK_SLIP = ("stick-slip", "force swing")
 NAMES = (*STICK_SLIP, UNNAMED)
 
 
-def unsteady(
-    data: Sequence[CycleData], tares: Sequence[CycleData], stiffness_n_m: float | None, mass_kg: float
-) -> tuple[str, ...]:
+def unsteady(cycles: Cycles, tares: Cycles, stiffness_n_m: float | None, mass_kg: float) -> NDArray:
     """Return for each cycle the reason why sliding on the rig's spring was not steady; "" if it was steady.
 
     There are three signs. (1) The axis itself runs unevenly. (2) The piston's position, which is the axis
@@ -53,42 +51,18 @@ def unsteady(
     oscillates by much more than the sensor's noise. An oscillation of this size at the natural frequency of the rig
     would change the speed of the piston by 40 %.
     """
-    floor = _noise(data, tares)
-    return tuple(_reason(d, floor, stiffness_n_m, mass_kg) for d in data)
-
-
-def _reason(d: CycleData, floor: float, stiffness_n_m: float | None, mass_kg: float) -> str:
-    sides = list(d.sides.values())
-    if any(s.ripple > RIPPLE_LIMIT for s in sides):
-        return "stick-slip" if any(s.stick_slip for s in sides) else UNNAMED
-    scatter = max(0.0 if np.isnan(s.scatter_n) else s.scatter_n for s in sides)
-    if scatter < SWING_FLOOR * floor:
-        return ""
-    level = float(np.nanmean([abs(np.nanmean(s.balance_n)) for s in sides]))
-    if scatter < SWING_SHARE * level:
-        return ""
-    if any(s.piston_ripple > RIPPLE_LIMIT for s in sides):
-        return "stick-slip" if any(s.stick_slip for s in sides) else UNNAMED
+    scatter, speed = np.nan_to_num(cycles["scatter_n"]).max(axis=1), cycles.over_sides("velocity_m_s")
+    # Without zero runs: slow noise is visible within a bin of a slow cycle, but not within a bin of a fast cycle.
+    slow = speed <= np.median(speed)
+    floor = np.median(tares["standing_sd_n"]) if len(tares) else np.quantile(scatter[slow], 0.25)
+    level = mean_of_sides(np.abs(known_mean(cycles["balance_n"], axis=2)))
+    swings = (scatter >= SWING_FLOOR * floor) & (scatter >= SWING_SHARE * level)
+    uneven, piston = ((cycles[name] > RIPPLE_LIMIT).any(axis=1) for name in ("ripple", "piston_ripple"))
+    known = np.where((cycles["stick_slip"] == 1.0).any(axis=1), STICK_SLIP[0], UNNAMED)
+    hidden = np.zeros(len(cycles), dtype=bool)
     if stiffness_n_m and mass_kg:
-        swing = scatter / np.sqrt(stiffness_n_m * mass_kg)
-        if swing > UNRESOLVED * np.mean([abs(s.velocity_m_s) for s in sides]):
-            return "force swing"
-    return ""
-
-
-def _noise(data: Sequence[CycleData], tares: Sequence[CycleData]) -> float:
-    """Return the noise of the force at rest.
-
-    Without zero runs, return the lower quartile of the slower half of the cycles.
-
-    Slow noise is visible within a bin of a slow cycle, but not within a bin of a fast cycle.
-    """
-    if tares:
-        return float(np.median([t.standing_sd_n for t in tares]))
-    speeds = np.array([np.mean([abs(s.velocity_m_s) for s in d.sides.values()]) for d in data])
-    scatters = np.array([max(float(np.nan_to_num(s.scatter_n)) for s in d.sides.values()) for d in data])
-    slow = speeds <= np.median(speeds)
-    return float(np.quantile(scatters[slow], 0.25))
+        hidden = swings & (scatter / np.sqrt(stiffness_n_m * mass_kg) > UNRESOLVED * speed)
+    return np.where(uneven | (swings & piston), known, np.where(hidden, STICK_SLIP[1], "")).astype(object)
 
 
 NEGATIVE = "negative friction"
@@ -104,13 +78,13 @@ def implausible_friction(
     speed_m_s: NDArray[np.float64],
     friction_n: NDArray[np.float64],
     stderr_n: NDArray[np.float64],
-) -> tuple[str, ...]:
+) -> NDArray:
     """Return for each cycle of a campaign, shape (n,), the reason why its friction is impossible.
 
     "" if it is possible.
     """
     pace = np.log(np.maximum(speed_m_s, 1e-12))
-    found: list[str] = [""] * friction_n.size
+    found = np.full(friction_n.size, "", dtype=object)
     for here in (np.flatnonzero(condition == k) for k in np.unique(condition)):
         order = here[np.argsort(pace[here], kind="stable")]
         for at, i in enumerate(order.tolist()):
@@ -122,7 +96,7 @@ def implausible_friction(
                 found[i] = NEGATIVE
             elif usual > 0 and not usual / FAR <= abs(friction_n[i]) <= usual * FAR:
                 found[i] = OUTLIER
-    return tuple(found)
+    return found
 
 
 OTHER_SPEED = 1.5  # ratio of measured speed to that in the header, either way
@@ -131,64 +105,44 @@ OTHER_SPEED = 1.5  # ratio of measured speed to that in the header, either way
 SET_PA, SET_SHARE, PRESSURE_ACCURACIES = 1e4, 0.1, 4.0
 
 
-def suspicions(data: Sequence[CycleData], accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
+def suspicions(cycles: Cycles, accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
     """Return sentences on cycles whose speeds or pressures differ from those of their plan.
+
+    The mean of the pressures of both directions is compared with the set ones in the headers, because the moving air
+    raises the pressure in one direction and lowers it in the other.
 
     Parameters
     ----------
-    data : sequence of CycleData
+    cycles : Cycles
     accuracy : mapping
         Channel -> standard uncertainty, SI.
     ambient_pa : float
     """
-    off = []
-    for d in data:
-        stated = d.plan.speed_m_s
-        measured = float(np.mean([abs(s.velocity_m_s) for s in d.sides.values()])) if d.sides else float("nan")
-        if stated and measured > 0 and not 1.0 / OTHER_SPEED <= measured / stated <= OTHER_SPEED:
-            off.append((d.plan.key, measured / stated))
-    if off:
-        ratio = float(np.median([r for _, r in off]))
-        yield "data.other_speed", {"count": len(off), "keys": named(key for key, _ in off), "ratio": ratio}
-    yield from _set_and_measured(data, accuracy, ambient_pa)
-    low = {
-        d.plan.key: min(d.condition.pressure_a_pa, d.condition.pressure_b_pa)
-        for d in data
-        if min(d.condition.pressure_a_pa, d.condition.pressure_b_pa) < (1.0 - BELOW_AMBIENT) * ambient_pa
-    }
-    if low:
-        lowest = min(low.values()) / PA_PER_BAR
-        yield "data.below_ambient", {"count": len(low), "lowest": lowest, "ambient": ambient_pa / PA_PER_BAR}
-
-
-def _set_and_measured(data: Sequence[CycleData], accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
-    """Compare the pressures of the samples with the set ones in the headers.
-
-    The mean of both directions is compared, because the moving air raises the pressure in one direction and lowers it
-    in the other.
-    """
-    for side in ("a", "b"):
-        name = f"pressure_{side}_pa"
+    ratio, keys = cycles.over_sides("velocity_m_s") / cycles["set_speed_m_s"], cycles["key"]
+    off = np.isfinite(ratio) & (ratio > 0) & ~((ratio >= 1.0 / OTHER_SPEED) & (ratio <= OTHER_SPEED))
+    if off.any():
+        yield "data.other_speed", {"count": off.sum(), "keys": named(keys[off]), "ratio": float(np.median(ratio[off]))}
+    for side in "ab":
+        name, ambient = f"pressure_{side}_pa", ambient_pa / PA_PER_BAR
         sure = PRESSURE_ACCURACIES * accuracy.get(name, 0.0)
-        off, low = {}, {}
-        for d in data:
-            if not d.sides:
-                continue
-            planned = d.plan.pressures_pa.get(side, float("nan"))
-            measured = float(np.mean([getattr(s, name) for s in d.sides.values()]))
-            if abs(measured - planned) > max(SET_PA, SET_SHARE * abs(planned - ambient_pa), sure):
-                off[d.plan.key] = measured - planned
-            if measured < ambient_pa - max(SET_PA, sure) and planned >= (1.0 - BELOW_AMBIENT) * ambient_pa:
-                low[d.plan.key] = measured
-        if off:
-            mean = float(np.median(list(off.values())))
+        planned, measured = cycles[f"set_{side}_pa"], mean_of_sides(cycles[name])
+        away = measured - planned
+        off = np.abs(away) > np.maximum(SET_SHARE * np.abs(planned - ambient_pa), max(SET_PA, sure))
+        if off.any():
+            mean = float(np.median(away[off]))
             kind = "one_is_gauge" if abs(abs(mean) - ambient_pa) < 0.1 * ambient_pa else "not_as_set"
-            values = {"mean": mean / PA_PER_BAR, "off": len(off), "count": len(data), "keys": named(off)}
+            values = {"mean": mean / PA_PER_BAR, "off": off.sum(), "count": len(cycles), "keys": named(keys[off])}
             yield f"data.{kind}", dict(side=side, **values)
-        if low:
-            lowest = min(low.values()) / PA_PER_BAR
-            values = {"count": len(low), "keys": named(low), "lowest": lowest, "ambient": ambient_pa / PA_PER_BAR}
+        low = (measured < ambient_pa - max(SET_PA, sure)) & (planned >= (1.0 - BELOW_AMBIENT) * ambient_pa)
+        if low.any():
+            lowest = measured[low].min() / PA_PER_BAR
+            values = {"count": low.sum(), "keys": named(keys[low]), "lowest": lowest, "ambient": ambient}
             yield "data.vacuum", dict(side=side, **values)
+    lowest = np.array([min(c.pressure_a_pa, c.pressure_b_pa) for c in cycles["condition"]])
+    low = lowest < (1.0 - BELOW_AMBIENT) * ambient_pa
+    if low.any():
+        values = {"lowest": lowest[low].min() / PA_PER_BAR, "ambient": ambient_pa / PA_PER_BAR}
+        yield "data.below_ambient", {"count": low.sum(), **values}
 
 
 ITERATIONS = 8
@@ -199,117 +153,91 @@ FREEDOM_PER_CYCLE = 10.0  # degrees of freedom of the noise of one cycle: indepe
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
-    """Cycles with both directions, shape (n,) unless said otherwise; N.
+class Pattern:
+    """Friction over position, common to all cycles.
 
     Attributes
     ----------
-    data : tuple of CycleData
-    speed_m_s : ndarray
-        Mean of both directions.
-    friction_n, offset_n, air_n : ndarray
-        Half the difference and half the sum of the balance; half the difference of the chambers' force, positive
-        against the motion.
-    friction_stderr_n, offset_stderr_n, air_stderr_n, total_stderr_n : ndarray
-        From the cycle alone: scatter of its strokes, at least the noise within them.
     position_m : ndarray, shape (bins,)
     common : ndarray of bool, shape (bins,)
-    pattern : ndarray, shape (bins,)
+    friction : ndarray, shape (bins,)
         Friction over its mean in the common range less one; NaN in bins without data.
-    offset_pattern_n : ndarray, shape (bins,)
-    relative_n : ndarray, shape (n, bins)
-        Friction of each cycle over its mean; NaN if nothing has settled.
-    coverage : float
-        Share of the whole way that the common range covers.
+    offset_n : ndarray, shape (bins,)
     """
 
-    data: tuple[CycleData, ...]
-    speed_m_s: Array
-    friction_n: Array
-    offset_n: Array
-    air_n: Array
-    friction_stderr_n: Array
-    offset_stderr_n: Array
-    air_stderr_n: Array
-    total_stderr_n: Array
     position_m: Array
     common: NDArray[np.bool_]
-    pattern: Array
-    offset_pattern_n: Array
-    relative_n: Array
-    coverage: float
+    friction: Array
+    offset_n: Array
 
     @property
-    def total_n(self) -> Array:
-        """Half the difference of the force sensor's readings, without weight and inertia."""
-        return self.friction_n + self.air_n
-
-    @property
-    def u_position(self) -> float:
+    def u_friction(self) -> float:
         """Relative standard uncertainty of the common range's mean as an estimate of the whole stroke's mean."""
-        return unseen_n(self.pattern[self.common], self.coverage)
+        return unseen_n(self.friction[self.common], float(self.common.mean()))
 
     @property
-    def u_position_offset_n(self) -> float:
+    def u_offset_n(self) -> float:
         """The same for half the sum, N."""
-        return unseen_n(self.offset_pattern_n[self.common], self.coverage)
+        return unseen_n(self.offset_n[self.common], float(self.common.mean()))
 
 
-def reduce(data: Sequence[CycleData], edges_m: Array, steady: NDArray[np.bool_]) -> Reduced:
+def reduce(cycles: Cycles, edges_m: Array, steady: NDArray[np.bool_]) -> tuple[Pattern, dict[str, Array]]:
     """Bring cycles with both directions to the common range of position.
 
     Parameters
     ----------
-    data : sequence of CycleData
+    cycles : Cycles
         With both sides.
     edges_m : ndarray, shape (bins + 1,)
     steady : ndarray of bool, shape (n,)
         Cycles used for the pattern: those without stick-slip.
+
+    Returns
+    -------
+    Pattern
+    dict of ndarray, shape (n,)
+        The first columns of `Points`.
     """
-    up = np.array([d.sides[1].balance_n for d in data])
-    down = np.array([d.sides[-1].balance_n for d in data])
-    air = -np.array([d.sides[1].air_n - d.sides[-1].air_n for d in data]) / 2.0
+    (up, down), (air_up, air_down) = (np.moveaxis(cycles[name], 1, 0) for name in ("balance_n", "air_n"))
     friction, offset = (up - down) / 2.0, (up + down) / 2.0
-    air = np.where(np.isfinite(friction), air, np.nan)
     covered = np.isfinite(friction)
-    tells = steady if steady.sum() >= ENOUGH_CYCLES else np.ones(len(data), dtype=bool)
+    air = np.where(covered, -(air_up - air_down) / 2.0, np.nan)
+    tells = steady if steady.sum() >= ENOUGH_CYCLES else np.ones(len(cycles), dtype=bool)
     common: NDArray[np.bool_] = np.asarray(covered[tells].mean(axis=0) >= COMMON_SHARE)
     if not common.any():
         common = np.asarray(covered.any(axis=0))
     pattern = _relative_pattern(friction[tells], common)
-    offset_pattern = _additive_pattern(offset[tells], common)
     mean_friction = _relative_means(friction, pattern, common)
-    mean_offset = _additive_means(offset, offset_pattern, common)
-    air_pattern = _additive_pattern(air[tells], common)
-    mean_air = _additive_means(air, air_pattern, common)
-    speed = np.array([(d.sides[1].velocity_m_s - d.sides[-1].velocity_m_s) / 2.0 for d in data])
     spare = np.sqrt(tells.sum() / max(tells.sum() - 1.0, 1.0)) if tells.sum() >= ENOUGH_CYCLES else 1.0
-    rest = friction - mean_friction[:, None] * (1.0 + np.nan_to_num(pattern))
-    rest_air = air - mean_air[:, None] - np.nan_to_num(air_pattern)
-    rests = (rest, offset - mean_offset[:, None] - np.nan_to_num(offset_pattern), rest_air, rest + rest_air)
-    scatter = np.array([pair_stderr(d.sides[1].spread, d.sides[-1].spread) for d in data])
+    rests, means = [friction - mean_friction[:, None] * (1.0 + np.nan_to_num(pattern))], [mean_friction]
+    for values in (offset, air):
+        additive = _additive_pattern(values[tells], common)
+        means.append(_additive_means(values, additive, common))
+        rests.append(values - means[-1][:, None] - np.nan_to_num(additive))
+    offset_pattern = _additive_pattern(offset[tells], common)
+    speed = (cycles["velocity_m_s"][:, 0] - cycles["velocity_m_s"][:, 1]) / 2.0
+    scatter = _pair_stderr(cycles["deviation_n"], cycles["effective"])
     # The scatter of strokes is that of the balance: the air's force alone has only its noise.
-    scatters = (scatter, scatter, np.full(len(data), np.nan), scatter)
-    stderrs = [_by_chance(own, spare * r, common, speed) for own, r in zip(scatters, rests, strict=True)]
+    chance = {"friction": scatter, "offset": scatter, "air": np.full(len(cycles), np.nan), "total": scatter}
+    each = zip(chance.items(), (*rests, rests[0] + rests[2]), strict=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = friction / mean_friction[:, None]
-    return Reduced(
-        data=tuple(data),
-        speed_m_s=speed,
-        friction_n=mean_friction,
-        offset_n=mean_offset,
-        air_n=mean_air,
-        friction_stderr_n=stderrs[0],
-        offset_stderr_n=stderrs[1],
-        air_stderr_n=stderrs[2],
-        total_stderr_n=stderrs[3],
-        position_m=(edges_m[:-1] + edges_m[1:]) / 2.0,
-        common=common,
-        pattern=np.where(covered.any(axis=0), pattern, np.nan),
-        offset_pattern_n=offset_pattern,
-        relative_n=relative,
-        coverage=float(common.mean()),
-    )
+    return Pattern(
+        (edges_m[:-1] + edges_m[1:]) / 2.0, common, np.where(covered.any(axis=0), pattern, np.nan), offset_pattern
+    ), {
+        "speed_m_s": speed,
+        **{f"{name}_n": mean for name, mean in zip(("friction", "offset", "air"), means, strict=True)},
+        **{f"{name}_stderr_n": _by_chance(own, spare * rest, common, speed) for (name, own), rest in each},
+        "relative_n": relative,
+    }
+
+
+def _pair_stderr(deviation: Array, effective: Array) -> Array:
+    """Return `pair_stderr` of cycles, shape (n,), from scatter and effective number of strokes, shape (n, 2)."""
+    pooled = np.where(np.isfinite(deviation), deviation, -np.inf).max(axis=1)
+    filled = np.where(np.isfinite(deviation), deviation, pooled[:, None])
+    parts = filled**2 / np.maximum(effective, 1.0)
+    return np.where(np.isfinite(pooled), 0.5 * np.sqrt(parts[:, 0] + parts[:, 1]), np.nan)
 
 
 def _relative_pattern(values: Array, common: NDArray[np.bool_]) -> Array:
@@ -379,45 +307,43 @@ MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring b
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class Points(Cycles):
     """Cycles with both directions, and the selection of points of F(v).
+
+    Further columns: ``speed_m_s`` (mean of both directions); ``friction_n``, ``offset_n`` and ``air_n`` (half the
+    difference and half the sum of the balance, half the difference of the chambers' force, positive against the
+    motion); ``friction_stderr_n``, ``offset_stderr_n``, ``air_stderr_n``, ``total_stderr_n`` (from the cycle alone:
+    scatter of its strokes, at least the noise within them); ``relative_n`` (friction of each cycle over its mean in the
+    bins, NaN if nothing has settled); ``curve`` and ``level`` (number of the condition and of the speed level, which
+    ascend); ``reason`` (why a cycle is not a point of F(v); "" if it is one).
 
     Attributes
     ----------
-    reduced : Reduced
+    pattern : Pattern
     conditions : tuple of Condition
         Those that occur.
-    condition : ndarray of int, shape (n,)
-        Index of each cycle's condition.
-    level : ndarray of int, shape (n,)
-        Index of each cycle's speed level; levels ascend.
     level_speeds_m_s : ndarray, shape (levels,)
-    reasons : tuple of str, length n
-        Why a cycle is not a point of F(v); "" if it is one.
-    unpaired : tuple of CycleData
-        With one direction only.
-    members : tuple of tuple of CycleData, length n
-        Cycles of each point: more than one if a large campaign was condensed.
+    whole : Cycles
+        All cycles with both directions.
+    members : tuple of ndarray of int, length n
+        Rows of `whole` of each point: more than one if a large campaign was condensed.
     """
 
-    reduced: Reduced
+    pattern: Pattern
     conditions: tuple[Condition, ...]
-    condition: NDArray[np.int64]
-    level: NDArray[np.int64]
     level_speeds_m_s: Array
-    reasons: tuple[str, ...]
-    unpaired: tuple[CycleData, ...]
-    members: tuple[tuple[CycleData, ...], ...]
+    whole: Cycles
+    members: tuple[NDArray[np.intp], ...]
 
     @property
     def count(self) -> Array:
         """Number of cycles of each point, shape (n,)."""
-        return np.array([len(some) for some in self.members], dtype=float)
+        return np.array([some.size for some in self.members], dtype=float)
 
     @property
     def use(self) -> NDArray[np.bool_]:
         """Cycles that are points of F(v)."""
-        return np.array([not reason for reason in self.reasons], dtype=bool)
+        return np.asarray(self["reason"] == "", dtype=bool)
 
     @property
     def is_large(self) -> bool:
@@ -425,60 +351,50 @@ class Points:
         return bool(self.use.sum() > MOST_CYCLES)
 
     @property
-    def order(self) -> Array:
-        """Relative place of each cycle in the order of the campaign, 0 to 1, shape (n,)."""
-        return np.array([d.plan.order for d in self.reduced.data])
+    def total_n(self) -> Array:
+        """Half the difference of the force sensor's readings, without weight and inertia."""
+        return self["friction_n"] + self["air_n"]
 
     @property
-    def cell(self) -> NDArray[np.int64]:
+    def cell(self) -> Whole:
         """Number of the condition and speed level of each cycle, shape (n,)."""
-        return cells(self.condition, self.level)
+        return cells(self["curve"], self["level"])
 
-    def cycles(self, members: NDArray[np.bool_]) -> list[CycleData]:
-        """Return the marked cycles."""
-        return [d for d, member in zip(self.reduced.data, members, strict=True) if member]
-
-    def __len__(self) -> int:
-        """Return the number of cycles with both directions."""
-        return len(self.reduced.data)
+    def labels(self, name: str, rows: NDArray[np.intp]) -> list[list[int]]:
+        """Return the values of a column in the cycles of some points."""
+        return [self.whole[name][self.members[i]].tolist() for i in rows]
 
 
 def points_of(reading: CampaignData) -> Points | None:
     """Return the sliding cycles as points; None if no cycle has both directions."""
-    paired = [d for d in reading.sliding if len(d.sides) == 2]
-    unpaired = tuple(d for d in reading.sliding if len(d.sides) != 2)
-    if not paired:
+    cycles, rig = reading.sliding.at(reading.sliding.moves.all(axis=1)), reading.identity
+    if not len(cycles):
         return None
-    rig = reading.identity
-    shaky = unsteady(paired, reading.tares, rig.stiffness_n_m, rig.mass_beyond_sensor_kg)
-    reduced = reduce(paired, reading.edges_m, np.array([not reason for reason in shaky], dtype=bool))
-    conditions = tuple(sorted({d.condition for d in paired}))
-    condition = np.array([conditions.index(d.condition) for d in paired], dtype=np.int64)
-    level = levels(np.log(reduced.speed_m_s), np.log1p(SAME_SPEED))
-    speeds = np.array([reduced.speed_m_s[level == k].mean() for k in range(int(level.max()) + 1)])
-    unlikely = implausible_friction(condition, reduced.speed_m_s, reduced.friction_n, reduced.friction_stderr_n)
-    reasons = tuple(a or b for a, b in zip(_reasons(paired, shaky, condition, level), unlikely, strict=True))
-    return Points(reduced, conditions, condition, level, speeds, reasons, unpaired, tuple((d,) for d in paired))
+    shaky = unsteady(cycles, reading.tares, rig.stiffness_n_m, rig.mass_beyond_sensor_kg)
+    pattern, columns = reduce(cycles, reading.edges_m, np.asarray(shaky == "", dtype=bool))
+    conditions = tuple(sorted(set(cycles["condition"])))
+    curve = np.array([conditions.index(c) for c in cycles["condition"]], dtype=np.int64)
+    speed = columns["speed_m_s"]
+    level = levels(np.log(speed), np.log1p(SAME_SPEED))
+    speeds = np.array([speed[level == k].mean() for k in range(int(level.max()) + 1)])
+    reason = _reasons(cycles, shaky, cells(curve, level))
+    unlikely = implausible_friction(curve, speed, columns["friction_n"], columns["friction_stderr_n"])
+    columns |= {"curve": curve, "level": level, "reason": np.where(reason == "", unlikely, reason)}
+    alone = tuple(np.arange(len(cycles))[:, None])
+    return Points(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
 
 
-def _reasons(
-    data: Sequence[CycleData], unsteady: Sequence[str], condition: NDArray[np.int64], level: NDArray[np.int64]
-) -> tuple[str, ...]:
+def _reasons(cycles: Cycles, unsteady: NDArray, cell: Whole) -> NDArray:
     """Return the reason why each cycle is not a point of F(v).
 
     Stick-slip concerns a condition and speed, not a single cycle.
     """
-    cell = cells(condition, level)
     first = {int(c): reason for c, reason in zip(cell[::-1], unsteady[::-1], strict=True) if reason}
-    share = np.bincount(cell, [bool(reason) for reason in unsteady]) / np.bincount(cell)
-    found = []
-    for d, reason, c in zip(data, unsteady, cell.tolist(), strict=True):
-        limit = SATURATED_SHARE * sum(s.samples for s in d.sides.values())
-        if reason or share[c] > 0.5:
-            found.append(reason or first[c])
-        else:
-            found.append("saturated" if d.flags.get("saturated", 0) > limit else "")
-    return tuple(found)
+    share = np.bincount(cell, unsteady != "") / np.bincount(cell)
+    common = np.array([first.get(c, "") for c in cell.tolist()], dtype=object)
+    saturated = np.array([flags.get("saturated", 0) for flags in cycles["flags"]])
+    spoiled = np.where(saturated > SATURATED_SHARE * cycles["samples"].sum(axis=1), "saturated", "")
+    return np.where(unsteady != "", unsteady, np.where(share[cell] > 0.5, common, spoiled)).astype(object)
 
 
 def condensed(points: Points) -> Points:
@@ -486,46 +402,31 @@ def condensed(points: Points) -> Points:
 
     If there are very many groups, neighbouring blocks of the same levels are merged, then neighbouring speeds.
     """
-    reduced = points.reduced
     used = np.flatnonzero(points.use)
-    keys = (points.condition[used], _stretches(points)[used], points.level[used])
+    keys = (points["curve"][used], _stretches(points)[used], points["level"][used])
     found, speeds = grouped(*keys, rows=MOST_CYCLES, cells=MOST_CELLS)
-    groups = [used[group].tolist() for group in found]
-    middle = [g[len(g) // 2] for g in groups]
-
-    def mean(values: Array) -> Array:
-        return np.array([values[g].mean() for g in groups])
-
-    def stderr(values: Array) -> Array:
-        return np.array([np.sqrt(np.sum(values[g] ** 2)) / len(g) for g in groups])
-
-    joined = replace(
-        reduced,
-        data=tuple(reduced.data[i] for i in middle),
-        **{n: mean(getattr(reduced, n)) for n in ("speed_m_s", "friction_n", "offset_n", "air_n")},
-        **{f"{n}_stderr_n": stderr(getattr(reduced, f"{n}_stderr_n")) for n in ("friction", "offset", "air", "total")},
-        relative_n=reduced.relative_n[middle],
-    )
+    groups = [used[group] for group in found]
+    middle = np.array([g[g.size // 2] for g in groups])
+    means = {
+        n: np.array([points[n][g].mean() for g in groups]) for n in ("speed_m_s", "friction_n", "offset_n", "air_n")
+    }
+    for name in (f"{n}_stderr_n" for n in ("friction", "offset", "air", "total")):
+        means[name] = np.array([np.sqrt(np.sum(points[name][g] ** 2)) / g.size for g in groups])
     of_level = points.level_speeds_m_s
     return replace(
-        points,
-        reduced=joined,
-        condition=points.condition[middle],
-        level=points.level[middle] // speeds,
+        points.at(middle).having(**means, level=points["level"][middle] // speeds),
         level_speeds_m_s=np.array([of_level[k : k + speeds].mean() for k in range(0, of_level.size, speeds)]),
-        reasons=("",) * len(groups),
-        members=tuple(tuple(reduced.data[i] for i in g) for g in groups),
+        members=tuple(groups),
     )
 
 
-def _stretches(points: Points) -> NDArray[np.int64]:
+def _stretches(points: Points) -> Whole:
     """Return the number of each cycle's block, counted from 0 for each combination of mounting, seal and drive."""
-    data = points.reduced.data
     ranks: dict[tuple[str, ...], dict[int, int]] = {}
     found = []
-    for d in data:
-        same = ranks.setdefault(d.condition.levels, {})
-        found.append(same.setdefault(d.plan.block, len(same)))
+    for condition, block in zip(points["condition"], points["block"].tolist(), strict=True):
+        same = ranks.setdefault(condition.levels, {})
+        found.append(same.setdefault(block, len(same)))
     return np.array(found, dtype=np.int64)
 
 
@@ -583,16 +484,11 @@ def block_shares(points: Points) -> tuple[Array | None, str]:
     str
         block, day, or "" without groups.
     """
-    members = [some for some, use in zip(points.members, points.use, strict=True) if use]
-    named = [some[0].condition.levels for some in members]
-    of_levels = np.array([named.index(name) for name in named])
-    kinds = {
-        "block": [[d.plan.block for d in some] for some in members],
-        "day": [[d.plan.day for d in some] for some in members],
-    }
-    for kind, labels in kinds.items():
-        shares = shares_of(labels)
-        if any((shares[of_levels == level] > 0.0).any(axis=0).sum() > 1 for level in set(of_levels.tolist())):
+    used = np.flatnonzero(points.use)
+    of_levels = np.array([c.title for c in points["condition"][used]])
+    for kind in ("block", "day"):
+        shares = shares_of(points.labels(kind, used))
+        if any((shares[of_levels == title] > 0.0).any(axis=0).sum() > 1 for title in np.unique(of_levels)):
             return shares, kind
     return None, ""
 
@@ -635,31 +531,24 @@ class CurveSpeeds:
 
 def curve_speeds(points: Points) -> tuple[CurveSpeeds, ...]:
     """Return the speeds of all curves, in the order of the models' numbers."""
-    kept = sorted(set(points.condition[points.use].tolist()))
+    kept = sorted(set(points["curve"][points.use].tolist()))
     return tuple(_speeds(points, number, index) for number, index in enumerate(kept))
 
 
 def _speeds(points: Points, number: int, index: int) -> CurveSpeeds:
-    members = points.use & (points.condition == index)
-    levels = [members & (points.level == k) for k in sorted(set(points.level[members]))]
-    speeds = np.array([points.reduced.speed_m_s[level].mean() for level in levels])
+    here = points["curve"] == index
+    members = points.use & here
+    levels = [members & (points["level"] == k) for k in sorted(set(points["level"][members]))]
+    speeds = np.array([points["speed_m_s"][level].mean() for level in levels])
     counts = np.array([points.count[level].sum() for level in levels], dtype=np.int64)
     between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1] if speeds.size > 1 else np.zeros(0)
     apart = np.abs(between[:, None] / speeds[None, :] - 1.0).min(axis=1) > SAME_SPEED / 2.0
     every = np.concatenate([speeds, between[apart]])
     cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
     order = np.argsort(every)
-    measured = order < speeds.size
-    excluded = _excluded(points, index)
-    return CurveSpeeds(number, index, points.conditions[index], every[order], measured, cycles[order], excluded)
-
-
-def _excluded(points: Points, condition: int) -> tuple[ExcludedPoint, ...]:
-    found = []
-    for i, reason in enumerate(points.reasons):
-        if reason and points.condition[i] == condition:
-            sides = points.reduced.data[i].sides.values()
-            ripple = max(np.nan_to_num([v for s in sides for v in (s.ripple, s.piston_ripple)]))
-            speed, friction = points.reduced.speed_m_s[i], points.reduced.friction_n[i]
-            found.append(ExcludedPoint(float(speed), float(friction), reason, float(ripple)))
-    return tuple(sorted(found, key=lambda p: p.speed_m_s))
+    out = points.at(here & ~points.use)
+    ripple = np.nan_to_num(np.hstack([out["ripple"], out["piston_ripple"]])).max(axis=1, initial=0.0)
+    columns = (out["speed_m_s"].tolist(), out["friction_n"].tolist(), out["reason"].tolist(), ripple.tolist())
+    excluded = sorted((ExcludedPoint(*row) for row in zip(*columns, strict=True)), key=lambda p: p.speed_m_s)
+    numbers = every[order], order < speeds.size, cycles[order]
+    return CurveSpeeds(number, index, points.conditions[index], *numbers, tuple(excluded))

@@ -24,29 +24,11 @@ from pneudrive.campaign.storage.folder import CycleFile, read_samples
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
 from pneudrive.estimate.groups import levels
-from pneudrive.friction.bins import Grid, grid_of
-from pneudrive.friction.campaign.sensors import (
-    SIDES,
-    Gain,
-    PressureZero,
-    corrected,
-    pressure_zeros,
-    sensor_gain,
-    without_zeros,
-)
+from pneudrive.friction.bins import grid_of
+from pneudrive.friction.campaign.cycles import Cycles, cycle_row, reduce_cycle
+from pneudrive.friction.campaign.loops import Loop, chosen_loops, reversal_loop
+from pneudrive.friction.campaign.sensors import Gain, corrected, pressure_zeros, sensor_gain, without_zeros
 from pneudrive.friction.conditions import LEVELS, Condition, Skipped
-from pneudrive.friction.cycle import (
-    MINIMUM_SAMPLES,
-    CycleData,
-    CyclePlan,
-    Loop,
-    OpenPressure,
-    check_speed,
-    chosen_loops,
-    cycle_of,
-    reduce_cycle,
-    reversal_loop,
-)
 from pneudrive.friction.motion import RecordedMotion
 from pneudrive.friction.strokes import stroke_rows
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move
@@ -61,16 +43,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.campaign.storage.folder import Campaign, Head
+    from pneudrive.friction.campaign.cycles import Row
+    from pneudrive.friction.campaign.sensors import PressureZero
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.friction.motion import SampleChoice
     from pneudrive.rig.interface import Samples
 
     Array = NDArray[np.float64]
+    Read = tuple[float, Row | Skipped | None, Loop | None]
+    """Path length of a cycle's moves, its row or the reason for a missing one, and its loop."""
 
 T = TypeVar("T")
 LOST_SHARE = 0.5  # of a cycle's samples: largest share of damaged ones
 PRESSURE_STEP_PA = 100.0  # difference at which a pressure is a separate level: 1 mbar
+MINIMUM_SAMPLES = 20
 TARE_SETTLING = 0.5  # initial share of a tare that is left out: seals relax after the release
 
 
@@ -78,37 +65,7 @@ def condition_of(head: Head) -> Condition:
     """Return the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
     cycle = head.cycle
     a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
-    levels = {name: str(cycle.levels.get(name, "")) for name in ("mounting", "seal", "drive")}
-    return Condition(a, b, **levels)
-
-
-def plan_of(head: Head, first: Head, last: Head, day: int, began_s: float) -> CyclePlan:
-    """Return the plan of a cycle.
-
-    Parameters
-    ----------
-    head, first, last : Head
-        Index of the cycle, and of the first and the last cycle of the campaign.
-    day : int
-    began_s : float
-        Beginning of the campaign by the rig's clock.
-    """
-    cycle = head.cycle
-    return CyclePlan(
-        key=cycle.key,
-        kind=cycle.kind,
-        index=head.index,
-        block=cycle.block,
-        repeat=cycle.repeat,
-        condition=condition_of(head),
-        speed_m_s=cycle.speed_m_s,
-        pressures_pa={"a": cycle.pressure_a_pa, "b": cycle.pressure_b_pa},
-        began_s=head.began_s,
-        elapsed_s=head.began_s - began_s,
-        day=day,
-        order=(head.index - first.index) / max(last.index - first.index, 1),
-        weight_n=next((s.weight_n for s in cycle.steps if isinstance(s, Hold) and s.weight_n), 0.0),
-    )
+    return Condition(a, b, **{name: str(cycle.levels.get(name, "")) for name in LEVELS})
 
 
 def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple[Recording, dict[str, int]]:
@@ -224,35 +181,36 @@ def read_or_skip(
     return Skipped(file.head.cycle.key, file.path.name, reason)
 
 
-def read_standing(
-    file: CycleFile, recording: Recording, samples: Samples, plan: CyclePlan, identity: Identity
-) -> CycleData:
+def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> Row:
     """Read a zero run or a known weight: mean force while the axis is released at rest, and its uncertainty.
+
+    Open chambers that a transducer measures have the mean of its reading, its standard error, and the change between
+    the halves.
 
     Raises
     ------
     RecordingError
         If it has too few samples.
     """
-    steps = steps_of(recording, samples)
-    holds = [(i, step) for i, step in enumerate(file.head.cycle.steps) if isinstance(step, Hold)]
+    cycle, steps = file.head.cycle, steps_of(recording, samples)
+    holds = [(i, step) for i, step in enumerate(cycle.steps) if isinstance(step, Hold)]
     meant = [i for i, step in holds if step.released or step.weight_n]
     standing = np.isin(steps, meant) if meant else np.ones(len(recording), dtype=bool)
     begin, end = (float(t) for t in np.quantile(recording.time_s[standing], [0.0, 1.0]))
     standing &= recording.time_s >= begin + TARE_SETTLING * (end - begin)
     if standing.sum() < MINIMUM_SAMPLES:
         raise RecordingError("too few samples at rest", where=recording.name, value=int(standing.sum()))
-    vented = max(abs(p - identity.ambient_pressure_pa) for p in plan.pressures_pa.values()) < PRESSURE_STEP_PA
+    vented = max(abs(p - ambient_pa) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa)) < PRESSURE_STEP_PA
     force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
-    shown = {c: OpenPressure.of(getattr(recording, f"pressure_{c}_pa")[standing]) for c in SIDES} if vented else {}
-    return CycleData(
-        plan=plan,
-        duration_s=float(recording.time_s[-1] - recording.time_s[0]),
-        standing_n=float(force.mean()),
-        standing_stderr_n=stderr_of_mean(force),
-        standing_sd_n=float(force.std()),
-        standing_pressures={c: known for c, known in shown.items() if known is not None},
-    )
+    row: Row = {"sides": {}, "duration_s": float(recording.time_s[-1] - recording.time_s[0])}
+    for side in "ab":
+        values = getattr(recording, f"pressure_{side}_pa")[standing]
+        if vented and np.ptp(values) > 0:
+            first, second = np.array_split(values, 2)
+            row[f"open_{side}_pa"], row[f"open_{side}_stderr_pa"] = float(values.mean()), stderr_of_mean(values)
+            row[f"open_{side}_change_pa"] = float(second.mean() - first.mean())
+    at_rest = {"standing_n": float(force.mean()), "standing_stderr_n": stderr_of_mean(force)}
+    return row | at_rest | {"standing_sd_n": float(force.std())}
 
 
 BINS = 60  # bins over the way of a campaign
@@ -276,8 +234,8 @@ class CampaignData:
     identity : Identity
     files : tuple of CycleFile
         All usable files in running order; empty for recordings.
-    sliding, tares : tuple of CycleData
-        Use the corrected gain of the force sensor (known weights) and zeros of the pressures (zero runs).
+    sliding, tares : Cycles
+        They use the corrected gain of the force sensor (known weights) and zeros of the pressures (zero runs).
     gain : Gain
     pressure_zeros : dict
         Chamber -> zero of its transducer, if zero runs show it.
@@ -295,8 +253,8 @@ class CampaignData:
     source: Path
     identity: Identity
     files: tuple[CycleFile, ...]
-    sliding: tuple[CycleData, ...]
-    tares: tuple[CycleData, ...]
+    sliding: Cycles
+    tares: Cycles
     gain: Gain
     pressure_zeros: dict[str, PressureZero]
     skipped: tuple[Skipped, ...]
@@ -343,50 +301,62 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     plans = _plans(files)
     wanted = [_light(f) for f in files if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
-    shown = chosen_loops([plan for plan in plans.values() if plan.kind in SLIDING])
+    shown = chosen_loops([plan for plan in plans.values() if plan["kind"] in SLIDING])
     options = (plans, campaign.identity, choice, edges, shown)
-    found = share_out(read_part, wanted, *options, least=WORTH_WORKERS, processes=processes)
-    travel = _travel(files, {r.key: r.way_m for r in found})
-    rests = _rests(files, {d.plan.key: d.duration_s for d in _data(found) if d.plan.kind != "weight"})
-    data = [
-        replace(d, plan=replace(d.plan, travel_m=travel[d.plan.key], rest_s=rests[d.plan.key]))
-        for d in sorted(_data(found), key=lambda d: d.plan.index)
-    ]
-    skipped += [r.data for r in found if isinstance(r.data, Skipped)]
-    tares = [d for d in data if d.plan.kind == "tare"]
-    gain = sensor_gain(campaign.identity, [d for d in data if d.plan.kind == "weight"], tares)
+    read = share_out(read_part, wanted, *options, least=WORTH_WORKERS, processes=processes)
+    found = {file.head.cycle.key: one for file, one in zip(wanted, read, strict=True)}
+    rows = {key: data for key, (_, data, _) in found.items() if isinstance(data, dict)}
+    travel = _travel(files, {key: way for key, (way, _, _) in found.items()})
+    rests = _rests(files, {key: row["duration_s"] for key, row in rows.items() if row["kind"] != "weight"})
+    whole = [row | {"travel_m": travel[key], "rest_s": rests[key]} for key, row in rows.items()]
+    cycles = Cycles.of(sorted(whole, key=lambda row: row["index"]), BINS)
+    skipped += [data for _, data, _ in found.values() if isinstance(data, Skipped)]
+    kinds = cycles["kind"]
+    tares = cycles.at(kinds == "tare")
+    gain = sensor_gain(campaign.identity, cycles.at(kinds == "weight"), tares)
     zeros = pressure_zeros(campaign.identity, tares)
-    sliding = corrected([d for d in data if d.plan.kind in SLIDING], gain)
+    sliding = cycles.at(np.isin(kinds.tolist(), SLIDING))
     return CampaignData(
         name=str(campaign.about.get("name", campaign.path.name)),
         source=campaign.path,
         identity=campaign.identity,
         files=tuple(files),
-        sliding=without_zeros(sliding, zeros, campaign.identity),
+        sliding=without_zeros(corrected(sliding, gain), zeros, campaign.identity),
         tares=without_zeros(corrected(tares, gain), zeros, campaign.identity),
         gain=gain,
         pressure_zeros=zeros,
         skipped=tuple(sorted(skipped, key=lambda s: s.file)),
         notes=tuple(notes),
         edges_m=edges,
-        loops={r.key: r.loop for r in found if r.loop is not None},
-        several=len({plan.day for plan in plans.values()}) > 1 or len({plan.block for plan in plans.values()}) > 1,
+        loops={key: loop for key, (_, _, loop) in found.items() if loop is not None},
+        several=any(len({plan[name] for plan in plans.values()}) > 1 for name in ("day", "block")),
     )
 
 
-def _plans(files: Sequence[CycleFile]) -> dict[str, CyclePlan]:
-    """Return the plan of each cycle by its key."""
+def _plans(files: Sequence[CycleFile]) -> dict[str, Row]:
+    """Return the columns of each cycle that its header determines, by its key."""
     heads = [file.head for file in files]
-    first, last = min(heads, key=lambda h: h.index), max(heads, key=lambda h: h.index)
+    first, last = (end(head.index for head in heads) for end in (min, max))
     began = min(head.began_s for head in heads)
     dates = {head.cycle.key: _date(head.started) for head in heads}
     known = sorted({date for date in dates.values() if date})
-    days = {key: known.index(date) + 1 if date else 1 for key, date in dates.items()}
-    return {head.cycle.key: plan_of(head, first, last, days[head.cycle.key], began) for head in heads}
-
-
-def _data(found: Sequence[Read]) -> list[CycleData]:
-    return [r.data for r in found if isinstance(r.data, CycleData)]
+    plans = {}
+    for head in heads:
+        cycle, date = head.cycle, dates[head.cycle.key]
+        plans[cycle.key] = {
+            **{name: getattr(cycle, name) for name in ("key", "kind", "block", "repeat")},
+            "index": head.index,
+            "day": known.index(date) + 1 if date else 1,
+            "condition": condition_of(head),
+            "set_speed_m_s": float("nan") if cycle.speed_m_s is None else cycle.speed_m_s,
+            "set_a_pa": cycle.pressure_a_pa,
+            "set_b_pa": cycle.pressure_b_pa,
+            "began_s": head.began_s,
+            "elapsed_s": head.began_s - began,
+            "order": (head.index - first) / max(last - first, 1),
+            "weight_n": next((s.weight_n for s in cycle.steps if isinstance(s, Hold) and s.weight_n), 0.0),
+        }
+    return plans
 
 
 def _rests(files: Sequence[CycleFile], durations: dict[str, float]) -> dict[str, float]:
@@ -400,55 +370,39 @@ def _rests(files: Sequence[CycleFile], durations: dict[str, float]) -> dict[str,
     return rests
 
 
-@dataclass(frozen=True, eq=False)
-class Read:
-    """A cycle that was read: the path length of its moves, and its data or the reason for missing data.
-
-    The path length is zero if the samples cannot be read. The data are missing if the cycle is not a point of a
-    characteristic.
-    """
-
-    key: str
-    way_m: float
-    data: CycleData | Skipped | None
-    loop: Loop | None = None
-
-
 @many_objects()
 def read_part(
     files: Sequence[CycleFile],
-    plans: dict[str, CyclePlan],
+    plans: dict[str, Row],
     identity: Identity,
     choice: SampleChoice,
     edges_m: Array,
     shown: frozenset[str],
 ) -> list[Read]:
-    """Read some cycles one after the other; an unusable cycle gives its reason."""
+    """Read some cycles one after the other; an unusable cycle gives its reason.
 
-    def read(file: CycleFile, samples: Samples) -> tuple[CycleData, Loop | None]:
+    The path length is zero if the samples cannot be read. A cycle that is not a point of a characteristic has no row.
+    """
+
+    def read(file: CycleFile, samples: Samples) -> tuple[Row, Loop | None]:
         recording, flags = recording_of(file, identity, samples)
         plan, loop = plans[file.head.cycle.key], None
-        if plan.kind in STANDING:
-            data = read_standing(file, recording, samples, plan, identity)
+        if plan["kind"] in STANDING:
+            row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
         else:
             # In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from
             # positions would only add their noise. The source paper's protocol keeps the ramp at the end.
             motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
-            check_speed(motion)
-            data = reduce_cycle(motion, plan, edges_m, uses_window=choice.uses_window)
-            loop = reversal_loop(motion, plan) if plan.key in shown else None
-        return replace(data, flags=flags, temperature_k=_temperature(samples)), loop
+            row = reduce_cycle(motion, edges_m, uses_window=choice.uses_window)
+            loop = reversal_loop(motion, plan["key"], plan["condition"]) if plan["key"] in shown else None
+        return plan | row | {"flags": flags, "temperature_k": _temperature(samples)}, loop
 
-    found = []
+    found: list[Read] = []
     for file, samples in zip(files, read_samples(files, STANDING), strict=True):
         cycle = file.head.cycle
         way = 0.0 if cycle.steps or isinstance(samples, CampaignError) else _way(samples)
-        if cycle.kind not in (*SLIDING, *STANDING):
-            found.append(Read(cycle.key, way, None))
-            continue
-        result = read_or_skip(read, file, samples)
-        data, loop = (result, None) if isinstance(result, Skipped) else result
-        found.append(Read(cycle.key, way, data, loop))
+        result = read_or_skip(read, file, samples) if cycle.kind in (*SLIDING, *STANDING) else (None, None)
+        found.append((way, *((result, None) if isinstance(result, Skipped) else result)))
     return found
 
 
@@ -525,36 +479,23 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
     name : str
         Title of the result.
     """
-    members = [(result, level) for result in found.results for level in result.levels]
-    plans = _level_plans(members)
     edges = common_edges([r.recording.position_m for r in found.results])
-    sliding = [
-        _cycle(result, level, plan, grid_of(edges)) for (result, level), plan in zip(members, plans, strict=True)
-    ]
+    rows = _level_rows([(result, level) for result in found.results for level in result.levels], edges)
     return CampaignData(
         name=name,
         source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
         identity=_identity(found.recordings[0], name),
         files=(),
-        sliding=tuple(data for data in sliding if data.sides),
-        tares=(),
+        sliding=Cycles.of([row for row in rows if row["sides"]], BINS),
+        tares=Cycles.of([], BINS),
         gain=Gain(),
         pressure_zeros={},
         skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
         notes=(),
         edges_m=edges,
         loops={},
-        several=len({plan.block for plan in plans}) > 1,
+        several=len({row["block"] for row in rows}) > 1,
     )
-
-
-def _cycle(result: RecordingResult, level: Level, plan: CyclePlan, grid: Grid) -> CycleData:
-    """Bring the strokes of a level to the bins of position that all levels share."""
-    kept = set(map(id, level.strokes))
-    used = {d: [stroke for stroke in side.used if id(stroke) in kept] for d, side in level.sides.items()}
-    rows = {d: stroke_rows(result, strokes, grid) for d, strokes in used.items() if strokes}
-    sides = {d: replace(level.sides[d], used=tuple(used[d])) for d, own in rows.items() if np.isfinite(own).any()}
-    return replace(cycle_of(result, plan, grid, sides, rows), flags=dict(result.recording.flags))
 
 
 def _identity(recording: Recording, name: str) -> Identity:
@@ -570,27 +511,26 @@ def _identity(recording: Recording, name: str) -> Identity:
     )
 
 
-def _level_plans(members: list[tuple[RecordingResult, Level]]) -> list[CyclePlan]:
-    """Return the plan of each level: its key, condition and block."""
-    gauges = [level.gauge_pa for _, level in members]
-    pressures = {side: _joined(np.array([gauge[side] for gauge in gauges])) for side in "ab"}
-    runs = list(dict.fromkeys(level.run for _, level in members))
-    plans = []
+def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) -> list[Row]:
+    """Return the row of each level, with its strokes in the bins of position that all levels share."""
+    pressures = {side: _joined(np.array([level.gauge_pa[side] for _, level in members])) for side in "ab"}
+    runs, grid, rows = list(dict.fromkeys(level.run for _, level in members)), grid_of(edges_m), []
     for i, (result, level) in enumerate(members):
-        recording = result.recording
-        set_pa = {side: recording.ambient_pressure_pa + float(pressures[side][i]) for side in "ab"}
-        labels = {name: recording.labels.get(name, "") for name in LEVELS}
-        plans.append(
-            CyclePlan(
-                key=recording.name if len(result.levels) == 1 else f"{recording.name}#{level.index + 1}",
-                kind="sweep",
-                index=i + 1,
-                block=runs.index(level.run) + 1,
-                repeat=1,
-                condition=Condition(set_pa["a"], set_pa["b"], **labels),
-            )
-        )
-    return plans
+        recording, kept = result.recording, set(map(id, level.strokes))
+        used = {way: tuple(s for s in side.used if id(s) in kept) for way, side in level.sides.items()}
+        balance = {way: stroke_rows(result, strokes, grid) for way, strokes in used.items() if strokes}
+        ways = [way for way, values in balance.items() if np.isfinite(values).any()]
+        sides = {way: replace(level.sides[way], used=used[way]) for way in ways}
+        a, b = (recording.ambient_pressure_pa + float(pressures[side][i]) for side in "ab")
+        plan = {
+            "key": recording.name if len(result.levels) == 1 else f"{recording.name}#{level.index + 1}",
+            "index": i + 1,
+            "block": runs.index(level.run) + 1,
+            "condition": Condition(a, b, **{name: recording.labels.get(name, "") for name in LEVELS}),
+            "flags": dict(recording.flags),
+        }
+        rows.append(plan | (cycle_row(result, grid, sides, balance) if sides else {"sides": {}}))
+    return rows
 
 
 def _joined(gauge_pa: np.ndarray) -> np.ndarray:

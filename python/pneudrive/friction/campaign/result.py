@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate, FTest
+    from pneudrive.friction.campaign.loops import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.conditions import Condition, Skipped
-    from pneudrive.friction.cycle import Loop
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
 

@@ -5,24 +5,22 @@ In an open zero run, both chambers should show ambient pressure.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.friction.budget import USUAL_RANGES_PA
+from pneudrive.friction.campaign.cycles import mean_of_sides
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
-    from pneudrive.friction.cycle import CycleData, CycleSide, OpenPressure
+    from pneudrive.friction.campaign.cycles import Cycles
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]
 
-SIDES = ("a", "b")
 SURPRISE = 3.0  # standard uncertainties between stated accuracy and known weights
 GROWING = ("force: gain", "force: creep")  # sources proportional to the force
 PLAUSIBLE = 0.1  # a larger gain error is not the sensor's: the weight was wrong or supported
@@ -56,36 +54,31 @@ class Gain:
     surprising: bool = False
 
 
-def sensor_gain(identity: Identity, weights: Sequence[CycleData], tares: Sequence[CycleData]) -> Gain:
+def sensor_gain(identity: Identity, weights: Cycles, tares: Cycles) -> Gain:
     """Compare the readings of the sensor under known weights with its readings when released.
 
     If a weight pulls the piston in +x, the rig holds it back, and the sensor shows less by this force.
     """
-    if not weights or not tares:
+    weights = weights.at(weights["weight_n"] != 0.0)
+    count = len(weights)
+    if not count or not len(tares):
         return Gain()
-    values, variances = [], []
-    for d in weights:
-        force = d.plan.weight_n
-        if force == 0.0:
-            continue
-        tare = min(tares, key=lambda t: abs(t.plan.index - d.plan.index))
-        values.append((tare.standing_n - d.standing_n) / force - 1.0)
-        variances.append((d.standing_stderr_n**2 + tare.standing_stderr_n**2) / force**2)
-    if not values:
-        return Gain()
+    near = tares.at(np.abs(tares["index"] - weights["index"][:, None]).argmin(axis=1))
+    values = (near["standing_n"] - weights["standing_n"]) / weights["weight_n"] - 1.0
+    variances = (weights["standing_stderr_n"] ** 2 + near["standing_stderr_n"] ** 2) / weights["weight_n"] ** 2
     measured = float(np.mean(values))
-    scatter = float(np.var(values, ddof=1)) / len(values) if len(values) > 1 else 0.0
-    stderr = float(np.sqrt(max(float(np.mean(variances)) / len(values), scatter)))
+    scatter = float(np.var(values, ddof=1)) / count if count > 1 else 0.0
+    stderr = float(np.sqrt(max(float(np.mean(variances)) / count, scatter)))
     if abs(measured) > PLAUSIBLE:
-        return Gain(0.0, float("nan"), measured, stderr, len(values), plausible=False)
+        return Gain(0.0, float("nan"), measured, stderr, count, plausible=False)
     prior = stated_gain(identity)
     if prior is None:
-        return Gain(measured, stderr, measured, stderr, len(values))
+        return Gain(measured, stderr, measured, stderr, count)
     total = float(np.hypot(prior, stderr))
     if abs(measured) > SURPRISE * total:
-        return Gain(measured, stderr, measured, stderr, len(values), surprising=True)
+        return Gain(measured, stderr, measured, stderr, count, surprising=True)
     share = prior**2 / total**2 if total > 0 else 0.0
-    return Gain(share * measured, float(np.sqrt(share)) * stderr, measured, stderr, len(values))
+    return Gain(share * measured, float(np.sqrt(share)) * stderr, measured, stderr, count)
 
 
 def stated_gain(identity: Identity) -> float | None:
@@ -97,34 +90,23 @@ def stated_gain(identity: Identity) -> float | None:
     return identity.accuracy["force_n"] / max(abs(v) for v in identity.limits["force_n"])
 
 
-def corrected(data: Sequence[CycleData], gain: Gain) -> tuple[CycleData, ...]:
+def corrected(cycles: Cycles, gain: Gain) -> Cycles:
     """Correct the gain of cycles, and replace the stated uncertainty by the remaining one."""
     if not np.isfinite(gain.stderr):
-        return tuple(data)
-    return tuple(_corrected(d, gain) for d in data)
-
-
-def _corrected(d: CycleData, gain: Gain) -> CycleData:
-    known = {**d.u_force_n, "force: gain": gain.stderr * _half_difference(d)}
-    growing = (*(known[name] for name in GROWING if name in known), d.u_air_n)
-    return replace(
-        d,
-        sides={direction: _side(side, gain.error) for direction, side in d.sides.items()},
-        standing_n=d.standing_n / (1.0 + gain.error),
-        u_gain_n=float(np.sqrt(sum(u**2 for u in growing))),
-        u_force_n=known if d.u_force_n else {},
-        assumed=False,
+        return cycles
+    force, factor, air = cycles["force_n"], 1.0 + gain.error, cycles["air_n"]
+    single = np.abs(np.nan_to_num(force)).sum(axis=1)
+    half_difference = np.where(cycles.moves.all(axis=1), np.abs(force[:, 0] - force[:, 1]) / 2.0, single)
+    left = gain.stderr * half_difference
+    growing = (left, np.nan_to_num(cycles["force: creep"]), cycles["u_air_n"])
+    return cycles.having(
+        balance_n=air + (cycles["balance_n"] - air) / factor,
+        force_n=force / factor,
+        standing_n=cycles["standing_n"] / factor,
+        u_gain_n=np.sqrt(sum(u**2 for u in growing)),
+        assumed=np.zeros(len(cycles), dtype=bool),
+        **{"force: gain": np.where(np.isfinite(cycles["force: gain"]), left, np.nan)},
     )
-
-
-def _side(side: CycleSide, error: float) -> CycleSide:
-    force = side.balance_n - side.air_n
-    return replace(side, balance_n=side.air_n + force / (1.0 + error), force_n=side.force_n / (1.0 + error))
-
-
-def _half_difference(d: CycleData) -> float:
-    forces = [side.force_n for side in d.sides.values()]
-    return abs(forces[0] - forces[-1]) / 2.0 if len(forces) == 2 else abs(forces[0]) if forces else 0.0
 
 
 @dataclass(frozen=True)
@@ -150,48 +132,38 @@ class PressureZero:
     far: dict[str, float] = field(default_factory=dict)
     unsteady: dict[str, float] = field(default_factory=dict)
 
-    def at(self, block: int) -> float:
-        """Return the zero for a cycle of this block, Pa: from the zero runs of the block, otherwise from all."""
-        return self.blocks.get(block, self.mean_pa if self.tares else 0.0)
 
-
-def pressure_zeros(identity: Identity, tares: Sequence[CycleData]) -> dict[str, PressureZero]:
+def pressure_zeros(identity: Identity, tares: Cycles) -> dict[str, PressureZero]:
     """Find the zero of each transducer whose accuracy is stated, by chamber ("a", "b")."""
     found = {}
-    for side in SIDES:
+    for side in "ab":
         accuracy = identity.accuracy.get(f"pressure_{side}_pa", 0.0)
-        seen = [(tare, shown) for tare in tares if (shown := tare.standing_pressures.get(side)) is not None]
-        if accuracy > 0.0 and seen:
-            found[side] = _zero(seen, identity.ambient_pressure_pa, accuracy)
+        seen = tares.at(np.isfinite(tares[f"open_{side}_pa"]))
+        if accuracy > 0.0 and len(seen):
+            found[side] = _zero(seen, side, identity.ambient_pressure_pa, accuracy)
     return found
 
 
-def _zero(seen: list[tuple[CycleData, OpenPressure]], ambient_pa: float, accuracy_pa: float) -> PressureZero:
-    far, unsteady = {}, {}
-    blocks: dict[int, list[float]] = {}
-    noise = []
-    for tare, shown in seen:
-        off = shown.mean_pa - ambient_pa
-        if abs(shown.change_pa) > accuracy_pa:
-            unsteady[tare.plan.key] = shown.change_pa
-        elif abs(off) > REACH * accuracy_pa:
-            far[tare.plan.key] = off
-        else:
-            blocks.setdefault(tare.plan.block, []).append(off)
-            noise.append(shown.stderr_pa)
-    values = [off for offs in blocks.values() for off in offs]
-    if not values:
-        return PressureZero(far=far, unsteady=unsteady)
-    scatter = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
-    stderr = float(np.hypot(np.sqrt(np.mean(np.square(noise))), scatter) / np.sqrt(len(values)))
-    means = {block: float(np.mean(offs)) for block, offs in blocks.items()}
-    return PressureZero(means, float(np.mean(values)), stderr, len(values), far, unsteady)
+def _zero(seen: Cycles, side: str, ambient_pa: float, accuracy_pa: float) -> PressureZero:
+    off, change = seen[f"open_{side}_pa"] - ambient_pa, seen[f"open_{side}_change_pa"]
+    unsteady = np.abs(change) > accuracy_pa
+    far = ~unsteady & (np.abs(off) > REACH * accuracy_pa)
+    bad = [dict(zip(seen["key"][m].tolist(), v[m].tolist(), strict=True)) for m, v in ((far, off), (unsteady, change))]
+    good = ~(far | unsteady)
+    if not good.any():
+        return PressureZero(far=bad[0], unsteady=bad[1])
+    block = seen["block"]
+    offs = {b: off[good & (block == b)] for b in dict.fromkeys(block[good].tolist())}
+    values = np.concatenate(list(offs.values()))
+    scatter = float(np.std(values, ddof=1)) if values.size > 1 else 0.0
+    noise = np.sqrt(np.mean(np.square(seen[f"open_{side}_stderr_pa"][good])))
+    stderr = float(np.hypot(noise, scatter) / np.sqrt(values.size))
+    means = {b: float(np.mean(some)) for b, some in offs.items()}
+    return PressureZero(means, float(np.mean(values)), stderr, values.size, *bad)
 
 
-def without_zeros(
-    data: Sequence[CycleData], zeros: dict[str, PressureZero], identity: Identity
-) -> tuple[CycleData, ...]:
-    """Subtract the zeros from cycles and zero runs.
+def without_zeros(cycles: Cycles, zeros: dict[str, PressureZero], identity: Identity) -> Cycles:
+    """Subtract the zeros from cycles and zero runs: those of the block, otherwise the mean of all.
 
     After this correction, a zero run shows only the zero of the force sensor.
 
@@ -199,41 +171,31 @@ def without_zeros(
     smallest usual range that contains the highest pressure of the campaign is assumed.
     """
     known = {side: zero for side, zero in zeros.items() if zero.tares}
-    if not known:
-        return tuple(data)
-    ambient = identity.ambient_pressure_pa
-    pressures = {side: [getattr(s, f"pressure_{side}_pa") for d in data for s in d.sides.values()] for side in known}
-    spans = {side: _span(np.abs(np.array(values) - ambient)) for side, values in pressures.items() if values}
-    return tuple(_without(d, known, identity, spans) for d in data)
-
-
-def _span(gauge_pa: Array) -> float:
-    largest = float(gauge_pa.max())
-    return float(USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest)]) if largest <= 1e7 else largest
-
-
-def _without(d: CycleData, zeros: dict[str, PressureZero], identity: Identity, spans: dict[str, float]) -> CycleData:
-    area = {"a": identity.area_a_m2, "b": -identity.area_b_m2}
-    off = {side: zero.at(d.plan.block) for side, zero in zeros.items()}
-    force = sum(area[side] * value for side, value in off.items())
-    if not d.sides:
-        return replace(d, standing_n=d.standing_n - force) if d.standing_pressures else d
-    shown = {f"pressure_{side}_pa": value for side, value in off.items()}
-    sides = {
-        direction: replace(
-            side,
-            balance_n=side.balance_n - force,
-            air_n=side.air_n - force,
-            **{name: getattr(side, name) - value for name, value in shown.items()},
-        )
-        for direction, side in d.sides.items()
-    }
-    variance = d.u_offset_n**2
-    for side in zeros:
+    if not known or not len(cycles):
+        return cycles
+    area, ambient = {"a": identity.area_a_m2, "b": -identity.area_b_m2}, identity.ambient_pressure_pa
+    blocks, variance = cycles["block"].tolist(), cycles["u_offset_n"] ** 2
+    off = {side: np.array([zero.blocks.get(b, zero.mean_pa) for b in blocks]) for side, zero in known.items()}
+    force = sum((area[side] * value for side, value in off.items()), np.zeros(len(cycles)))
+    vented = np.isfinite(cycles["open_a_pa"]) | np.isfinite(cycles["open_b_pa"])
+    shown = {f"pressure_{side}_pa": cycles[f"pressure_{side}_pa"] - value[:, None] for side, value in off.items()}
+    for side in known:
         channel = f"pressure_{side}_pa"
-        if channel in identity.limits:
+        if channel in identity.limits or not cycles.moves.any():
             continue  # already counted by its reading
-        gauge = np.mean([getattr(s, channel) for s in sides.values()]) - identity.ambient_pressure_pa
-        left = identity.accuracy[channel] * abs(area[side]) * min(abs(float(gauge)) / spans[side], 1.0)
-        variance += left**2 - d.u_pressures_n[side] ** 2
-    return replace(d, sides=sides, u_offset_n=float(np.sqrt(max(variance, 0.0))))
+        span = _span(np.nanmax(np.abs(cycles[channel] - ambient)))
+        share = np.minimum(np.abs(mean_of_sides(shown[channel]) - ambient) / span, 1.0)
+        left = identity.accuracy[channel] * abs(area[side]) * share
+        variance = variance + (left**2 - cycles[f"u_pressure_{side}_n"] ** 2)
+    u_offset = np.sqrt(np.maximum(variance, 0.0))
+    return cycles.having(
+        **shown,
+        balance_n=cycles["balance_n"] - force[:, None, None],
+        air_n=cycles["air_n"] - force[:, None, None],
+        standing_n=np.where(vented, cycles["standing_n"] - force, cycles["standing_n"]),
+        u_offset_n=np.where(cycles.moves.any(axis=1), u_offset, cycles["u_offset_n"]),
+    )
+
+
+def _span(largest_pa: float) -> float:
+    return float(USUAL_RANGES_PA[np.searchsorted(USUAL_RANGES_PA, largest_pa)]) if largest_pa <= 1e7 else largest_pa

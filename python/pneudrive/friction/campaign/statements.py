@@ -70,16 +70,16 @@ def _data(
         yield "data.skipped", {"count": len(found.skipped), "named": several + more}
     if found.flags:
         yield "data.flags", {"counts": ", ".join(f"{flag} in {n}" for flag, n in sorted(found.flags.items()))}
-    if points is not None and points.unpaired:
-        keys = named(d.plan.key for d in points.unpaired)
-        yield "data.unpaired", {"count": len(points.unpaired), "keys": keys}
-    strokes = {d.plan.key: (d.strokes_used, d.strokes_recorded) for d in reading.sliding}
-    if partial := {key: n for key, n in strokes.items() if n[0] < n[1]}:
-        used, recorded = (sum(n[i] for n in partial.values()) for i in (0, 1))
-        yield "data.strokes", {"count": len(partial), "keys": named(partial), "used": used, "recorded": recorded}
-    if points is not None and (negative := [i for i, r in enumerate(points.reasons) if r == NEGATIVE]):
-        keys = named(points.reduced.data[i].plan.key for i in negative)
-        yield "data.negative", {"negative": len(negative), "count": len(points), "keys": keys}
+    sliding, keys = reading.sliding, reading.sliding["key"]
+    single = ~sliding.moves.all(axis=1)
+    if points is not None and single.any():
+        yield "data.unpaired", {"count": single.sum(), "keys": named(keys[single])}
+    used, recorded = (np.nansum(sliding[name], axis=1).astype(int) for name in ("strokes", "strokes_recorded"))
+    if (some := used < recorded).any():
+        numbers = {"used": used[some].sum(), "recorded": recorded[some].sum()}
+        yield "data.strokes", {"count": some.sum(), "keys": named(keys[some]), **numbers}
+    if points is not None and (bad := points["reason"] == NEGATIVE).any():
+        yield "data.negative", {"negative": bad.sum(), "count": len(points), "keys": named(points["key"][bad])}
     yield from doubts
     if reading.notes:
         yield "data.notes", {"notes": named(reading.notes, "; ")}
@@ -107,7 +107,7 @@ def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Said]:
     poor = [c.label(found.identity.ambient_pressure_pa) for c, n in measured.items() if n < FEW_LEVELS]
     if poor:
         yield "curve.few_speeds", {"few": FEW_LEVELS, "conditions": "; ".join(poor)}
-    place = 1e3 * fits.points.reduced.position_m[fits.points.reduced.common]
+    place = 1e3 * fits.points.pattern.position_m[fits.points.pattern.common]
     relative = fits.friction.relative
     open_kind = KIND_TOLD < relative < 1.0 - KIND_TOLD
     kind = "curve.mean" if open_kind else "curve.mean_relative" if relative > 0.5 else "curve.mean_in_newton"
@@ -116,11 +116,11 @@ def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Said]:
 
 def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Said]:
     """Return statements on the accuracy of the force sensor."""
-    data = fits.points.reduced.data
-    if any(d.assumed for d in data):
+    points = fits.points
+    if points["assumed"].any():
         yield ("curve.accuracy_assumed" if "force_n" in found.identity.accuracy else "curve.accuracy_not_stated"), {}
     known = found.identity.force_calibration
-    largest = max(abs(side.force_n) for d in data for side in d.sides.values())
+    largest = float(np.abs(points["force_n"]).max())
     if known is not None and 0.0 < known.largest_n < largest:
         yield "curve.beyond_calibration", {"largest": largest, "known": known}
     gain = reading.gain
@@ -153,7 +153,7 @@ def _once(
     elif repeat.basis == "sentinels":
         share = _of_single_cycles(found, bands)
         if share.size and np.median(share) < 1.0:
-            count = sum(d.plan.kind == "sentinel" for some in fits.points.members for d in some)
+            count = sum(kinds.count("sentinel") for kinds in fits.points.labels("kind", np.arange(len(fits.points))))
             numbers = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min(), "sentinels": count}
             yield "repeatability.measured_once", numbers
 
@@ -173,15 +173,14 @@ def _left(fits: Fits, pure: Pure | None) -> Iterator[Said]:
     if pure is not None:
         data = fits.friction.data
         scatter = np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
-        off = np.abs(fits.rest()) / np.maximum(scatter, ROUNDING * np.abs(points.reduced.friction_n).max())
+        off = np.abs(fits.rest()) / np.maximum(scatter, ROUNDING * np.abs(points["friction_n"]).max())
         far = np.flatnonzero(off > student(pure.estimate.degrees_of_freedom) * LEAVES)
         if far.size:
-            cycles = points.cycles(points.use)
-            worst = far[np.argsort(-off[far])].tolist()
-            several = named(f"{cycles[i].plan.key} by {off[i]:.2g} times" for i in worst)
+            keys, worst = points["key"][points.use], far[np.argsort(-off[far])].tolist()
+            several = named(f"{keys[i]} by {off[i]:.2g} times" for i in worst)
             yield "curve.leaves", {"count": far.size, "named": several}
     if fits.doubtful:
-        keys = named(points.reduced.data[i].plan.key for i in fits.doubtful)
+        keys = named(points["key"][list(fits.doubtful)])
         yield "curve.doubtful", {"count": len(fits.doubtful), "keys": keys}
 
 
@@ -190,7 +189,7 @@ def _drift(found: CampaignCharacteristics, fits: Fits, causes: Causes | None) ->
     if drift is None:
         return
     if fits.drift_share >= CARRIED:
-        yield ("drift.not_carried" if np.ptp(fits.points.order) > 0.0 else "drift.no_order"), {}
+        yield ("drift.not_carried" if np.ptp(fits.points["order"]) > 0.0 else "drift.no_order"), {}
         return
     yield (
         "drift.moved",

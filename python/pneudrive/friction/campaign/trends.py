@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from pneudrive.estimate.estimates import FTest
     from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.points import Points
-    from pneudrive.friction.cycle import CycleData
     from pneudrive.friction.sentences import Said
 
     Array = NDArray[np.float64]
@@ -69,23 +68,22 @@ class Causes:
 
 def causes(fits: Fits) -> Causes:
     """Collect the possible causes of a drift."""
-    data = fits.points.cycles(fits.points.use)
-    columns = {"time": np.array([d.plan.began_s for d in data]) / HOUR_S}
-    decades = np.log10(np.array([d.plan.travel_m for d in data]) + FIRST_TRAVEL_M)
-    kelvin = np.array([d.temperature_k for d in data])
+    used = fits.points.at(fits.points.use)
+    columns, decades, kelvin = (
+        {"time": used["began_s"] / HOUR_S},
+        np.log10(used["travel_m"] + FIRST_TRAVEL_M),
+        used["temperature_k"],
+    )
     if np.ptp(decades) >= LEAST_DECADES:
         columns["travel"] = decades
     if np.isfinite(kelvin).all() and np.ptp(kelvin) >= LEAST_KELVIN:
         columns["temperature"] = kelvin
     changing = {name: column for name, column in columns.items() if np.ptp(column) > 0}
     pairs = [(a, b, float(np.corrcoef(changing[a], changing[b])[0, 1])) for a, b in combinations(changing, 2)]
-    return Causes(columns, _interrupted(data), tuple(pair for pair in pairs if abs(pair[2]) > TOGETHER))
-
-
-def _interrupted(data: list[CycleData]) -> NDArray[np.bool_]:
-    rest = np.array([d.plan.rest_s for d in data])
+    rest = used["rest_s"]
     usual = float(np.nanmedian(rest)) if np.isfinite(rest).any() else 0.0
-    return np.nan_to_num(rest) > max(LONG_REST_S, LONG_REST_RATIO * usual)
+    interrupted = np.nan_to_num(rest) > max(LONG_REST_S, LONG_REST_RATIO * usual)
+    return Causes(columns, interrupted, tuple(pair for pair in pairs if abs(pair[2]) > TOGETHER))
 
 
 def drift_of(fits: Fits, found: Causes) -> Drift:
@@ -96,8 +94,7 @@ def drift_of(fits: Fits, found: Causes) -> Drift:
     number, interrupted = int(found.interrupted.sum()), None
     if FEWEST_INTERRUPTED <= number <= found.interrupted.size - FEWEST_INTERRUPTED:
         interrupted = _effect(fits, found.interrupted.astype(float), "N")
-    time = np.array([d.plan.elapsed_s for d in points.reduced.data])
-    sentinel = np.array([d.plan.kind == "sentinel" for d in points.reduced.data])
+    time, sentinel = points["elapsed_s"], points["kind"] == "sentinel"
     basis = "sentinels" if sentinel.any() else "repeats" if _repeated(fits) else "smooth curve"
     value, half = fit.drift * scale, fit.drift_half * scale
     return Drift(
@@ -106,7 +103,7 @@ def drift_of(fits: Fits, found: Causes) -> Drift:
         low_n=value - half,
         high_n=value + half,
         sentinel_time_s=time[sentinel],
-        sentinel_n=points.reduced.friction_n[sentinel],
+        sentinel_n=points["friction_n"][sentinel],
         per_hour=effects.get("time"),
         per_decade_of_travel=effects.get("travel"),
         per_kelvin=effects.get("temperature"),
@@ -179,8 +176,7 @@ def pure_scatter(fits: Fits) -> Pure | None:
         return None
     use, cell, y, order = use[again], cells(cell[again]), fit.data.y[again], fit.data.order[again]
     weight = fit.data.count[again]
-    data = [points.reduced.data[i] for i in use]
-    blocks = shares_of([[d.plan.block for d in points.members[i]] for i in use])
+    blocks = shares_of(points.labels("block", use))
     columns = np.column_stack([order, blocks[:, :-1]])
 
     def within(values: Array) -> Array:
@@ -198,12 +194,12 @@ def pure_scatter(fits: Fits) -> Pure | None:
         return None
     value = float(np.sqrt(rest @ rest / free))
     low, high = (value * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
-    sentinel = np.array([d.plan.kind == "sentinel" for d in data])
+    sentinel = points["kind"][use] == "sentinel"
     others = np.bincount(cell[~sentinel], minlength=int(cell.max()) + 1)  # one more sweep at the point of the sentinels
     kinds = (["repeats"] if others.max() > 1 else []) + (["sentinels"] if sentinel.any() else [])
     basis = " and ".join(kinds)
     estimate = Estimate(value, low, high, value / float(np.sqrt(2.0 * free)), "N", free)
-    return Pure(estimate, float(points.reduced.friction_n[use].mean()), basis)
+    return Pure(estimate, float(points["friction_n"][use].mean()), basis)
 
 
 #: Waves that fit 0.9 to 8 times into the range, which is shorter than the stroke; fewer are a trend.
@@ -222,7 +218,7 @@ COVERED = 0.9  # of the common bins: cycles that lack more are not used for tren
 
 def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
     """Describe friction over position: for each mounting, seal and drive, then for conditions with enough cycles."""
-    own = [(c.title, c, points.use & (points.condition == i)) for i, c in enumerate(points.conditions)]
+    own = [(c.title, c, points.use & (points["curve"] == i)) for i, c in enumerate(points.conditions)]
     parts = {title: [one for one in own if one[0] == title] for title, _, _ in own}
     groups = [(title, None, np.any([one[2] for one in some], axis=0)) for title, some in parts.items()]
     groups += [one for some in parts.values() if len(some) > 1 for one in some]
@@ -233,14 +229,14 @@ def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
 def _describe(
     points: Points, title: str, condition: Condition | None, members: NDArray[np.bool_]
 ) -> PositionPattern | None:
-    reduced = points.reduced
-    rows = reduced.relative_n[members][:, reduced.common]
-    position = reduced.position_m[reduced.common]
+    common, here = points.pattern.common, points.at(members)
+    rows = here["relative_n"][:, common]
+    position = points.pattern.position_m[common]
     enough = np.isfinite(rows).mean(axis=1) >= COVERED
     rows = rows[enough]
     if rows.shape[0] < FEWEST_CYCLES or position.size < FEWEST_BINS:
         return None
-    slowness = 1.0 / (reduced.speed_m_s[members] * np.abs(reduced.friction_n[members]))[enough]
+    slowness = 1.0 / (here["speed_m_s"] * np.abs(here["friction_n"]))[enough]
     rows = rows - _trend(position, rows, slowness, (), 1.0)[1] * slowness[:, None] * (position - position.mean())
     known = np.isfinite(rows)
     count = known.sum(axis=0)
@@ -424,7 +420,7 @@ def pressure_effects(fits: Fits, ambient_pa: float) -> tuple[PressureEffects, ..
     for levels in dict.fromkeys(c.levels for c in points.conditions):
         conditions = [i for i, c in enumerate(points.conditions) if c.levels == levels]
         title = points.conditions[conditions[0]].title
-        effect = _effects(ambient_pa, fits, points.use & np.isin(points.condition, conditions), title)
+        effect = _effects(ambient_pa, fits, points.use & np.isin(points["curve"], conditions), title)
         if effect is not None:
             found.append(effect)
     return tuple(found)
@@ -487,13 +483,13 @@ def _design(ambient_pa: float, fits: Fits, members: NDArray[np.bool_]) -> tuple[
     points = fits.points
     absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
     gauge = np.round((absolute - ambient_pa) / PA_PER_BAR, 3) + 0.0
-    of_cycle = gauge[points.condition]
+    of_cycle = gauge[points["curve"]]
     pairs = np.unique(of_cycle[members], axis=0)
-    at = {int(k): np.unique(of_cycle[members & (points.level == k)], axis=0) for k in set(points.level[members])}
+    at = {int(k): np.unique(of_cycle[members & (points["level"] == k)], axis=0) for k in set(points["level"][members])}
     kept = sorted(k for k, found in at.items() if len(found) == len(pairs))
     if len(pairs) < 2 or not kept:
         return None, members
-    compared = members & np.isin(points.level, kept)
+    compared = members & np.isin(points["level"], kept)
     # Equal cycles at other speeds, in one set each; a single cycle carries no information.
     cell = points.cell
     sets, counts = np.unique(cell[members & ~compared], return_counts=True)
@@ -503,12 +499,12 @@ def _design(ambient_pa: float, fits: Fits, members: NDArray[np.bool_]) -> tuple[
     design = _Design(
         kind=classify_pressures(pairs),
         speeds=points.level_speeds_m_s[kept],
-        level=np.where(here, np.searchsorted(kept, points.level[used]), -1),
+        level=np.where(here, np.searchsorted(kept, points["level"][used]), -1),
         a=np.where(here, of_cycle[used, 0], 0.0),
         b=np.where(here, of_cycle[used, 1], 0.0),
-        place=np.log(points.reduced.speed_m_s[used]),
+        place=np.log(points["speed_m_s"][used]),
         beside=(cell[used][:, None] == sets[counts > 1]) & beside[used][:, None],
-        order=points.order[used],
+        order=points["order"][used],
         pairs=tuple((float(a), float(b)) for a, b in pairs),
     )
     return design, used
@@ -516,8 +512,8 @@ def _design(ambient_pa: float, fits: Fits, members: NDArray[np.bool_]) -> tuple[
 
 def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> MixedFit | None:
     """Fit fixed effects with the random effects of the curves' model."""
-    points, reduced = fits.points, fits.points.reduced
-    y = reduced.friction_n[members]
+    points = fits.points
+    y = points["friction_n"][members]
     # A relative source is proportional to friction as predicted by the fixed effects, not to
     # the values themselves, which such a source would explain exactly.
     steady = x @ np.linalg.lstsq(x, y, rcond=None)[0]
@@ -535,12 +531,13 @@ def _fit(fits: Fits, members: NDArray[np.bool_], x: Array, order: Array) -> Mixe
             components.append(RandomEffect("block", outer * (blocks @ blocks.T), usual))
     if independent(x).size < x.shape[1]:
         return None
-    return MixedModel(y, x, reduced.friction_stderr_n[members] ** 2, tuple(components)).fit()
+    return MixedModel(y, x, points["friction_stderr_n"][members] ** 2, tuple(components)).fit()
 
 
 def accuracy_n(fits: Fits, members: NDArray[np.bool_]) -> float:
     """Return the standard uncertainty of a change of friction between pressures from the sensors, N."""
-    return float(np.mean([np.hypot(d.u_gain_n, d.u_hysteresis_n) for d in fits.points.cycles(members)]))
+    here = fits.points.at(members)
+    return float(np.mean(np.hypot(here["u_gain_n"], here["u_hysteresis_n"])))
 
 
 @dataclass(frozen=True, eq=False)
