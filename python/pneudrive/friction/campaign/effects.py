@@ -140,7 +140,7 @@ def stick_slip_points(points: Points) -> tuple[StickSlipPoint, ...]:
             ]
             swing = float(np.median(here["swing_n"]))
             found.append(
-                StickSlipPoint(condition, speed, share, ripple.size, float(np.median(ripple)), *medians, swing)
+                StickSlipPoint(condition, speed, share, ripple.size, float(np.median(ripple)), period, step, swing)
             )
     return tuple(found)
 

@@ -360,7 +360,7 @@ class Points(Cycles):
         """Number of the condition and speed level of each cycle, shape (n,)."""
         return cells(self["curve"], self["level"])
 
-    def labels(self, name: str, rows: NDArray[np.intp]) -> list[list[int]]:
+    def labels(self, name: str, rows: NDArray[np.intp]) -> list[list]:
         """Return the values of a column in the cycles of some points."""
         return [self.whole[name][self.members[i]].tolist() for i in rows]
 
@@ -536,7 +536,7 @@ def curve_speeds(points: Points) -> tuple[CurveSpeeds, ...]:
 
 
 def _speeds(points: Points, number: int, index: int) -> CurveSpeeds:
-    here = points["curve"] == index
+    here = np.asarray(points["curve"] == index)
     members = points.use & here
     levels = [members & (points["level"] == k) for k in sorted(set(points["level"][members]))]
     speeds = np.array([points["speed_m_s"][level].mean() for level in levels])

@@ -402,7 +402,8 @@ def read_part(
         cycle = file.head.cycle
         way = 0.0 if cycle.steps or isinstance(samples, CampaignError) else _way(samples)
         result = read_or_skip(read, file, samples) if cycle.kind in (*SLIDING, *STANDING) else (None, None)
-        found.append((way, *((result, None) if isinstance(result, Skipped) else result)))
+        row, loop = (result, None) if isinstance(result, Skipped) else result
+        found.append((way, row, loop))
     return found
 
 

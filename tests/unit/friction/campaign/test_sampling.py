@@ -92,7 +92,7 @@ def test_many_blocks_and_speeds_are_joined_so_that_models_stay_small(quick, tmp_
         assert other == pytest.approx(one, rel=share)
     monkeypatch.setattr(module, "MOST_CELLS", 6)
     few = module.condensed(points)
-    assert len(set(few.level.tolist())) <= 6
+    assert len(set(few["level"].tolist())) <= 6
     assert sum(len(some) for some in few.members) == len(points)
     told = few.level_speeds_m_s[few.level]
     assert np.all(np.abs(few.reduced.speed_m_s / told - 1.0) < 0.5)

@@ -45,7 +45,7 @@ def test_work_grows_by_two_looks_a_cycle_and_a_message_a_hundred(quick, tmp_path
         found = reading.read_campaign(Campaign.open(folder), Settled(), 1)
         points = points_of(found)
         assert points is not None
-        rows = points.reduced.relative_n[:, points.reduced.common]
+        rows = points["relative_n"][:, points.pattern.common]
         solved = calls.get("lstsq", 0)
         assert len(trends._each(np.ones((rows.shape[1], 1)), rows)) == len(points)
         masks = len(np.unique(np.isfinite(rows), axis=0))
