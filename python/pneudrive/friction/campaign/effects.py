@@ -135,9 +135,10 @@ def stick_slip_points(points: Points) -> tuple[StickSlipPoint, ...]:
                 continue
             slipping = here["stick_slip"] == 1.0
             ripple = np.nan_to_num([here["ripple"], here["piston_ripple"]]).max(axis=0)
-            medians = [
-                float(np.median(here[n][slipping])) if slipping.any() else np.nan for n in ("period_s", "step_m")
-            ]
+            period, step = (
+                float(np.median(here[name][slipping])) if slipping.any() else float("nan")
+                for name in ("period_s", "step_m")
+            )
             swing = float(np.median(here["swing_n"]))
             found.append(
                 StickSlipPoint(condition, speed, share, ripple.size, float(np.median(ripple)), period, step, swing)

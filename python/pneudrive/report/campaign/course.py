@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.friction.campaign.result import CampaignCharacteristics, PositionPattern
     from pneudrive.friction.campaign.loops import Loop
+    from pneudrive.friction.campaign.result import CampaignCharacteristics, PositionPattern
     from pneudrive.report.page import Section
 
 HOUR_S = 3600.0

@@ -94,5 +94,5 @@ def test_many_blocks_and_speeds_are_joined_so_that_models_stay_small(quick, tmp_
     few = module.condensed(points)
     assert len(set(few["level"].tolist())) <= 6
     assert sum(len(some) for some in few.members) == len(points)
-    told = few.level_speeds_m_s[few.level]
-    assert np.all(np.abs(few.reduced.speed_m_s / told - 1.0) < 0.5)
+    told = few.level_speeds_m_s[few["level"]]
+    assert np.all(np.abs(few["speed_m_s"] / told - 1.0) < 0.5)
