@@ -1,7 +1,4 @@
-"""Style of all figures: fonts, sizes, lines and markers, readable in print and in grey.
-
-Curves never differ only by colour: line style or marker differ too, and the colours differ in lightness.
-"""
+"""Style of all figures: fonts, sizes and colours, readable in print and in grey, on light and on dark paper."""
 
 from __future__ import annotations
 
@@ -14,6 +11,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pneudrive.figures import WIDTH_IN
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from types import ModuleType
@@ -21,34 +20,50 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH_IN = 7.1  # 180 mm: the text width of a printed page
 PNG_DPI = 300  # as journals require of photographs; the SVG beside it is better for lines
-
-BLACK, BLUE, ORANGE, GREEN, GREY = "#111111", "#1f5f99", "#d97706", "#5b8c5a", "#8c8c8c"
-BAND = "#dfe6ee"  # prediction bands and shaded strokes: light enough to print as a tint
-SHADE = "#ececec"
-
+LABEL_PT, TITLE_PT, TICK_PT, LEGEND_PT = 8.0, 8.5, 7.5, 7.5
 FONT = "DejaVu Sans"  # comes with matplotlib: the same font on every machine
+
+#: Colours by name on light and on dark paper. They differ in lightness, so that grey print shows them apart.
+INKS = {
+    "black": ("#111111", "#e8eaed"),
+    "blue": ("#1f5f99", "#6aaeea"),
+    "orange": ("#d97706", "#f2a53a"),
+    "green": ("#5b8c5a", "#8fc78e"),
+    "grey": ("#8c8c8c", "#9aa0a6"),
+    "red": ("#c0392b", "#ff8095"),
+    "path": ("#c2334d", "#ff8095"),
+    "band": ("#dfe6ee", "#26333f"),  # prediction bands: light enough to print as a tint
+    "shade": ("#ececec", "#242a30"),
+    "shade two": ("#d9d9d9", "#343b42"),
+    "wall": ("#cfcfcf", "#4a5057"),
+    "piston": ("#8f8f8f", "#80868c"),
+    "grid": ("#e2e2e2", "#2f353b"),
+    "stamp": ("#8a4b00", "#f2a53a"),
+    "paper": ("#ffffff", "#14181d"),
+}
+TINTS = ("band", "shade", "shade two")
+#: Lightest and darkest of an ordered row of curves: their order is visible in grey, too.
+RAMP = ((0.67, 0.79, 0.89), (0.03, 0.13, 0.30))
 
 _SETTINGS: dict[str, Any] = {
     "font.family": FONT,
-    "font.size": 8.0,
-    "axes.titlesize": 8.5,
+    "font.size": LABEL_PT,
+    "axes.titlesize": TITLE_PT,
     "axes.titlelocation": "left",
-    "axes.labelsize": 8.0,
+    "axes.labelsize": LABEL_PT,
     "axes.linewidth": 0.7,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
+    "xtick.labelsize": TICK_PT,
+    "ytick.labelsize": TICK_PT,
     "xtick.major.width": 0.7,
     "ytick.major.width": 0.7,
-    "legend.fontsize": 7.5,
+    "legend.fontsize": LEGEND_PT,
     "legend.frameon": False,
     "lines.linewidth": 1.1,
     "lines.markersize": 4.0,
     "errorbar.capsize": 2.0,
-    "grid.color": "#e2e2e2",
     "grid.linewidth": 0.5,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -57,48 +72,21 @@ _SETTINGS: dict[str, Any] = {
     "text.parse_math": False,  # names of users may contain dollars: no text of a figure is a formula
     "svg.hashsalt": "pneudrive",  # equal data give equal files
 }
-
-
-class Look(NamedTuple):
-    """Colour, line style and marker of one curve."""
-
-    color: Any
-    linestyle: Any
-    marker: str
-
-
-#: They differ in line style and marker as well as in colour.
-LOOKS = (
-    Look(BLACK, "-", "o"),
-    Look(BLUE, "--", "s"),
-    Look(ORANGE, "-.", "^"),
-    Look(GREEN, ":", "D"),
-    Look(GREY, (0, (5, 1)), "v"),
-    Look(BLACK, (0, (1, 1)), "P"),
-    Look(BLUE, (0, (3, 1, 1, 1, 1, 1)), "X"),
-    Look(ORANGE, (0, (7, 2)), "*"),
-)
-
-
-def look(index: int) -> Look:
-    """Return the look of the curve with this index. Colours, lines and markers repeat after eight curves."""
-    return LOOKS[index % len(LOOKS)]
-
-
-#: Lightest and darkest of an ordered row of curves: their order is visible in grey, too.
-RAMP = ((0.67, 0.79, 0.89), (0.03, 0.13, 0.30))
-
-
-def ramp(index: int, count: int) -> Look:
-    """Return the look of one of `count` curves in an order (pressures, durations): from light to dark."""
-    share = index / max(count - 1, 1)
-    light, dark = RAMP
-    color = tuple(a + share * (b - a) for a, b in zip(light, dark, strict=True))
-    return Look(color, "-", LOOKS[index % len(LOOKS)].marker)
-
-
+_INKED = {
+    "black": ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"),
+    "paper": ("figure.facecolor", "axes.facecolor"),
+    "grid": ("grid.color",),
+}
 #: Settings of matplotlib that concern windows: they do not change a picture, and to look at the first one is slow.
 _OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
+
+
+def ink(color: str | float, *, dark: bool = False) -> Any:  # noqa: ANN401 - a colour of matplotlib
+    """Return a colour by its name, or by its position on the ramp."""
+    if isinstance(color, str):
+        return INKS[color][dark] if color in INKS else color
+    light, deep = reversed(RAMP) if dark else RAMP
+    return tuple(a + color * (b - a) + (0.2 if dark else 0.0) * (1.0 - color) for a, b in zip(light, deep, strict=True))
 
 
 def load_matplotlib() -> ModuleType:
@@ -117,12 +105,13 @@ def load_matplotlib() -> ModuleType:
 
 
 @contextmanager
-def applied() -> Iterator[None]:
+def applied(*, dark: bool = False) -> Iterator[None]:
     """Draw in this style inside the block, independent of the settings of the user or of the current folder."""
     mpl = load_matplotlib()
     usual = {key: value for key, value in mpl.rcParamsDefault.items() if key not in _OF_WINDOWS}
     changed = {key: value for key, value in usual.items() if mpl.rcParams[key] != value}
-    with mpl.rc_context({**changed, **_SETTINGS}):
+    inked = {key: ink(name, dark=dark) for name, keys in _INKED.items() for key in keys}
+    with mpl.rc_context({**changed, **_SETTINGS, **inked}):
         yield
 
 
@@ -163,27 +152,15 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
     return _figure_class()(figsize=(width_in, height_in), layout="constrained")
 
 
-def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes]:  # noqa: ANN401 - of matplotlib
-    """Return `count` axes in a grid of at most `columns`; the rest of the grid stays empty."""
-    columns = max(min(columns, count), 1)
-    rows = -(-count // columns)
-    grid = figure.subplots(rows, columns, squeeze=False, **shared)
-    axes = list(grid.ravel())
-    for spare in axes[count:]:
-        spare.set_visible(False)
-    for index, axis in enumerate(axes[:count]):
-        if shared.get("sharex") and index + columns >= count:
-            axis.tick_params(labelbottom=True)  # the lowest panel of its column has the numbers
-    return axes[:count]
-
-
 #: Height of the line above the panels that marks a figure as synthetic, inch.
 STAMP_IN = 0.17
 
 
 def finish(figure: Figure, *, synthetic: bool) -> None:
     """Add letters to the panels, and mark simulated data inside the picture, because pictures are used separately."""
-    panels_shown = [axis for axis in figure.axes if axis.get_visible() and axis.axison]
+    panels_shown = [
+        axis for axis in figure.axes if axis.get_visible() and axis.axison and axis.get_label() != "<colorbar>"
+    ]
     if len(panels_shown) > 1:
         for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", panels_shown, strict=False):
             axis.set_title(f"{letter}   {axis.get_title('left')}".rstrip(), loc="left")
@@ -194,9 +171,8 @@ def finish(figure: Figure, *, synthetic: bool) -> None:
         layout = figure.get_layout_engine()
         if layout is not None:
             layout.set(rect=(0.0, 0.0, 1.0, 1.0 - share))  # pyright: ignore[reportCallIssue] - constrained layout
-        figure.text(
-            0.995, 1.0 - 0.2 * share, "synthetic: simulated data", ha="right", va="top", fontsize=7, color="#8a4b00"
-        )
+        place: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 7, "color": ink("stamp")}
+        figure.text(0.995, 1.0 - 0.2 * share, "synthetic: simulated data", **place)
 
 
 def lay_out(figure: Figure) -> None:
@@ -211,6 +187,70 @@ def lay_out(figure: Figure) -> None:
         layout.execute(figure)
         figure.dpi = dpi
     figure.set_layout_engine(None)
+
+
+def logarithmic(axis: Axes, side: str = "x") -> None:
+    """Give an axis a logarithmic scale with plain numbers."""
+    from matplotlib.ticker import LogFormatter
+
+    getattr(axis, f"set_{side}scale")("log")
+    own = getattr(axis, f"{side}axis")
+    own.set_major_formatter(lambda value, _: f"{value:g}")
+    own.set_minor_formatter(LogFormatter())  # the usual one writes formulas
+
+
+# --- names of figures that are not yet specs --------------------------------------------------------------------------
+
+BLACK, BLUE, ORANGE, GREEN, GREY = (INKS[name][0] for name in ("black", "blue", "orange", "green", "grey"))
+BAND, SHADE = INKS["band"][0], INKS["shade"][0]
+
+
+class Look(NamedTuple):
+    """Colour, line style and marker of one curve."""
+
+    color: Any
+    linestyle: Any
+    marker: str
+
+
+#: They differ in line style and marker as well as in colour.
+LOOKS = (
+    Look(BLACK, "-", "o"),
+    Look(BLUE, "--", "s"),
+    Look(ORANGE, "-.", "^"),
+    Look(GREEN, ":", "D"),
+    Look(GREY, (0, (5, 1)), "v"),
+    Look(BLACK, (0, (1, 1)), "P"),
+    Look(BLUE, (0, (3, 1, 1, 1, 1, 1)), "X"),
+    Look(ORANGE, (0, (7, 2)), "*"),
+)
+
+
+def look(index: int) -> Look:
+    """Return the look of the curve with this index. Colours, lines and markers repeat after eight curves."""
+    return LOOKS[index % len(LOOKS)]
+
+
+def ramp(index: int, count: int) -> Look:
+    """Return the look of one of `count` curves in an order (pressures, durations): from light to dark."""
+    share = index / max(count - 1, 1)
+    light, dark = RAMP
+    color = tuple(a + share * (b - a) for a, b in zip(light, dark, strict=True))
+    return Look(color, "-", LOOKS[index % len(LOOKS)].marker)
+
+
+def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes]:  # noqa: ANN401 - of matplotlib
+    """Return `count` axes in a grid of at most `columns`; the rest of the grid stays empty."""
+    columns = max(min(columns, count), 1)
+    rows = -(-count // columns)
+    grid = figure.subplots(rows, columns, squeeze=False, **shared)
+    axes = list(grid.ravel())
+    for spare in axes[count:]:
+        spare.set_visible(False)
+    for index, axis in enumerate(axes[:count]):
+        if shared.get("sharex") and index + columns >= count:
+            axis.tick_params(labelbottom=True)  # the lowest panel of its column has the numbers
+    return axes[:count]
 
 
 def outer_labels(figure: Figure, x: str, y: str) -> None:
@@ -228,15 +268,6 @@ def headroom(axis: Axes, above: float = 0.0, below: float = 0.0) -> None:
     """Widen the vertical range by fractions of itself to leave room for a legend."""
     low, high = axis.get_ylim()
     axis.set_ylim(low - below * (high - low), high + above * (high - low))
-
-
-def logarithmic(axis: Axes) -> None:
-    """Give the horizontal axis a logarithmic scale with plain numbers."""
-    from matplotlib.ticker import LogFormatter
-
-    axis.set_xscale("log")
-    axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axis.xaxis.set_minor_formatter(LogFormatter())  # the usual one writes formulas
 
 
 def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence

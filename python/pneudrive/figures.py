@@ -1,0 +1,351 @@
+"""Figures as data: marks in panels on axes that name a quantity and a unit. Nothing here draws.
+
+All values are SI. An axis divides them by the size of its unit, so that a figure never multiplies by 1e3. A renderer
+for reports (`pneudrive.report.render`) and the page read the same figure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from pneudrive.units.table import TABLE
+
+WIDTH_IN = 7.1  # 180 mm: the text width of a printed page
+#: Additions to a unit that do not change its size.
+ADDITIONS = (" abs", " gauge", " ANR")
+
+
+class Look(NamedTuple):
+    """Appearance of a mark: name of a colour or position on the ramp from light (0) to dark (1), dash, and marker."""
+
+    color: str | float = "black"
+    dash: Any = "-"
+    marker: str = "o"
+
+
+#: Curves side by side differ in dash and marker as well as in colour, and the colours differ in lightness.
+LOOKS = (
+    Look("black", "-", "o"),
+    Look("blue", "--", "s"),
+    Look("orange", "-.", "^"),
+    Look("green", ":", "D"),
+    Look("grey", (0, (5, 1)), "v"),
+    Look("black", (0, (1, 1)), "P"),
+    Look("blue", (0, (3, 1, 1, 1, 1, 1)), "X"),
+    Look("orange", (0, (7, 2)), "*"),
+)
+#: Looks with a meaning that holds in all figures.
+MEASURED, MODEL, RESIDUAL, THIN = Look(), Look("orange", "--"), Look("blue", "-", "."), Look("grey", "-", ".")
+
+
+def look(index: int) -> Look:
+    """Return the look of the curve with this index. Looks repeat after eight curves."""
+    return LOOKS[index % len(LOOKS)]
+
+
+def ramp(index: int, count: int) -> Look:
+    """Return the look of one of `count` curves in an order (pressures, durations), from light to dark."""
+    return Look(index / max(count - 1, 1), "-", LOOKS[index % len(LOOKS)].marker)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis.
+
+    Attributes
+    ----------
+    label : str
+        Quantity and unit, ``"position / mm"``. A label without a unit belongs to a number.
+    scale : str
+        ``"linear"``, ``"log"``, ``"wide"`` (logarithmic if the values differ by a factor above 3), or ``"far"``
+        (logarithmic to both sides if the largest values of its lines differ by a factor above 20).
+    low, high : float or None
+        Ends, SI; None for those of the data.
+    below, above : float
+        Room below and above the data, as a fraction of their range.
+    names : sequence of str
+        Names of the positions 0, 1, 2 ... of a bar chart.
+    """
+
+    label: str = ""
+    scale: str = "linear"
+    low: float | None = None
+    high: float | None = None
+    below: float = 0.0
+    above: float = 0.0
+    names: Sequence[str] = ()
+
+    @property
+    def unit(self) -> str:
+        """Unit of the label, without parentheses."""
+        return self.label.replace("/\n", "/ ").rpartition(" / ")[2].strip("()") if "/" in self.label else ""
+
+    @property
+    def size(self) -> float:
+        """Size of the unit in SI; 1 for a unit without a size of its own."""
+        unit = self.unit
+        for addition in ADDITIONS:
+            unit = unit.removesuffix(addition)
+        return 0.01 if unit.startswith("%") else TABLE[unit][1] if unit in TABLE else 1.0
+
+    def shown(self, values: Any) -> np.ndarray:  # noqa: ANN401 - any array
+        """Return SI values in the unit of the axis."""
+        return np.asarray(values, dtype=float) / self.size
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve; `width` in points, `steps` for values that hold until the next one."""
+
+    x: Any
+    y: Any
+    label: str = ""
+    look: Look = MEASURED
+    width: float | None = None
+    steps: bool = False
+
+
+@dataclass(frozen=True)
+class Band:
+    """The area between two curves; without a look, in the tint of predictions."""
+
+    x: Any
+    low: Any
+    high: Any
+    label: str = ""
+    look: Look | None = None
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points, with an interval if `low` and `high` exist, joined by lines if `joined`, with `names` beside them."""
+
+    x: Any
+    y: Any
+    label: str = ""
+    look: Look = MEASURED
+    low: Any = None
+    high: Any = None
+    size: float = 4.0
+    filled: bool = False
+    joined: bool = False
+    names: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A straight line at a value of x or y, or a tinted range between two values."""
+
+    x: float | tuple[float, float] | None = None
+    y: float | tuple[float, float] | None = None
+    label: str = ""
+    look: Look = THIN
+    width: float = 0.7
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Bars at positions, or at the positions of the names of an axis; `across` for horizontal ones."""
+
+    at: Any
+    values: Any
+    label: str = ""
+    look: Look = RESIDUAL
+    thickness: float = 0.8
+    across: bool = False
+    hatched: bool = False
+
+
+@dataclass(frozen=True)
+class Heat:
+    """Values z, shape (len(y), len(x)), as colours."""
+
+    x: Any
+    y: Any
+    z: Any
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A part of a drawing, in its own lengths: a line, an area with `fill`, an arrow with `head`, or a text.
+
+    Attributes
+    ----------
+    points : sequence, shape (k, 2)
+        Corners, or the single point of a text.
+    text : str
+    color, fill : str
+        Names of colours; "" for no area.
+    width, size : float
+        Width of a line and size of a text, points.
+    dash : sequence of float
+        Lengths of dashes and gaps, widths of the line; empty for a solid line.
+    opacity, tint : float
+        Opacity of the line and of the area.
+    align : str
+        Horizontal and vertical alignment of a text.
+    head, cap : str
+        Head of an arrow, and end of a line.
+    bold : bool
+    """
+
+    points: Any
+    text: str = ""
+    color: str = "black"
+    fill: str = ""
+    width: float = 0.8
+    size: float = 7.0
+    dash: Sequence[float] = ()
+    opacity: float = 1.0
+    tint: float = 1.0
+    align: str = "center center"
+    head: str = ""
+    cap: str = "round"
+    bold: bool = False
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Strokes on paper with ends (x, x) and (y, y), without axes; `equal` for one scale in both directions."""
+
+    strokes: Sequence[Stroke]
+    x: tuple[float, float]
+    y: tuple[float, float]
+    equal: bool = False
+
+
+Mark: TypeAlias = Line | Band | Points | Rule | Bars | Heat | Drawing
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Marks on two axes; an axis without a label is that of the figure. `right` has its own axis on the right."""
+
+    marks: Sequence[Mark]
+    title: str = ""
+    x: Axis | str = ""
+    y: Axis | str = ""
+    right: Sequence[Mark] = ()
+    right_y: Axis | str = ""
+    legend: str | None = None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Panels in a grid, row by row.
+
+    Attributes
+    ----------
+    panels : sequence of Panel or None
+        None leaves its place empty.
+    x, y : Axis or str
+        Axes of the panels that have none of their own.
+    columns : int
+        Most panels side by side.
+    row_in, rest_in, width_in : float
+        Height of a row, height around all rows, and width, inch.
+    share_x, share_y : str
+        "all", "col" or "row" for panels with equal ends; "" if each panel has its own.
+    heights, widths : sequence of float
+        Ratios of rows and columns; empty for equal ones.
+    legend : str
+        "above" for one legend above all panels, "panel" for one in each, "inside" for one above the data of each,
+        "over" for one above each panel with more than one label, "under" for one below a drawing, "ends" for labels
+        at the ends of lines, or "".
+    entries : int
+        Most entries of a legend side by side.
+    title : str
+    text_scale : float
+        Size of labels relative to the usual one.
+    tall : Panel or None
+        A panel over all rows, in a column of its own: the first one if `tall_first`, or else the last one.
+    """
+
+    panels: Sequence[Panel | None]
+    x: Axis | str = ""
+    y: Axis | str = ""
+    columns: int = 1
+    row_in: float = 2.0
+    rest_in: float = 0.5
+    width_in: float = WIDTH_IN
+    share_x: str = ""
+    share_y: str = ""
+    heights: Sequence[float] = ()
+    widths: Sequence[float] = ()
+    legend: str = "above"
+    entries: int = 4
+    title: str = ""
+    text_scale: float = 1.0
+    tall: Panel | None = None
+    tall_first: bool = False
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Numbers of rows and columns."""
+        columns = max(min(self.columns, len(self.panels)), 1)
+        return max(-(-len(self.panels) // columns), 1), columns
+
+    def axes_of(self, panel: Panel) -> tuple[Axis, Axis]:
+        """Return both axes of a panel."""
+        return axis(panel.x or self.x), axis(panel.y or self.y)
+
+    def data(self) -> dict[str, Any]:
+        """Return plain data for the page and for tests; values are in SI, axes have their unit and its size."""
+        return plain_data(self)
+
+
+def axis(given: Axis | str) -> Axis:
+    """Return an axis, also of its label."""
+    return Axis(given) if isinstance(given, str) else given
+
+
+#: Axis of speeds in many figures, logarithmic where they differ much.
+SPEED = Axis("speed / (mm/s)", "wide")
+
+
+def stack(
+    panels: Sequence[Panel],
+    height_in: float,
+    heights: Sequence[float] = (),
+    x: Axis | str = "time / s",
+    **more: Any,  # noqa: ANN401 - fields of the figure
+) -> Figure:
+    """Return a figure of panels below each other on one axis, `height_in` in total."""
+    return Figure(
+        panels, x, row_in=height_in / max(len(panels), 1), rest_in=0.0, share_x="all", heights=heights, **more
+    )
+
+
+def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence
+    """Return the slice that keeps at most `most` samples of a long record, enough for a page."""
+    return slice(None, None, max(len(values) // most, 1))
+
+
+def ends(estimates: Any, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # noqa: ANN401
+    """Return values, lower and upper ends of estimates."""
+    rows = [(e.value, e.low, e.high) for e in estimates if e is not None]
+    value, low, high = factor * np.array(rows, dtype=float).reshape(-1, 3).T
+    return value, low, high
+
+
+def plain_data(value: Any) -> Any:  # noqa: ANN401 - any data
+    """Return data of lists, mappings, numbers and texts; a number that is not finite becomes None."""
+    if isinstance(value, Axis):
+        return {"label": value.label, "unit": value.unit, "size": value.size, "scale": value.scale} | {
+            key: plain_data(getattr(value, key)) for key in ("low", "high", "names")
+        }
+    if is_dataclass(value) and not isinstance(value, type):
+        kind = {"kind": type(value).__name__.lower()}
+        return kind | {own.name: plain_data(getattr(value, own.name)) for own in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain_data(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain_data(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain_data(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,368 @@
+"""Drawing of figures with matplotlib: the one place, besides the symbols of circuits, that calls its axes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from pneudrive import figures
+from pneudrive.figures import Bars, Drawing, Heat, Line, Look, Points, Rule, Stroke
+from pneudrive.report import style
+from pneudrive.simulation.trajectory import check_target, whole
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Handle: TypeAlias = Any  # of matplotlib, for a legend; None for a mark without one
+#: Suffixes of a picture's file.
+PICTURES = (".png", ".svg", ".pdf")
+TINT = 0.15  # opacity of a band in the colour of its curve
+WIDE = 3.0  # ratio of values beyond which an axis of scale "wide" is logarithmic
+FAR_APART = 20.0  # ratio of the largest values of two lines beyond which an axis of scale "far" is logarithmic
+LABEL_IN = 0.13  # least distance of labels at the ends of lines
+
+
+def draw_figure(
+    figure: figures.Figure, path: str | Path | None = None, *, synthetic: bool | None = None, dark: bool = False
+) -> Figure:
+    """Draw a figure, and write it if a path is given.
+
+    Parameters
+    ----------
+    figure : Figure
+    path : path-like, optional
+        Picture to write: .png, .svg or .pdf.
+    synthetic : bool, optional
+        Whether the data are simulated; panels then have letters. None for a figure without letters and mark.
+    dark : bool
+        Draw on dark paper.
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or the file cannot be written.
+    """
+
+    def draw() -> Figure:
+        made = render(figure, dark=dark)
+        if synthetic is not None:
+            style.finish(made, synthetic=synthetic)
+        return made
+
+    return drawn(draw, path, dark=dark)
+
+
+def write_picture(figure: Figure, target: Path) -> None:
+    """Write a figure, within `style.applied`, to a file that `check_target` accepted.
+
+    Raises
+    ------
+    CommandError
+        If the file cannot be written.
+    """
+    form = target.suffix.lower()[1:]
+    options: dict[str, Any] = {"metadata": {"Date": None}} if form == "svg" else {}
+    with whole(target) as temporary:
+        figure.savefig(temporary, format=form, dpi=style.PNG_DPI, **options)
+
+
+def drawn(
+    draw: Callable[[], Figure],
+    path: str | Path | None = None,
+    suffixes: tuple[str, ...] = PICTURES,
+    write: Callable[[Figure, Path], None] = write_picture,
+    *,
+    dark: bool = False,
+) -> Figure:
+    """Draw with a function, and write the result if a path is given.
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or the file cannot be written.
+    """
+    target = None if path is None else check_target(path, suffixes)
+    with style.applied(dark=dark):
+        figure = draw()
+        if target is not None:
+            write(figure, target)
+    return figure
+
+
+def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
+    """Return a figure of matplotlib, within `style.applied`."""
+    rows, columns = figure.grid
+    made = style.new_figure(figure.row_in * rows + figure.rest_in, figure.width_in)
+    first = int(figure.tall is not None and figure.tall_first)
+    layout = made.add_gridspec(
+        rows,
+        columns + (figure.tall is not None),
+        height_ratios=figure.heights or None,
+        width_ratios=figure.widths or None,
+    )
+    axes: dict[int, Axes] = {}
+    for index, panel in enumerate(figure.panels):
+        if panel is not None:
+            row, column = divmod(index, columns)
+            shared = {
+                f"share{side}": _partner(axes, how, row, column, columns)
+                for side, how in (("x", figure.share_x), ("y", figure.share_y))
+            }
+            axes[index] = made.add_subplot(layout[row, column + first], **shared)
+    drawn_panels = [(axes[index], panel) for index, panel in enumerate(figure.panels) if panel is not None]
+    if figure.tall is not None:
+        drawn_panels.append((made.add_subplot(layout[:, 0 if first else -1]), figure.tall))
+    handles: dict[str, Any] = {}
+    for axis, panel in drawn_panels:
+        handles |= _panel(axis, panel, figure, dark=dark)
+    _outer(made, figure, axes)
+    if handles:
+        entries = min(len(handles), figure.entries)
+        made.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=entries)
+    if figure.title:
+        made.suptitle(figure.title, fontsize=9, x=0.01, ha="left")
+    made.align_ylabels()
+    return made
+
+
+def _partner(axes: dict[int, Axes], how: str, row: int, column: int, columns: int) -> Axes | None:
+    """Return the first panel that shares its ends with the one in this row and column."""
+    fits = {
+        "all": lambda i: True,
+        "row": lambda i: i // columns == row,
+        "col": lambda i: i % columns == column,
+    }.get(how, lambda i: False)
+    return next((axis for i, axis in axes.items() if fits(i)), None)
+
+
+def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
+    """Keep numbers and labels of shared axes on the outer sides only."""
+    rows, columns = figure.grid
+    for index, axis in axes.items():
+        if figure.share_x and index + columns in axes:
+            axis.tick_params(labelbottom=False, which="both")
+            axis.set_xlabel("")
+        if figure.share_y in ("all", "row") and index % columns:
+            axis.tick_params(labelleft=False, which="both")
+            axis.set_ylabel("")
+    x, y = (figures.axis(own).label for own in (figure.x, figure.y))
+    if figure.share_x == "all" and columns > 1 and x:
+        made.supxlabel(x, fontsize=style.LABEL_PT)
+    if figure.share_y == "all" and rows > 1 and y:
+        made.supylabel(y, fontsize=style.LABEL_PT)
+    for axis in axes.values():
+        if figure.share_x == "all" and columns > 1 and axis.get_xlabel() == x:
+            axis.set_xlabel("")
+        if figure.share_y == "all" and rows > 1 and axis.get_ylabel() == y:
+            axis.set_ylabel("")
+
+
+def _panel(axis: Axes, panel: figures.Panel, figure: figures.Figure, *, dark: bool) -> dict[str, Any]:
+    """Draw one panel and return the handles of the legend above all panels."""
+    x, y = figure.axes_of(panel)
+    if panel.title:
+        axis.set_title(panel.title, fontsize=style.TITLE_PT * figure.text_scale)
+    if all(isinstance(mark, Line | figures.Band | Rule) for mark in panel.marks):
+        axis.margins(x=0)
+    handles = _marks(axis, panel.marks, x, y, dark=dark)
+    _scale(axis, "x", x, panel.marks)
+    _scale(axis, "y", y, panel.marks)
+    if panel.right:
+        right, own = axis.twinx(), figures.axis(panel.right_y)
+        _marks(right, panel.right, x, own, dark=dark)
+        look = getattr(panel.right[0], "look", None) or figures.MEASURED
+        right.set_ylabel(own.label, color=style.ink(look.color, dark=dark), fontsize=style.LABEL_PT * figure.text_scale)
+        right.tick_params(labelsize=style.TICK_PT * figure.text_scale)
+    if figure.text_scale != 1.0:
+        axis.tick_params(labelsize=style.TICK_PT * figure.text_scale)
+        for label in (axis.xaxis.label, axis.yaxis.label):
+            label.set_fontsize(style.LABEL_PT * figure.text_scale)
+    return _legend(axis, handles, figure, figure.legend if panel.legend is None else panel.legend)
+
+
+def _marks(axis: Axes, marks: Sequence[Any], x: figures.Axis, y: figures.Axis, *, dark: bool) -> dict[str, Any]:
+    """Draw marks; return the handle of each label."""
+    handles: dict[str, Any] = {}
+    for mark in marks:
+        handle = DRAWN[type(mark)](mark, axis, x, y, dark=dark)
+        label = getattr(mark, "label", "")
+        if label and handle is not None:
+            handles.setdefault(label, handle)
+    return handles
+
+
+def _legend(axis: Axes, handles: dict[str, Any], figure: figures.Figure, how: str) -> dict[str, Any]:
+    """Put the legend of a panel into it; return the handles if it belongs above all panels."""
+    entries = min(len(handles), figure.entries)
+    size: dict[str, Any] = {"fontsize": style.LEGEND_PT * figure.text_scale}
+    if how == "panel" and handles:
+        axis.legend(list(handles.values()), list(handles), **size)
+    elif how == "inside" and handles:  # above the data, within the panel
+        low, high = axis.get_ylim()
+        axis.set_ylim(low, high + 0.16 * -(-len(handles) // 2) * (high - low))
+        axis.legend(
+            *(list(handles.values()), list(handles)),
+            **{"loc": "upper left", "ncols": 2, "borderaxespad": 0.1, "handlelength": 2.0, "labelspacing": 0.3, **size},
+        )
+    elif how == "over" and len(handles) > 1:
+        place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), "borderaxespad": 0.0}
+        axis.legend(list(handles.values()), list(handles), ncols=entries, **place, **size)
+    elif how == "under" and handles:  # below a drawing
+        axis.legend(list(handles.values()), list(handles), loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=entries)
+    elif how == "ends":
+        _label_ends(axis, handles, figure)
+    return handles if how == "above" else {}
+
+
+def _label_ends(axis: Axes, handles: dict[str, Any], figure: figures.Figure) -> None:
+    """Write labels at the right ends of lines, apart from each other."""
+    low, high = axis.get_ylim()
+    lines = {label: line for label, line in handles.items() if hasattr(line, "get_ydata") and len(line.get_ydata())}
+    places = {label: (float(line.get_ydata()[-1]) - low) / (high - low) for label, line in lines.items()}
+    lowest, distance = -1.0, LABEL_IN / figure.row_in
+    for label in sorted(places, key=lambda label: places[label]):
+        lowest = max(places[label], lowest + distance)
+        axis.annotate(
+            *(label, (1.01, lowest)),
+            xycoords="axes fraction",
+            va="center",
+            color=lines[label].get_color(),
+            fontsize=style.LEGEND_PT * figure.text_scale,
+        )
+
+
+def _scale(axis: Axes, side: str, own: figures.Axis, marks: Sequence[Any]) -> None:
+    """Give an axis its label, scale and ends."""
+    values = [np.abs(own.shown(getattr(mark, side))).ravel() for mark in marks if isinstance(mark, Line | Points)]
+    every = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
+    if own.scale == "log" or (own.scale == "wide" and every.size and every.max() > WIDE * every.min()):
+        style.logarithmic(axis, side)
+    largest = [float(v.max()) for v in values if v.size] if own.scale == "far" else []
+    if largest and max(largest) > FAR_APART * min(largest) > 0.0:
+        getattr(axis, f"set_{side}scale")("symlog", linthresh=10.0 ** np.floor(np.log10(min(largest))))
+        getattr(axis, f"{side}axis").set_major_formatter(lambda value, _: f"{value:g}")
+    if own.names:
+        getattr(axis, f"set_{side}ticks")(range(len(own.names)), list(own.names))
+        axis.grid(visible=False, axis=side)  # type: ignore[arg-type]
+    getattr(axis, f"set_{side}label")(own.label)
+    low, high = (None if end is None else float(own.shown(end)) for end in (own.low, own.high))
+    limit = getattr(axis, f"set_{side}lim")
+    if own.below or own.above:
+        bottom, top = getattr(axis, f"get_{side}lim")()
+        limit(bottom - own.below * (top - bottom), top + own.above * (top - bottom))
+    if low is not None or high is not None:
+        limit(low, high)
+
+
+def _line(mark: Line, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+    return axis.plot(
+        *(x.shown(mark.x), y.shown(mark.y)),
+        color=style.ink(mark.look.color, dark=dark),
+        linestyle=mark.look.dash,
+        linewidth=mark.width,
+        drawstyle="steps-post" if mark.steps else "default",
+    )[0]
+
+
+def _band(mark: figures.Band, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+    tint: dict[str, Any] = {"color": style.ink("band", dark=dark)}
+    if mark.look is not None:
+        tint = {"color": style.ink(mark.look.color, dark=dark), "alpha": TINT}
+    return axis.fill_between(x.shown(mark.x), y.shown(mark.low), y.shown(mark.high), lw=0, **tint)
+
+
+def _points(mark: Points, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+    color = style.ink(mark.look.color, dark=dark)
+    shown: dict[str, Any] = {"color": color, "ms": mark.size, "marker": mark.look.marker}
+    shown |= {"ls": mark.look.dash if mark.joined else "none", "mfc": color if mark.filled else "none", "lw": 0.9}
+    at, values = x.shown(mark.x), y.shown(mark.y)
+    for where, name in zip(zip(at, values, strict=True), mark.names, strict=False):
+        axis.annotate(name, where, (3.5, 2.5), textcoords="offset points", fontsize=5.5)
+    if mark.low is None:
+        return axis.plot(at, values, **shown)[0]
+    reach = [np.maximum(np.nan_to_num(part), 0.0) for part in (values - y.shown(mark.low), y.shown(mark.high) - values)]
+    return axis.errorbar(at, values, yerr=reach, elinewidth=0.8, capsize=min(mark.size / 2.0, 2.0), **shown)
+
+
+def _rule(mark: Rule, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+    handle = None
+    for own, value, line, span in ((x, mark.x, axis.axvline, axis.axvspan), (y, mark.y, axis.axhline, axis.axhspan)):
+        if isinstance(value, tuple):
+            color = style.ink(mark.look.color if mark.look.color in style.TINTS else "shade", dark=dark)
+            handle = span(*own.shown(value), color=color, lw=0, zorder=0)
+        elif value is not None:
+            color = style.ink(mark.look.color, dark=dark)
+            handle = line(float(own.shown(value)), color=color, ls=mark.look.dash, lw=mark.width)
+    return handle
+
+
+def _bars(mark: Bars, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+    face: dict[str, Any] = {"color": style.ink(mark.look.color, dark=dark)}
+    if mark.hatched:
+        face = {"color": style.ink("paper", dark=dark), "hatch": "////"}
+    face |= {"edgecolor": style.ink("black", dark=dark), "linewidth": 0.6}
+    if mark.across:
+        return axis.barh(y.shown(mark.at), x.shown(mark.values), mark.thickness / y.size, **face)
+    return axis.bar(x.shown(mark.at), y.shown(mark.values), mark.thickness / x.size, **face)
+
+
+def _heat(mark: Heat, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+    values = axis.pcolormesh(x.shown(mark.x), y.shown(mark.y), mark.z, shading="nearest", cmap="cividis")
+    axis.figure.colorbar(values, ax=axis, label=mark.label)
+
+
+def _drawing(mark: Drawing, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+    axis.set_axis_off()
+    axis.grid(visible=False)
+    for stroke in mark.strokes:
+        _stroke(axis, stroke, dark=dark)
+    axis.set(xlim=mark.x, ylim=mark.y)
+    if mark.equal:
+        axis.set_aspect("equal", anchor="N")
+
+
+def _stroke(axis: Axes, stroke: Stroke, *, dark: bool) -> None:
+    """Draw an arrow, a text, or a line with its area."""
+    color, points = style.ink(stroke.color, dark=dark), np.asarray(stroke.points, dtype=float)
+    if stroke.head:
+        look = {"arrowstyle": stroke.head, "lw": stroke.width, "color": color}
+        begin, end = points
+        axis.annotate("", end, begin, arrowprops=look, va="center")
+    elif stroke.text:
+        across, _, up = stroke.align.partition(" ")
+        place: dict[str, Any] = {"ha": across, "va": up or "center", "fontweight": "bold" if stroke.bold else "normal"}
+        x, y = points.reshape(-1, 2)[0]
+        axis.text(x, y, stroke.text, fontsize=stroke.size, color=color, **place)
+    else:
+        if stroke.fill:
+            axis.fill(*points.T, color=style.ink(stroke.fill, dark=dark), alpha=stroke.tint, lw=0.0)
+        line: Any = (0.0, list(stroke.dash)) if stroke.dash else "-"
+        cap: Any = stroke.cap
+        axis.plot(*points.T, color=color, lw=stroke.width, ls=line, alpha=stroke.opacity, solid_capstyle=cap)
+
+
+#: Each draws a mark and returns its handle for a legend.
+DRAWN: dict[type, Callable[..., Any]] = {
+    Line: _line,
+    figures.Band: _band,
+    Points: _points,
+    Rule: _rule,
+    Bars: _bars,
+    Heat: _heat,
+    Drawing: _drawing,
+}
+
+
+def box_marks(position: int, values: Sequence[float], *, color: str = "orange") -> Iterator[Any]:
+    """Yield a box of values at a position of a vertical axis: 5, 25, 50, 75 and 95 %, and the values outside."""
+    low, first, middle, last, high = np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95))
+    outside = np.asarray([v for v in values if not low <= v <= high])
+    yield Line((low, high), (position, position), width=0.9)
+    yield Line((first, last), (position, position), look=Look("grey"), width=7.0)
+    yield Points([middle], [position], look=Look(color, "-", "|"), size=9.0)
+    yield Points(outside, np.full(outside.size, position), look=Look("black", "-", "."), size=3.0)
