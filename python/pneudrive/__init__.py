@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.sensitivity import sensitivity as sensitivity
     from pneudrive.errors import PneudriveError as PneudriveError
     from pneudrive.explore import explore as explore
-    from pneudrive.fmu.c_folder import export_c as export_c
+    from pneudrive.fmu.package import export_c as export_c
     from pneudrive.fmu.package import export_fmu as export_fmu
     from pneudrive.friction.campaign.characteristics import campaign_friction as campaign_friction
     from pneudrive.friction.campaign.characteristics import characterise as characterise
@@ -86,7 +86,7 @@ _HOME = {
     **dict.fromkeys(["simulate", "citations"], "pneudrive.simulation.simulate"),
     "catalogue_folders": "pneudrive.describe.files.catalogue",
     "explore": "pneudrive.explore",
-    "export_c": "pneudrive.fmu.c_folder",
+    "export_c": "pneudrive.fmu.package",
     "export_fmu": "pneudrive.fmu.package",
     "lines": "pneudrive.simulation.tube_study",
     "platform": "pneudrive.platforms",

@@ -25,7 +25,7 @@ from pneudrive import _core
 from pneudrive.cli.main import run as command_line
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.fmu import binary, dimensions
+from pneudrive.fmu import description, package
 from pneudrive.fmu.variables import plan_of
 from pneudrive.simulation.trajectory import meaning
 
@@ -320,9 +320,9 @@ def test_variables_of_circuits_of_all_kinds_have_one_name_and_the_unit_of_the_co
             core = units.get(str(own.role.get("of")))
             if core is not None:
                 rate = {"s": -1} if own.rate_of else {}
-                powers = dimensions.exponents(core)
+                powers = description.exponents(core)
                 wanted = {base: powers.get(base, 0) + rate.get(base, 0) for base in {*powers, *rate}}
-                assert dimensions.exponents(own.unit) == {base: p for base, p in wanted.items() if p}, own.name
+                assert description.exponents(own.unit) == {base: p for base, p in wanted.items() if p}, own.name
     assert {"reservoir/pulsating", "regulator/electro-pneumatic", "valve/proportional-5/3", "carriage"} <= seen
     columns = ("valve.speed_1_s", "reg.acting_set_pressure_rate_pa_s", "axis.jerk_m_s3")
     assert [meaning(one)[:2] for one in columns] == [
@@ -496,7 +496,7 @@ def test_in_co_simulation_a_motor_moves_the_piston_and_tells_the_mean_force(tmp_
 
 
 def test_the_library_has_every_function_of_the_standards():
-    library = binary.load_library()
+    library = package.load_library()
     for version, count in (("2", 40), ("3", 70)):
         text = Path(fmpy.__file__).with_name("c-code").joinpath(f"fmi{version}FunctionTypes.h").read_text("utf-8")
         names = set(re.findall(rf"\b(fmi{version}\w+)TYPE\s*\(", text))
@@ -505,7 +505,7 @@ def test_the_library_has_every_function_of_the_standards():
 
 
 def test_the_library_loads_where_there_is_no_python(tmp_path, monkeypatch):
-    file = binary.binary_path()
+    file = package.binary_path()
     source = """#include <dlfcn.h>
     #include <stdio.h>
     int main(int count, char **files) {
@@ -519,9 +519,9 @@ def test_the_library_loads_where_there_is_no_python(tmp_path, monkeypatch):
     subprocess.run(["gcc", "-x", "c", "-", "-o", program], input=source, text=True, check=True)
     found = subprocess.run([program, _core.__file__, file], capture_output=True, text=True, check=True)
     assert found.stdout.split() == ["none", "3.0"], "the core needs Python, the library of FMUs does not"
-    monkeypatch.setattr(binary, "__file__", __file__)
+    monkeypatch.setattr(package, "__file__", __file__)
     with pytest.raises(CommandError, match=r"no library for FMUs[\s\S]*Install a wheel"):
-        binary.binary_path.__wrapped__()
+        package.binary_path.__wrapped__()
 
 
 def test_a_name_that_xml_cannot_hold_gives_an_fmu_that_tools_read(tmp_path):

@@ -6,7 +6,7 @@ import zipfile
 import pytest
 
 from pneudrive.errors import CommandError
-from pneudrive.fmu.reading import read_fmu
+from pneudrive.fmu.description import read_fmu
 
 XML = (
     '<?xml version="1.0" encoding="{}"?><fmiModelDescription fmiVersion="3.0" modelName="m" instantiationToken="t">'

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from pneudrive.campaign.storage.folder import ABOUT, CYCLES, TRUTH, Campaign
-from pneudrive.describe.marks import Percent
-from pneudrive.describe.quantities import Bounds, Quantity
+from pneudrive.describe.marks import Bounds, Percent, Quantity
 from pneudrive.errors import RigError
 from pneudrive.files.content import read_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step

@@ -10,8 +10,7 @@ from pneudrive import _core, own_code, units
 from pneudrive.control.supervision import BuiltInLaw, ControlLimits, MotionComplete, OnFault, Supervision
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Reads
-from pneudrive.describe.quantities import Bounds, Length, Quantity
+from pneudrive.describe.marks import Bounds, Length, Quantity, Reads
 
 #: Of a controller whose file says nothing; both assumed.
 PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3

@@ -11,10 +11,9 @@ import numpy as np
 from pneudrive import __version__, _core
 from pneudrive.control.axis import supply_of
 from pneudrive.control.mismatch import Truth, mismatched, one_value, read_mismatch
-from pneudrive.control.references import check_reach
+from pneudrive.control.references import check_reach, named_or_read
 from pneudrive.control.results.measures import air_of, score_of
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setups
-from pneudrive.control.standard_references import named_or_read
 from pneudrive.control.supervision import told
 from pneudrive.control.tuning import Tuning, alone, tune
 from pneudrive.describe.system import compiled

@@ -15,8 +15,7 @@ from pneudrive import _core, units
 from pneudrive.control.setup import Disturbance, Setup, read_ready
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Choice
-from pneudrive.describe.quantities import Bounds, Mark, number, quantity
+from pneudrive.describe.marks import Bounds, Choice, Mark, number, quantity
 from pneudrive.describe.tables.friction import friction_laws, has_bristles, has_stribeck_curve
 from pneudrive.errors import CommandError
 

@@ -14,8 +14,7 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Choice, Reads, Whole
-from pneudrive.describe.quantities import Force, Position
+from pneudrive.describe.marks import Choice, Force, Position, Reads, Whole
 from pneudrive.errors import nearest
 from pneudrive.rig.description import BELOW_ZERO
 from pneudrive.rig.keys import KEYS, any_sign, not_negative

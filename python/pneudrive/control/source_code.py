@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pneudrive import __version__, _core
-from pneudrive.control.references import check_reach
+from pneudrive.control.references import check_reach, named_or_read
 from pneudrive.control.setup import Setup, read_setup
-from pneudrive.control.standard_references import named_or_read
 from pneudrive.errors import CommandError, nearest
 from pneudrive.fmu.variables import FmuCode, FmuPlan, FmuVariable
 from pneudrive.simulation.simulate import require

@@ -13,8 +13,7 @@ from pneudrive import _core
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError
-from pneudrive.describe.marks import Between, Choice, PressureBetween
-from pneudrive.describe.quantities import Bounds, Length, Quantity
+from pneudrive.describe.marks import Between, Bounds, Choice, Length, PressureBetween, Quantity
 from pneudrive.errors import nearest
 
 _SECONDS = Quantity("s", "ms", Bounds(above=0.0))

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from pneudrive import units
 from pneudrive.describe.keys import wrong
-from pneudrive.describe.quantities import Mark, Quantity
+from pneudrive.describe.marks import Mark, Quantity
 from pneudrive.errors import DescriptionError, nearest, together
 from pneudrive.repr_tables import Card, Shown
 

@@ -24,10 +24,15 @@ from pneudrive.describe.kinds import COMMAND, component_kinds
 from pneudrive.describe.short import Short, expanded
 from pneudrive.describe.system import System, compiled
 from pneudrive.describe.tables import end_stops
-from pneudrive.describe.tables.legs import check_platforms
 from pneudrive.describe.tables.parts import Ambient, Gas
-from pneudrive.describe.tables.poses import coordinate_keys, start_place
-from pneudrive.describe.tables.starts import PRESSURE, Starts, start_values
+from pneudrive.describe.tables.starts import (
+    PRESSURE,
+    Starts,
+    check_platforms,
+    coordinate_keys,
+    start_place,
+    start_values,
+)
 from pneudrive.errors import DescriptionError, Problems, together, warn
 from pneudrive.lazy_names import upper
 from pneudrive.references import entries as references

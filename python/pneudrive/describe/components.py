@@ -15,9 +15,8 @@ from pneudrive.describe.files import sourced
 from pneudrive.describe.formulas.formula import ComponentFormula, formula_of
 from pneudrive.describe.keys import wrong
 from pneudrive.describe.kinds import COMMAND, FLOW, RATIO, STATED, acts, component_kinds, flow_keys, is_bare, is_needed
-from pneudrive.describe.marks import OnPaper, PointRows, PureNumber
+from pneudrive.describe.marks import Bounds, OnPaper, PointRows, PureNumber, Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantity
-from pneudrive.describe.quantities import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import FlowCoefficient

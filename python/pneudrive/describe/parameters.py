@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
-from pneudrive.describe.quantities import Bounds, Quantity
+from pneudrive.describe.marks import Bounds, Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

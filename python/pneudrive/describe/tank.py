@@ -16,7 +16,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.components import Component, component, within
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import wrong
-from pneudrive.describe.quantities import Bounds, Fraction, Quantity, StatedPressure
+from pneudrive.describe.marks import Bounds, Fraction, Quantity, StatedPressure
 from pneudrive.describe.tables.parts import NOT_NEGATIVE, Ambient, Gas
 from pneudrive.errors import DescriptionError
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.files.provenance import marks
-from pneudrive.describe.quantities import StatedPressure
+from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, nearest

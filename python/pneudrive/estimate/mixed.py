@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import MOST_FREEDOM, NORMAL_95, Estimate, FTest
-from pneudrive.estimate.triangular import factorise, solve_factorised, solve_lower, solve_upper
+from pneudrive.estimate.separable import factorise, solve_factorised, solve_lower, solve_upper
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import errno
 import os
+import threading
+import time
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TextIO
 
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
+
 
 #: Flag of `os.open` that refuses a link; Windows has none, and makes links for administrators alone.
 NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
@@ -50,3 +55,75 @@ def make_subfolder(path: Path) -> None:
         raise CommandError(f"the folder {path} cannot be created", value=error.strerror, remedy=remedy) from None
     if path.is_symlink():
         raise CommandError(f"the folder {path} is a link", rule=_RULE, remedy=_REMEDY)
+
+
+# --- Locks of folders: held by the kernel (`flock`) while a process works there, and freed when that process ends.
+
+TRIES, TRY_AGAIN_S = 5, 0.05
+_THREADS = threading.Lock()
+
+
+def take(file: int) -> bool:
+    """Take the lock of an open file. Try a few times, because `is_held` takes the lock for a moment.
+
+    Raises
+    ------
+    OSError
+        The file system has no locks.
+    """
+    import fcntl
+
+    def attempt() -> bool:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EACCES):
+                return False
+            raise
+        return True
+
+    for _ in range(TRIES - 1):
+        if attempt():
+            return True
+        time.sleep(TRY_AGAIN_S)
+    return attempt()
+
+
+def is_held(path: Path) -> bool:
+    """Return whether a process holds the lock of a file. The lock does not change."""
+    import fcntl
+
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # opening it does not block, whatever it is
+    except OSError:
+        return False
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno in (errno.EAGAIN, errno.EACCES)
+    else:
+        return False
+    finally:
+        os.close(file)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Let one thread of one process at a time work in a folder.
+
+    If the system has no folder locks, only threads of this process are excluded.
+
+    The lock should be held only briefly: a second process waits until it is released.
+    """
+    with _THREADS:
+        file = None
+        with suppress(OSError, ImportError):  # Windows opens no folders and has no `flock`
+            import fcntl
+
+            file = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+            fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            if file is not None:
+                os.close(file)

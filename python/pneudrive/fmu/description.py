@@ -3,14 +3,79 @@
 from __future__ import annotations
 
 import re
+import zipfile
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 from pneudrive import __version__
-from pneudrive.fmu.dimensions import DISPLAYED, exponents
+from pneudrive.constants import ZERO_CELSIUS_K
+from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.files.content import check_file
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pneudrive.fmu.variables import FmuCode, FmuPlan, FmuVariable
+
+
+# --- Units in the form of FMI: exponents of base units, and the display unit.
+
+#: Unit -> exponents of base units.
+_KNOWN: dict[str, dict[str, int]] = {
+    **{unit: {unit: 1} for unit in ("m", "kg", "s", "K", "A", "rad")},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "Hz": {"s": -1},
+}
+#: SI unit -> name of the displayed unit, and factor and offset from the SI unit to it.
+DISPLAYED: dict[str, tuple[str, float, float]] = {
+    "Pa": ("bar", 1e-5, 0.0),
+    "m": ("mm", 1e3, 0.0),
+    "m/s": ("mm/s", 1e3, 0.0),
+    "kg/s": ("g/s", 1e3, 0.0),
+    "K": ("degC", 1.0, -ZERO_CELSIUS_K),
+    "rad": ("deg", 57.29577951308232, 0.0),
+    "m^3": ("cm3", 1e6, 0.0),
+    "m^3/(s Pa)": ("l/(s bar)", 1e8, 0.0),
+    "N/Pa": ("N/bar", 1e5, 0.0),
+}
+_ONE = re.compile(r"(?P<unit>[A-Za-z]+)(?:\^?(?P<power>-?\d+))?")
+
+
+def exponents(unit: str) -> dict[str, int]:
+    """Return the exponents of base units of an SI unit.
+
+    Raises
+    ------
+    DescriptionError
+        A part of the unit is unknown.
+
+    Examples
+    --------
+    >>> exponents("m^3/(s Pa)")
+    {'m': 4, 's': 1, 'kg': -1}
+    >>> exponents("1")
+    {}
+    """
+    out: dict[str, int] = {}
+    above, *below = unit.replace(" ANR", "").split("/")
+    for sign, part in ((1, above), *((-1, one) for one in below)):
+        for word in part.strip("() ").split():
+            if word == "1":
+                continue
+            found = _ONE.fullmatch(word)
+            if found is None or found["unit"] not in _KNOWN:
+                raise DescriptionError(f"the unit {unit} cannot be expressed in an FMU")
+            for base, power in _KNOWN[found["unit"]].items():
+                out[base] = out.get(base, 0) + sign * power * int(found["power"] or 1)
+    return {base: power for base, power in out.items() if power}
+
+
+# --- modelDescription.xml of FMI 2.0 and 3.0.
 
 #: Name of the library without its suffix, in every FMU.
 IDENTIFIER = "pneudrive"
@@ -169,3 +234,84 @@ def _variable_three(variables: ElementTree.Element, one: FmuVariable, places: di
     about = {"name": one.name, "valueReference": str(places[one.name]), "description": one.meaning}
     rate = {"derivative": str(places[one.rate_of])} if one.rate_of else {}
     ElementTree.SubElement(variables, "Float64", about | _kind(one) | _shown(one) | rate)
+
+
+# --- Content of an FMU from its description: its version, inputs, outputs and parameters.
+
+DESCRIPTION = "modelDescription.xml"
+MOST_BYTES = 16_000_000  # largest description; that of a drive has 0.1 MB
+_KINDS = ("CoSimulation", "ModelExchange")
+_SHOWN = ("input", "output", "parameter")
+
+
+@dataclass(frozen=True)
+class SeenVariable:
+    """A variable of an FMU, with its unit as written in the description."""
+
+    name: str
+    unit: str
+    meaning: str
+    causality: str
+    start: str
+
+
+@dataclass(frozen=True)
+class SeenFmu:
+    """Content of an FMU that is visible to other tools.
+
+    Attributes
+    ----------
+    title, tool, version, token : str
+        Name of the model, generating tool, version of FMI, token.
+    kinds : tuple of str
+        ``"CoSimulation"``, ``"ModelExchange"``.
+    variables : tuple of SeenVariable
+        Inputs, outputs and parameters.
+    """
+
+    title: str
+    tool: str
+    version: str
+    token: str
+    kinds: tuple[str, ...]
+    variables: tuple[SeenVariable, ...]
+
+
+def read_fmu(path: Path) -> SeenFmu:
+    """Read the description of an FMU without running it.
+
+    Raises
+    ------
+    CommandError
+        The file is not an FMU, or its description is too large or defines XML entities.
+    """
+    check_file(path, CommandError)
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open(DESCRIPTION) as file:
+            text = file.read(MOST_BYTES + 1)
+        if len(text) > MOST_BYTES or b"\0" in text or b"<!" in text.replace(b"<!--", b""):
+            raise CommandError(
+                f"{path.name}: pneudrive cannot read its description",
+                rule="XML in UTF-8 without entities, up to 16 MB",
+            )
+        root = ElementTree.fromstring(text)
+    except CommandError:
+        raise
+    except Exception as error:  # the exceptions of the archive and XML libraries for damaged bytes are not documented
+        raise CommandError(f"{path.name} is not an FMU that can be read: {error}") from None
+    return SeenFmu(
+        title=root.get("modelName", ""),
+        tool=root.get("generationTool", ""),
+        version=root.get("fmiVersion", ""),
+        token=root.get("instantiationToken") or root.get("guid", ""),
+        kinds=tuple(kind for kind in _KINDS if root.find(kind) is not None),
+        variables=tuple(_seen(one) for one in root.iterfind("ModelVariables/*") if one.get("causality") in _SHOWN),
+    )
+
+
+def _seen(one: ElementTree.Element) -> SeenVariable:
+    """Return a variable. In FMI 2.0, unit and start are attributes of a type element."""
+    typed = one if one.get("unit") is not None or not len(one) else one[0]
+    keys = ("name", "description", "causality")
+    name, meaning, causality = (one.get(key, "") for key in keys)
+    return SeenVariable(name, typed.get("unit", ""), meaning, causality, typed.get("start", ""))

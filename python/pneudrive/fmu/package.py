@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import shutil
+import subprocess
 import sys
+import tempfile
 import zipfile
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError, DescriptionError, nearest
-from pneudrive.fmu.binary import PLATFORMS, binary_path, try_plan
-from pneudrive.fmu.description import IDENTIFIER, description
-from pneudrive.fmu.source_entries import source_entries
+from pneudrive.fmu.description import IDENTIFIER, build_description, compiled_files, description
 from pneudrive.fmu.variables import RTOL, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
@@ -25,6 +29,171 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
     from pneudrive.fmu.variables import FmuPlan
+
+
+# --- The library inside every FMU and every C program of a drive.
+
+#: Platform -> suffix of a library, folder of FMI 2.0, folder of FMI 3.0.
+PLATFORMS = {
+    "linux": (".so", "linux64", "x86_64-linux"),
+    "darwin": (".dylib", "darwin64", "x86_64-darwin"),
+    "win32": (".dll", "win64", "x86_64-windows"),
+}
+_OK = 0
+
+
+def binary_name() -> str:
+    """Return the file name of the library on this platform."""
+    return f"libpneudrive{PLATFORMS.get(sys.platform, PLATFORMS['linux'])[0]}"
+
+
+@lru_cache(maxsize=1)
+def binary_path() -> Path:
+    """Return the library of this installation.
+
+    Raises
+    ------
+    CommandError
+        This installation does not include a library for this platform.
+    """
+    path = Path(__file__).with_name(binary_name())
+    if not path.is_file():
+        raise CommandError(
+            f"this installation of pneudrive has no library for FMUs and C on {sys.platform}",
+            where=str(path),
+            remedy="Install a wheel; or, in a copy of the source, run `make setup`.",
+        )
+    return path
+
+
+@lru_cache(maxsize=1)
+def load_library() -> ctypes.CDLL:
+    """Return the library in this process, as C functions."""
+    library = ctypes.CDLL(str(binary_path()))
+    library.fmi3InstantiateModelExchange.restype = ctypes.c_void_p
+    return library
+
+
+_LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
+
+
+def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
+    """Check and start a plan in the library; return the number of its event indicators and the sizes of its states.
+
+    Parameters
+    ----------
+    json, token : str
+        Form and token of a `pneudrive.fmu.variables.FmuPlan`.
+    states : int
+        Number of states that the other tool integrates.
+
+    Returns
+    -------
+    int
+        Number of event indicators.
+    list of float
+        Nominal values of the states, SI.
+
+    Raises
+    ------
+    DescriptionError
+        The library rejects the plan.
+    """
+    library, messages = load_library(), []
+
+    def log(_environment: Any, _status: int, _category: bytes, message: bytes) -> None:  # noqa: ANN401
+        messages.append(message.decode())
+
+    callback = _LOG(log)
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "drive.json").write_text(json, encoding="utf-8")
+        text = [ctypes.c_char_p(one.encode()) for one in ("export", token, folder)]
+        instance = ctypes.c_void_p(library.fmi3InstantiateModelExchange(*text, False, False, None, callback))
+    count, sizes = ctypes.c_size_t(), (ctypes.c_double * states)()
+    try:
+        start = (instance, False, ctypes.c_double(0.0), ctypes.c_double(0.0), False, ctypes.c_double(0.0))
+        done = instance.value is not None and all(
+            status == _OK
+            for status in (
+                library.fmi3EnterInitializationMode(*start),
+                library.fmi3ExitInitializationMode(instance),
+                library.fmi3GetNumberOfEventIndicators(instance, ctypes.byref(count)),
+                library.fmi3GetNominalsOfContinuousStates(instance, sizes, ctypes.c_size_t(states)),
+            )
+        )
+        if not done:
+            raise DescriptionError("the library refuses the drive: " + "; ".join(dict.fromkeys(messages)))
+    finally:
+        library.fmi3FreeInstance(instance)
+    return count.value, list(sizes)
+
+
+# --- Source code in an FMU, and the library that this machine's compiler builds from it.
+
+_HERE = Path(__file__).parent / "sources"
+#: File that checks a compiled copy, for people and not for compilers.
+_CHECK = "conformance.txt"
+#: Options by which a compiler keeps the bits of the core.
+_OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
+
+
+def source_entries(plan: FmuPlan, version: str, place: str) -> list[tuple[str, bytes]]:
+    """Return names and contents of the files of a controller in C.
+
+    Parameters
+    ----------
+    plan : FmuPlan
+        With source code.
+    version : str
+        ``"2.0"`` or ``"3.0"``.
+    place : str
+        Name of the library in the archive. Without a C compiler there is none, and a tool compiles the code.
+    """
+    code = plan.code
+    assert code is not None, "a plan with source code"
+    files = {name: text.encode() for name, text in code.files}
+    check = files.pop(_CHECK)
+    files["variables.h"] = _variables(plan).encode()
+    files |= {name: (_HERE / name).read_bytes() for name in ("instance.h", f"fmi{version[0]}.c")}
+    library = _compiled(files, compiled_files(code, version))
+    if version != "2.0":
+        files["buildDescription.xml"] = build_description(code)
+    entries = [(f"sources/{name}", content) for name, content in files.items()]
+    entries.append((f"resources/{_CHECK}", check))
+    return entries + ([] if library is None else [(place, library)])
+
+
+def _variables(plan: FmuPlan) -> str:
+    """Return the header that names the variables of the model for the interface."""
+    assert plan.code is not None
+    name = plan.code.identifier
+    counts = {kind: sum(one.causality == kind for one in plan.variables) for kind in ("input", "parameter", "output")}
+    types = "".join(f"typedef {name}_{own} model_{own};\n" for own in ("input", "parameters", "output", "memory"))
+    numbers = "".join(f"#define MODEL_{kind.upper()}S {count}\n" for kind, count in counts.items())
+    return (
+        f'/* Names of the controller {name} for its interface. */\n#include "{name}.h"\n\n{types}'
+        f"{numbers}#define MODEL_STEP {name}_step\n#define MODEL_TUNED {name}_tuned\n"
+        f'#define MODEL_PERIOD {plan.code.period_s!r}\n#define MODEL_TOKEN "{plan.token}"\n'
+    )
+
+
+def _compiled(files: dict[str, bytes], sources: tuple[str, ...]) -> bytes | None:
+    """Return the library, or None without a C compiler."""
+    compiler = shutil.which(os.environ.get("CC", "cc"))
+    if compiler is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in files.items():
+            (Path(folder) / name).write_bytes(content)
+        command = [compiler, *_OPTIONS, *sources, "-o", "library", "-lm"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode:
+            message = done.stderr.strip().splitlines()
+            raise CommandError("the C compiler rejects the code", where=compiler, value=message[0] if message else "")
+        return (Path(folder) / "library").read_bytes()
+
+
+# --- FMUs as files: the description, the plan and the library in one archive.
 
 VERSIONS = ("2.0", "3.0")
 #: Date in archives: equal drives give equal bytes.
@@ -155,3 +324,53 @@ def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
         kind: tuple(one for one in plan.variables if one.causality == kind) for kind in ("input", "output", "parameter")
     }
     return FmuFile(target, version, by["input"], by["output"], by["parameter"], plan.token, plan.notes)
+
+
+# --- A drive for C programs: a folder with the header, the library, the plan and an example.
+
+HEADER, EXAMPLE, PLAN = "pneudrive.h", "example.c", "drive.json"
+
+
+def export_c(
+    drive: Drive | Circuit,
+    folder: str | Path,
+    *,
+    initial: Initial | Mapping[str, object] | str | None = None,
+    rtol: float = RTOL,
+) -> tuple[Path, ...]:
+    """Write a drive or a circuit for C programs: pneudrive.h, the library, drive.json and example.c.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+    folder : path-like
+        It is made if it does not exist. Files with these names in it are replaced.
+    initial : Initial, dict or str, optional
+        Start state, as for `pneudrive.simulate`.
+    rtol : float
+        Relative tolerance of the solver.
+
+    Returns
+    -------
+    tuple of Path
+        The files.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written, or this installation does not include the library.
+    DescriptionError
+        The start state does not fit.
+    """
+    plan = complete_plan(drive, initial, rtol)
+    target, own = Path(folder), Path(__file__).parent
+    library = binary_path().read_bytes()
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        texts = {PLAN: plan.json().encode(), **{name: (own / name).read_bytes() for name in (HEADER, EXAMPLE)}}
+        for name, data in {binary_name(): library, **texts}.items():
+            with whole(target / name) as temporary:
+                temporary.write_bytes(data)
+    except OSError as error:
+        raise CommandError(f"{target} cannot be written: {error.strerror}") from None
+    return tuple(target / name for name in (HEADER, binary_name(), PLAN, EXAMPLE))

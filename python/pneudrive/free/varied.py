@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive import units
-from pneudrive.describe.quantities import Quantity, StatedPressure
+from pneudrive.describe.marks import Quantity, StatedPressure
 
 if TYPE_CHECKING:
     from pneudrive.describe.base import Described

@@ -14,8 +14,8 @@ from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.files.provenance import marks as marks_of
 from pneudrive.describe.files.provenance import values as values_of
+from pneudrive.describe.marks import Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantities
-from pneudrive.describe.quantities import Quantity, StatedPressure
 from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
 from pneudrive.errors import FitError, nearest, warn

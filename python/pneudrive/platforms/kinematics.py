@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.system import compiled
-from pneudrive.describe.tables.poses import angles, coordinate_keys, coordinates, pose_text, singular_values
+from pneudrive.describe.tables.starts import angles, coordinate_keys, coordinates, pose_text, singular_values
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Card, Shown

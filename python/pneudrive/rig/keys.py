@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.describe.keys import WrongValueError
 from pneudrive.describe.kinds import component_kinds
-from pneudrive.describe.marks import Choice
+from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantity
-from pneudrive.describe.quantities import Bounds, Mark, Quantity, StatedPressure
 from pneudrive.describe.tables.geometry import KINDS
 from pneudrive.rig.sensors import CLOCKS
 

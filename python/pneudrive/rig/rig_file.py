@@ -12,8 +12,17 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Between, PressureBetween, Reads, absolute
-from pneudrive.describe.quantities import Angle, Bounds, Mark, Quantity, StatedPressure
+from pneudrive.describe.marks import (
+    Angle,
+    Between,
+    Bounds,
+    Mark,
+    PressureBetween,
+    Quantity,
+    Reads,
+    StatedPressure,
+    absolute,
+)
 from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import Problems, RigError, nearest
 from pneudrive.rig.interface import Envelope, Identity

@@ -13,8 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from pneudrive.describe.base import Described
-from pneudrive.describe.marks import Percent, Reads
-from pneudrive.describe.quantities import Bounds, Quantity
+from pneudrive.describe.marks import Bounds, Percent, Quantity, Reads
 from pneudrive.errors import DescriptionError, nearest
 
 if TYPE_CHECKING:

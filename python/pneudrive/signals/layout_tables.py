@@ -12,8 +12,19 @@ from pneudrive import units
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Between, Choice, Percent, PressureBetween, Reads, Whole, absolute
-from pneudrive.describe.quantities import Angle, Bounds, Quantity, StatedPressure
+from pneudrive.describe.marks import (
+    Angle,
+    Between,
+    Bounds,
+    Choice,
+    Percent,
+    PressureBetween,
+    Quantity,
+    Reads,
+    StatedPressure,
+    Whole,
+    absolute,
+)
 from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS

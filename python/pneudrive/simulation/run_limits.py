@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.parts import VIRIAL
-from pneudrive.describe.tables.poses import angles, coordinates, pose_text
+from pneudrive.describe.tables.starts import angles, coordinates, pose_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

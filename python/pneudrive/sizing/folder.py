@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive import __version__
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
-from pneudrive.files.lock import take
-from pneudrive.files.writing import NO_FOLLOW, open_to_append
+from pneudrive.files.writing import NO_FOLLOW, open_to_append, take
 from pneudrive.simulation.trajectory import whole
 from pneudrive.sizing.checks import SizedDrive
 from pneudrive.sizing.strokes import Setting

@@ -18,9 +18,8 @@ from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Between, Percent
-from pneudrive.describe.quantities import Angle, Bounds, Force, Length, Mass, Quantity
-from pneudrive.describe.quantities import StatedPressure as Stated
+from pneudrive.describe.marks import Angle, Between, Bounds, Force, Length, Mass, Percent, Quantity
+from pneudrive.describe.marks import StatedPressure as Stated
 from pneudrive.describe.tables.parts import Ambient
 
 if TYPE_CHECKING:

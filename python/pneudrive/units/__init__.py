@@ -14,13 +14,13 @@ from decimal import Decimal
 from functools import lru_cache
 
 from pneudrive.errors import DescriptionError
-from pneudrive.units.other_units import converter_of_pint
 from pneudrive.units.table import (
     DIFFERENCE_NEEDED,
     KINDS,
     PRESSURE_NEEDED,
     TABLE,
     canonical,
+    converter_of_pint,
     kind,
     needed,
     wrong_dimension,

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
-from pneudrive.files.lock import alone_in
+from pneudrive.files.writing import alone_in
 from pneudrive.web.workspace import TABLES
 
 if TYPE_CHECKING:

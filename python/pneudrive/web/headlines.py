@@ -10,7 +10,7 @@ from pneudrive.campaign.storage.folder import CYCLES
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import PneudriveError
 from pneudrive.files.content import read_json
-from pneudrive.fmu.reading import read_fmu
+from pneudrive.fmu.description import read_fmu
 from pneudrive.sizing.result import SUMMARY, answer_of
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.run_request import described_at

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.files.lock import is_held
+from pneudrive.files.writing import is_held
 from pneudrive.fmu.package import VERSIONS
 from pneudrive.identify.static.laws import CANDIDATES
 from pneudrive.identify.static.model import PRESSURE_FORMS

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
 from pneudrive.files.content import exists, read_text
-from pneudrive.files.lock import alone_in
+from pneudrive.files.writing import alone_in
 from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:

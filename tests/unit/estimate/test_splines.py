@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from pneudrive.estimate.groups import cells, levels
-from pneudrive.estimate.splines import centred_walk, gaussian, integrated_wiener, matern
+from pneudrive.estimate.levels import cells, centred_walk, gaussian, integrated_wiener, levels, matern
 
 PLACES = np.linspace(0.05, 1.0, 12)
 

@@ -7,7 +7,7 @@ import pytest
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.levels import distinct
-from pneudrive.estimate.moderate import moderate
+from pneudrive.estimate.losses import moderate
 from pneudrive.identify import fit_directions, fit_friction
 
 SPEED = np.geomspace(1e-3, 0.45, 20)

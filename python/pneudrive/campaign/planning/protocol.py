@@ -14,8 +14,7 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Between, Percent, Whole
-from pneudrive.describe.quantities import Bounds, Mark, Quantity, StatedPressure
+from pneudrive.describe.marks import Between, Bounds, Mark, Percent, Quantity, StatedPressure, Whole
 from pneudrive.errors import DescriptionError, ProtocolError, nearest
 from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Sampling

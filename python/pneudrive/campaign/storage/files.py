@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CampaignError, CommandError
 from pneudrive.files.content import read_json
-from pneudrive.files.lock import is_held, take
-from pneudrive.files.writing import open_to_append
+from pneudrive.files.writing import is_held, open_to_append, take
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

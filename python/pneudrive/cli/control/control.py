@@ -304,8 +304,7 @@ def reference(
         Drive or circuit file (TOML), or catalogue:NAME.
     """
     from pneudrive.control.demand import feasibility
-    from pneudrive.control.references import check_reach
-    from pneudrive.control.standard_references import named_or_read
+    from pneudrive.control.references import check_reach, named_or_read
     from pneudrive.control.tuning import tune as tuned
     from pneudrive.describe.files.load import load_described
     from pneudrive.report.control.figures import plot_reference

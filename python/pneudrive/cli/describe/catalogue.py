@@ -68,7 +68,7 @@ def _write(name: str | None, out: Path) -> None:
 
 
 def _search(name: str | None, search: dict[str, str | None]) -> None:
-    from pneudrive.describe.files.catalogue_search import find_parts
+    from pneudrive.describe.files.catalogue import find_parts
 
     if name is not None:
         raise CommandError(f"{name} cannot be combined with a search", remedy="Give a name or a search option.")

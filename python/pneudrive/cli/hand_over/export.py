@@ -110,7 +110,7 @@ def _export_whole(source: str, to: str, out: Path | None, fmi: str, actuator: bo
         raise CommandError(f"--out is missing: {what}", remedy=f"Write --out {remedy}.")
     drive = load_described(source)
     if to == "c":
-        from pneudrive.fmu.c_folder import export_c
+        from pneudrive.fmu.package import export_c
 
         for path in export_c(drive, out, initial=initial):
             typer.echo(str(path))

@@ -13,8 +13,7 @@ from pneudrive.control.axis import supply_of
 from pneudrive.control.loop import MEANINGS, MOST_SEED, RTOL, whole_number
 from pneudrive.control.mismatch import mismatched, read_mismatch
 from pneudrive.control.pose.legs import check_path, demands, leg_reference, leg_tunings
-from pneudrive.control.pose.path import pose_path
-from pneudrive.control.pose.score import PoseScore, Tracked
+from pneudrive.control.pose.path import PoseScore, Tracked, pose_path
 from pneudrive.control.results.measures import LAST_S, air_of
 from pneudrive.control.setup import read_setup, ready_setups
 from pneudrive.control.supervision import told

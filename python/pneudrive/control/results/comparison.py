@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.control.loop import RTOL, Prepared, prepare, whole_number
 from pneudrive.control.mismatch import mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
-from pneudrive.control.references import reference
+from pneudrive.control.references import USUAL, reference, standard_references
 from pneudrive.control.results.card import (
     SCORES,
     SO_FAR,
@@ -30,7 +30,6 @@ from pneudrive.control.results.card import (
 from pneudrive.control.results.measures import written
 from pneudrive.control.results.store import Store, key_of, mark_of
 from pneudrive.control.setup import Setup, read_setup
-from pneudrive.control.standard_references import USUAL, standard_references
 from pneudrive.control.tuning import Tuning, alone, laws, tune
 from pneudrive.ensemble.engine import processors
 from pneudrive.errors import CommandError

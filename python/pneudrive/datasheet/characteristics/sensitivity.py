@@ -14,7 +14,7 @@ from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.provenance import values
-from pneudrive.describe.quantities import StatedPressure
+from pneudrive.describe.marks import StatedPressure
 from pneudrive.errors import CommandError, PneudriveError, nearest
 from pneudrive.simulation.tube_study import DIAMETERS, LENGTHS, lines
 

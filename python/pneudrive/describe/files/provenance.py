@@ -10,8 +10,8 @@ from pydantic import Field
 from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.marks import Bounds, EachChamber, PerChamber, Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantities
-from pneudrive.describe.quantities import Bounds, EachChamber, PerChamber, Quantity, StatedPressure
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import DescriptionError, nearest
 

@@ -16,8 +16,7 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, within, wrong
-from pneudrive.describe.marks import Reads
-from pneudrive.describe.quantities import Quantity
+from pneudrive.describe.marks import Quantity, Reads
 from pneudrive.errors import DescriptionError, nearest, warn
 from pneudrive.references import entries
 

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import wrong
-from pneudrive.describe.quantities import (
+from pneudrive.describe.marks import (
     Bounds,
     EachChamber,
     Fraction,

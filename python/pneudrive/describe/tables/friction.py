@@ -16,8 +16,8 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.keys import wrong
+from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantities, parameter_quantity
-from pneudrive.describe.quantities import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tables.dependences import (
     DEPENDENCES,
     Acting,

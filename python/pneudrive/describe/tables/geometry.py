@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import wrong
-from pneudrive.describe.quantities import Bounds, Quantity
+from pneudrive.describe.marks import Bounds, Quantity
 
 if TYPE_CHECKING:
     import numpy as np

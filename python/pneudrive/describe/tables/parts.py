@@ -18,7 +18,7 @@ from pneudrive.constants import (
 )
 from pneudrive.describe.base import Described
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.quantities import (
+from pneudrive.describe.marks import (
     Angle,
     Bounds,
     EachChamber,

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from pneudrive import units
 from pneudrive.describe.keys import WrongValueError
-from pneudrive.describe.quantities import Quantity
+from pneudrive.describe.marks import Quantity
 from pneudrive.errors import CommandError, DescriptionError
 
 # SI unit -> preferred unit

@@ -24,9 +24,8 @@ from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.describe.files.toml import read
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import CHANCE, Estimate, FTest
-from pneudrive.estimate.groups import cells, levels
+from pneudrive.estimate.levels import cells, centred_walk, levels
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
-from pneudrive.estimate.splines import centred_walk
 from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
 from pneudrive.friction.campaign.sensors import stated_gain

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.groups import levels
+from pneudrive.estimate.levels import levels
 from pneudrive.friction.motion import balance_of
 from pneudrive.repr_tables import Card, Shown
 

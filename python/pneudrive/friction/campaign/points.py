@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.autocorrelation import stderrs_of_means
-from pneudrive.estimate.groups import cells, levels
-from pneudrive.estimate.moderate import moderate
+from pneudrive.estimate.levels import cells, levels
+from pneudrive.estimate.losses import moderate
 from pneudrive.friction.bins import known_mean
 from pneudrive.friction.budget import chance_n, unseen_n
 from pneudrive.friction.campaign.cycles import Cycles, mean_of_sides

@@ -23,7 +23,7 @@ from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import CycleFile, read_samples
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
-from pneudrive.estimate.groups import levels
+from pneudrive.estimate.levels import levels
 from pneudrive.friction.bins import grid_of
 from pneudrive.friction.campaign.cycles import Cycles, cycle_row, reduce_cycle
 from pneudrive.friction.campaign.loops import Loop, chosen_loops, reversal_loop

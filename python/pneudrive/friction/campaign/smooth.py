@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import robust_deviation
+from pneudrive.estimate.levels import centred_walk, integrated_wiener, matern
 from pneudrive.estimate.mixed import (
     MOST_FOR_SEARCH,
     Functionals,
@@ -31,7 +32,6 @@ from pneudrive.estimate.mixed import (
     RandomEffect,
     independent,
 )
-from pneudrive.estimate.splines import centred_walk, integrated_wiener, matern
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,10 +14,9 @@ import numpy as np
 
 from pneudrive.estimate.autocorrelation import stderrs_of_means
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, mean_estimate, student
-from pneudrive.estimate.groups import cells
+from pneudrive.estimate.levels import cells, centred_walk
+from pneudrive.estimate.losses import moderate
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
-from pneudrive.estimate.moderate import moderate
-from pneudrive.estimate.splines import centred_walk
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
 from pneudrive.friction.campaign.smooth import CARRIED, CYCLE_SCALE

@@ -18,7 +18,7 @@ from pneudrive import __version__
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.quantities import Bounds, Quantity, StatedPressure
+from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.numbers import plain
 from pneudrive.repr_tables import Card, Shown

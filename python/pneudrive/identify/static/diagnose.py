@@ -9,8 +9,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import changed, student
-from pneudrive.estimate.information import weak_coordinates
-from pneudrive.estimate.levels import distinct_levels
+from pneudrive.estimate.levels import distinct_levels, weak_coordinates
 from pneudrive.identify.base import Undetermined
 from pneudrive.identify.static.robust import RobustEstimate, deviance, estimate, profile_intervals, with_scatter
 from pneudrive.numbers import plain

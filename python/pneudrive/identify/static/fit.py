@@ -18,7 +18,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import changed, student
-from pneudrive.estimate.information import covariance_of, shift_of, weak_coordinates
+from pneudrive.estimate.levels import covariance_of, shift_of, weak_coordinates
 from pneudrive.estimate.losses import LOSSES
 from pneudrive.estimate.profile import profile_interval
 from pneudrive.estimate.transforms import intervals

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.describe.base import Described
 from pneudrive.describe.files.provenance import values
-from pneudrive.describe.quantities import Quantity
+from pneudrive.describe.marks import Quantity
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.repr_tables import Shown
 

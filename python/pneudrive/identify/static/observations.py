@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.estimate.moderate import moderate
+from pneudrive.estimate.losses import moderate
 from pneudrive.identify.base import SIMULATED
 from pneudrive.identify.static.model import Observations
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pneudrive.describe.files.provenance import values
-from pneudrive.describe.quantities import Quantity
+from pneudrive.describe.marks import Quantity
 from pneudrive.report import style
 from pneudrive.report.page import Paragraph, Picture, Report
 from pneudrive.report.topics import Topic

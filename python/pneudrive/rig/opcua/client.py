@@ -15,8 +15,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from pneudrive.describe.keys import WrongValueError
-from pneudrive.describe.marks import Reads
-from pneudrive.describe.quantities import Bounds, Quantity
+from pneudrive.describe.marks import Bounds, Quantity, Reads
 from pneudrive.errors import ConnectionLostError, RigError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step

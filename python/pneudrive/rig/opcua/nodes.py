@@ -28,8 +28,7 @@ from pydantic import Field, create_model
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Whole
-from pneudrive.describe.quantities import Bounds, Mark, Quantity, StatedPressure
+from pneudrive.describe.marks import Bounds, Mark, Quantity, StatedPressure, Whole
 from pneudrive.errors import RigError, nearest
 from pneudrive.signals.tables.column_units import column_unit
 

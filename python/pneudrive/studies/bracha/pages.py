@@ -12,8 +12,8 @@ from pneudrive.report.recording.stick_slip import DrawnMotion, in_time, phase_pl
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, sentence
 from pneudrive.studies.bracha.chamber_laws import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE
-from pneudrive.studies.bracha.drawings import DRAWINGS
 from pneudrive.studies.bracha.figure import TEXTS, readable
+from pneudrive.studies.bracha.figures import DRAWINGS
 from pneudrive.studies.bracha.stick_slip import SLOW_DRIVE
 
 if TYPE_CHECKING:

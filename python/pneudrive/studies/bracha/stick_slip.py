@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import pneudrive as pn
+from pneudrive.errors import CampaignError
+from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.friction.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip
 from pneudrive.rig import AnalogSensor, Encoder
 from pneudrive.signals.motion import local_slope
@@ -17,7 +19,10 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.studies.bracha.experiments import Experiment
+
     Array = NDArray[np.float64]
+
 
 SLOW_DRIVE = Path(__file__).with_name("slow_drive.toml")
 #: Mean speed of the paper's figure 1, and tolerance of ours.
@@ -180,3 +185,137 @@ def _quantities(found: StickSlip) -> dict[str, float]:
         **{name: getattr(found, name) for name in names},
         "peak_ratio": found.peak_speed_m_s / found.mean_speed_m_s,
     }
+
+
+# --- Figure 9 of the source paper: effect of a stop of 15 s in the middle of a stroke on friction.
+
+#: Peak, share of running friction, that counts as a change of the characteristics, and as a high dependence.
+CHANGE, HIGH = 0.05, 0.2
+#: Travel after which a complete change persists, m (our reading: a tenth of a stroke of 200 mm).
+LASTING_M = 20e-3
+
+
+def figure_9(run: Experiment) -> PaperFigure:
+    """Return friction around stops of 15 s and in strokes without a stop.
+
+    Parameters
+    ----------
+    run : Experiment
+        Stops of 15 s, and strokes without a stop for uninterrupted sliding.
+
+    Returns
+    -------
+    PaperFigure
+        Columns over the speeds of the restart (m,): mean increment of the peak over uninterrupted sliding, with the
+        half-width of its 95 % interval. Also one stop over time.
+
+    Raises
+    ------
+    CampaignError
+        If a stop cannot be read.
+    """
+    found = pn.campaign_friction(run.campaign)
+    if found.skipped:
+        raise CampaignError("a stop could not be read", where=str(run.campaign.path), value=str(found.skipped[0]))
+    speeds = np.array(sorted({stop.speed_m_s for stop in found.stops}))
+    rested = [[s for s in found.stops if s.speed_m_s == v] for v in speeds]
+    # no peak: zero increment
+    means = [mean_estimate(np.nan_to_num([s.increment_n for s in group], posinf=0.0, neginf=0.0)) for group in rested]
+    increment = np.array([mean.value for mean in means])
+    width = np.array([mean.high for mean in means]) - increment
+    running = np.array([np.mean([s.running_n for s in group]) for group in rested])
+    relaxed = np.array([s.relaxation.amount.value for group in rested for s in group if s.relaxation])
+    back = float(np.median([s.recovery.distance.value for group in rested for s in group if s.recovery]))
+    shown = rested[len(speeds) // 2][0]
+    changed = bool(np.all(increment - width > CHANGE * running))
+    return PaperFigure.make(
+        9,
+        {
+            "changed": judge(changed and back > LASTING_M, part=changed),
+            "relaxed": judge(relaxed.size > 0 and np.median(relaxed) > 0.0, part=False),
+            "ages": judge(False, part=np.all(increment - width > HIGH * running)),
+        },
+        {
+            "least_increment_n": float(increment.min()),
+            "largest_increment_n": float(increment.max()),
+            "largest_share": float((increment / running).max()),
+            "relaxed_n": float(np.median(relaxed)),
+            "recovery_m": back,
+        },
+        {
+            "speed_m_s": speeds,
+            "increment_n": increment,
+            "increment_width_n": width,
+            "time_s": shown.trace.time_s,
+            "position_m": shown.trace.position_m,
+            "friction_n": shown.trace.friction_n,
+            "running_n": np.full(shown.trace.time_s.shape, shown.running_n),
+        },
+        least_share=(increment / running).min(),
+    )
+
+
+# --- Figures 4 and 7 of the source paper: its two rigs, and a check that ours ran the campaigns in the same way.
+
+#: "About 5 000 measurements of force" in a cycle; bursts around the turns come on top of them.
+SAMPLES, SAMPLES_TOLERANCE = 5000, 0.05
+SPEEDS_M_S = (1e-3, 0.45)
+SPEEDS_UNDER_PRESSURE_M_S = (1e-3, 0.5)
+GAUGES_PA = (0.1e5, 1.5e5)
+#: Relative tolerance; also of a pressure sensor's zero, share of its highest value.
+REACHED = 0.01
+
+
+def figure_4(run: Experiment) -> PaperFigure:
+    """Return the rig of the first campaign: a servo drags the drive through a force sensor from 1 to 450 mm/s."""
+    speeds, _, samples = _ran(run)
+    near = np.all(np.abs(samples / SAMPLES - 1.0) <= SAMPLES_TOLERANCE)
+    rising = _spans(speeds, SPEEDS_M_S) and np.all(np.diff(speeds) > 0.0)
+    return PaperFigure.make(
+        4,
+        {"speeds": judge(rising, part=False), "samples": judge(near, part=False)},
+        {"slowest_m_s": float(speeds.min()), "fastest_m_s": float(speeds.max()), "samples": float(samples.min())},
+        {"speed_m_s": speeds, "samples": samples},
+        (run.campaign.identity, run.envelope),
+        cycles=speeds.size,
+        first_m_s=speeds[0],
+        last_m_s=speeds[-1],
+        most_samples=samples.max(),
+    )
+
+
+def figure_7(run: Experiment) -> PaperFigure:
+    """Return the rig of the second campaign: the same under 0.1 to 1.5 bar in both chambers, 1 to 500 mm/s."""
+    speeds, gauges, samples = _ran(run)
+    spans = _spans(speeds, SPEEDS_UNDER_PRESSURE_M_S) and _spans(gauges, GAUGES_PA, REACHED * GAUGES_PA[1])
+    return PaperFigure.make(
+        7,
+        {"ranges": judge(spans, part=False)},
+        {"lowest_gauge_pa": float(gauges.min()), "highest_gauge_pa": float(gauges.max())},
+        {"speed_m_s": speeds, "gauge_pa": gauges, "samples": samples},
+        (run.campaign.identity, run.envelope),
+        cycles=speeds.size,
+        slowest_m_s=speeds.min(),
+        fastest_m_s=speeds.max(),
+    )
+
+
+def _ran(run: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return measured speed and pressure, and number of evenly spaced samples, of each cycle."""
+    rows = []
+    ambient = run.campaign.identity.ambient_pressure_pa
+    for file in run.campaign.cycles():
+        samples = file.samples()
+        inner = slice(len(samples) // 5, 2 * len(samples) // 5)  # within the outward stroke, between its ramps
+        speed = abs(float(np.polyfit(samples.time_s[inner], samples.position_m[inner], 1)[0]))
+        gauge = 0.5 * float(np.mean(samples.pressure_a_pa + samples.pressure_b_pa)) - ambient
+        even = float(np.median(np.diff(samples.time_s)))  # most samples lie outside the bursts
+        rows.append((speed, gauge, np.rint((samples.time_s[-1] - samples.time_s[0]) / even)))
+    speeds, gauges, sizes = np.array(rows, dtype=float).T
+    return speeds, gauges, sizes
+
+
+def _spans(values: np.ndarray, ends: tuple[float, float], zero_error: float = 0.0) -> bool:
+    """Return whether the values reach both ends, within the error of the sensors."""
+    low, high = float(values.min()), float(values.max())
+    return low <= ends[0] * (1.0 + REACHED) + zero_error and high >= ends[1] * (1.0 - REACHED) - zero_error

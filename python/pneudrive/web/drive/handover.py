@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
 from pneudrive.files.content import read_bytes
-from pneudrive.fmu.reading import read_fmu
+from pneudrive.fmu.description import read_fmu
 from pneudrive.web.workspace import FMUS
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
-from pneudrive.files.lock import is_held
+from pneudrive.files.writing import is_held
 from pneudrive.sizing.checks import MachineCheck, SizedDrive
 from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choice
 from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, answer_of, set_to

@@ -29,7 +29,7 @@ import numpy as np
 
 from pneudrive.campaign.storage.folder import read_samples
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
-from pneudrive.estimate.groups import cells, means
+from pneudrive.estimate.levels import cells, means
 from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
 from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_or_skip, recording_of, steps_of

@@ -24,7 +24,7 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
-from pneudrive.estimate.groups import cells, levels
+from pneudrive.estimate.levels import cells, levels
 from pneudrive.estimate.separable import Scan, refined, scan
 from pneudrive.friction.campaign.stops.course import BACK
 from pneudrive.friction.campaign.stops.dwell_models import (

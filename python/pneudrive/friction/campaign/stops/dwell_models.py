@@ -28,10 +28,9 @@ from pneudrive import _core
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
-from pneudrive.estimate.groups import cells, levels
+from pneudrive.estimate.levels import cells, gaussian, levels
 from pneudrive.estimate.mixed import Functionals, MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
-from pneudrive.estimate.splines import gaussian
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
