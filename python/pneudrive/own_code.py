@@ -27,15 +27,11 @@ def split(source: str) -> tuple[str, str] | None:
     return (module, name) if module and name.isidentifier() else None
 
 
-#: Endings of the names of compiled libraries.
-COMPILED = (".so", ".dylib", ".dll")
-
-
 def sha256(source: str) -> str:
     """Return the SHA-256 of the file that holds the code. Empty for a module name or an unreadable file."""
     module, _ = split(source) or ("", "")
     try:
-        return hashlib.sha256(Path(module).read_bytes()).hexdigest() if module.endswith((".py", *COMPILED)) else ""
+        return hashlib.sha256(Path(module).read_bytes()).hexdigest() if module.endswith(".py") else ""
     except OSError:
         return ""
 

@@ -64,7 +64,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "pneudrive control export nmpc --drive axis.toml --to fmu --reference R1 \\",
         "    --out law.fmu",
     ),
-    "control header": ("pneudrive control header --out pneudrive_law.h",),
     "export": (
         "pneudrive export drive.toml --to fmu --out drive.fmu",
         "pneudrive export fit.toml --to modelica --out friction.mo",

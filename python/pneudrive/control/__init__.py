@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pneudrive.control.loop import run
     from pneudrive.control.mismatch import Mismatch, read_mismatch, ready_mismatches
     from pneudrive.control.motion import Reference
-    from pneudrive.control.own_law import c_header, signals
+    from pneudrive.control.own_law import signals
     from pneudrive.control.pose import PosePath, PoseScore, pose_path, run_pose
     from pneudrive.control.references import reference
     from pneudrive.control.results.card import StoredComparison, read_comparison
@@ -49,7 +49,6 @@ __all__ = [
     "TunedGain",
     "Tuning",
     "benchmark",
-    "c_header",
     "export",
     "feasibility",
     "iso230",
@@ -76,7 +75,7 @@ __getattr__ = lazy(
         "results.comparison": ["ControlComparison", "benchmark", "standard"],
         "controller": ["Controller"],
         "source_code": ["export"],
-        "own_law": ["c_header", "signals"],
+        "own_law": ["signals"],
         "pose": ["PosePath", "PoseScore", "pose_path", "run_pose"],
         "demand": ["Feasibility", "feasibility"],
         "loop": ["run"],

@@ -105,7 +105,7 @@ def run(
         Of `pneudrive.control.laws`, with gains that follow from the drive; the default is ``"nmpc"``. Or one of one's
         own: a class or an object of one with ``inputs``, names of `pneudrive.control.signals`, and
         ``step(t, sample, preview)``, which returns the command; ``start(model, period)`` is called before a run, if it
-        is there. ``"mine.py:Law"`` names such a class, ``"mine.so:law"`` a compiled function.
+        is there. ``"mine.py:Law"`` names such a class.
     reference : Reference, str or path-like
         See `pneudrive.control.reference`; or the name of a standard one, ``"R1"`` to ``"R8"``.
     setup : Setup, str or path-like

@@ -1,33 +1,24 @@
-"""Custom laws: a Python class or a compiled C function that receives the signals of sensors and observer."""
+"""Custom laws: a Python class that receives the signals of sensors and observer."""
 
 from __future__ import annotations
 
-import ctypes
-import hashlib
 import inspect
 import math
 import reprlib
-import shutil
-import tempfile
 import uuid
 from collections import namedtuple
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
-
-import numpy as np
 
 from pneudrive import _core, own_code
 from pneudrive.errors import CommandError, OwnLawError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
 #: The word of the core for a law that it does not have.
 OWN = "own"
-#: Periods that a compiled law can look ahead, and bytes that it may remember.
-AHEAD, MEMORY = 200, 65536
 _FAILS = 'Mend it, or let another law take over: [on_fault] law = "inversion" in a controller file.'
 _RULE = "one is inputs, a tuple of names, and step(t, sample, preview), which returns the command"
 
@@ -129,8 +120,7 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
     Parameters
     ----------
     given : object or str
-        A class, an object of one, ``"mine.py:Law"``, ``"package.module:Law"``, or ``"mine.so:law"`` of a compiled
-        library.
+        A class, an object of one, ``"mine.py:Law"`` or ``"package.module:Law"``.
     allow_code : str, optional
         SHA-256 of a file of code that may run although only a file names it.
     found_in : str
@@ -145,12 +135,10 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
         kind = given if isinstance(given, type) else type(given)
         return OwnLaw(kind.__name__, uuid.uuid4().hex, _python(kind.__name__, given))
     module, _ = own_code.split(given) or (given, "")
-    is_compiled = module.endswith(own_code.COMPILED)
-    expected = None
-    if found_in:
-        expected = own_code.check_allowed(given, allow_code, found_in, "--law", CommandError)
-    if is_compiled:
-        return OwnLaw(given, *_compiled(given, expected))
+    if module.endswith((".so", ".dylib", ".dll")):
+        raise CommandError(
+            f"{given} is a compiled library", rule=_RULE, remedy="Write a Python class whose step calls it with ctypes."
+        )
     if found_in:
         law = own_code.load_allowed(given, allow_code, found_in, "--law", CommandError)
     else:
@@ -225,109 +213,3 @@ def _json(motion: Mapping[str, Any]) -> str:
     import json
 
     return json.dumps(motion)
-
-
-class _CPreview(ctypes.Structure):
-    _fields_ = (("period", ctypes.c_double), ("count", ctypes.c_int64), ("wanted", ctypes.c_void_p))
-
-
-def _compiled(source: str, expected: str | None) -> tuple[str, Callable[..., RunningLaw]]:
-    """Return the hash of a compiled law's file, and the function that begins its runs."""
-    path, name = own_code.split(source) or (source, "")
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise CommandError(f"there is no file {path}", value=error.strerror) from None
-    digest = hashlib.sha256(data).hexdigest()
-    if expected is not None and digest != expected:
-        raise CommandError(f"{path} changed while it was read")
-    # A copy: the loader caches by path and would reuse a file that was replaced.
-    folder = tempfile.mkdtemp(prefix="pneudrive-law-")
-    copy = Path(folder) / Path(path).name
-    try:
-        copy.write_bytes(data)
-        library = ctypes.CDLL(str(copy))
-    except OSError as error:
-        raise CommandError(f"{path} cannot be loaded", value=str(error).replace(str(copy), path)) from None
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)  # a loaded library stays usable; its file may remain
-    try:
-        function = library[name]
-    except AttributeError:
-        remedy = f"Export it: void {name}(const pneudrive_sample *, const pneudrive_preview *, double *, void *)"
-        raise CommandError(f"{path} has no function {name}", remedy=remedy) from None
-    function.argtypes = [ctypes.c_void_p] * 4
-    function.restype = None
-    every = [key for key, *_ in _core.control_signals()]
-
-    def begin(_model: object, motion: Mapping[str, Any], period_s: float, duration_s: float) -> RunningLaw:
-        count = round(duration_s / period_s) + 1 + AHEAD
-        rows = np.ascontiguousarray(_core.reference_at(_json(motion), period_s * np.arange(count, dtype=np.float64)))
-        sample = (ctypes.c_double * len(every))()
-        command, memory = ctypes.c_double(), ctypes.create_string_buffer(MEMORY + 16)
-        preview = _CPreview(period_s, AHEAD, rows.ctypes.data)
-        aligned = ctypes.byref(memory, -ctypes.addressof(memory) % 16)
-        given = (ctypes.byref(sample), ctypes.byref(preview), ctypes.byref(command), aligned)
-
-        def call(values: tuple[float, ...]) -> float:
-            sample[:] = values
-            # The index follows from the sample's time: a period may have been missed.
-            place = min(max(round(values[0] / period_s), 0), count - 1 - AHEAD) if math.isfinite(values[0]) else 0
-            preview.wanted = rows.ctypes.data + place * rows.strides[0]
-            command.value = math.nan
-            function(*given)
-            return command.value
-
-        return RunningLaw(source, call, every)
-
-    return digest, begin
-
-
-def c_header() -> str:
-    """Return the header of compiled laws, made from the core's list of signals.
-
-    Examples
-    --------
-    >>> "double pressure_a;" in c_header()
-    True
-    """
-
-    def struct(rows: Sequence[tuple[str, str, str]]) -> list[str]:
-        return [f"    double {name};  /* {unit if unit != '1' else '-'}: {what} */" for name, unit, what in rows]
-
-    wanted = [
-        ("position", "m", "where the drive is to be"),
-        ("velocity", "m/s", "its derivative"),
-        ("acceleration", "m/s2", "its derivative"),
-        ("jerk", "m/s3", "its derivative"),
-    ]
-    lines = [
-        "/* Laws of control for pneudrive, compiled: pneudrive control run DRIVE --law mine.so:law ... */",
-        "#ifndef PNEUDRIVE_LAW_H",
-        "#define PNEUDRIVE_LAW_H",
-        "#include <stdint.h>",
-        "",
-        "/* What sensors and the observer say at a sample; SI units, pressures absolute. */",
-        "typedef struct {",
-        *struct(_core.control_signals()),
-        "} pneudrive_sample;",
-        "",
-        "typedef struct {",
-        *struct(wanted),
-        "} pneudrive_wanted;",
-        "",
-        "/* Where the drive is to go: wanted[0] now, wanted[k] after k periods, k <= count. */",
-        "typedef struct {",
-        "    double period;  /* s */",
-        "    int64_t count;",
-        "    const pneudrive_wanted *wanted;",
-        "} pneudrive_preview;",
-        "",
-        f"/* Sets the command of the valve, -1 .. 1. `memory` is {MEMORY} bytes, zero before a run's first sample. */",
-        "typedef void pneudrive_law(",
-        "    const pneudrive_sample *sample, const pneudrive_preview *preview, double *command, void *memory);",
-        "",
-        "#endif",
-        "",
-    ]
-    return "\n".join(lines)

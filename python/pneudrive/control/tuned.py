@@ -14,7 +14,7 @@ from pneudrive.control.own_law import OWN, OwnLaw
 from pneudrive.control.supervision import USUAL, Supervision
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
-from pneudrive.own_code import COMPILED, split
+from pneudrive.own_code import split
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import whole
 
@@ -289,4 +289,4 @@ def _code_seen_from(folder: str | Path, law: str) -> str:
 
 def is_code_file(module: str) -> bool:
     """Return whether the module of a custom law is named by a file."""
-    return module.endswith((".py", *COMPILED))
+    return module.endswith(".py")

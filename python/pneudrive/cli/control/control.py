@@ -12,7 +12,7 @@ import typer
 
 from pneudrive.cli.groups import group
 from pneudrive.cli.options import CatalogueFolders, Described, Plot, Rtol, check_used, names_in
-from pneudrive.cli.output import check_outputs, show_events, show_table, tell, write_outputs, write_text
+from pneudrive.cli.output import check_outputs, show_events, show_table, tell, write_outputs
 from pneudrive.repr_tables import aligned
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.simulation.simulate import Run
 
 control = group(
-    dict.fromkeys(("tune", "run", "benchmark", "reference", "export", "header"), "pneudrive.cli.control.control"),
+    dict.fromkeys(("tune", "run", "benchmark", "reference", "export"), "pneudrive.cli.control.control"),
 )
 
 SetupOption = Annotated[
@@ -162,7 +162,7 @@ def run(
     controller : FILE|LAW
         TOML file or name; default: nmpc.
     law : LAW
-        Controller or own code: mine.py:Law, mine.so:law.
+        Controller or own code: mine.py:Law.
     duration
         Duration, "12 s"; default: of the reference.
     seed
@@ -359,18 +359,3 @@ def export(
     if found.adaptation and (to != "fmu" or found.law != "nmpc"):
         typer.echo("The exported controller does not adapt: friction and valve are those of the description.")
     tell(written)
-
-
-def header(
-    out: Path | None = None,
-) -> None:
-    """Write the C header of compiled controllers.
-
-    Options
-    -------
-    out
-        File; default: print the header.
-    """
-    from pneudrive.control.own_law import c_header
-
-    write_text(c_header(), out)
