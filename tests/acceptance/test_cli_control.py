@@ -100,7 +100,7 @@ WRONG = {
         "Give one",
     ),
     "no sine": (["--reference", "sine 60 mm around 250 mm"], "is not a sine", "AMPLITUDE"),
-    "unknown reference": (["--reference", "R9"], 'no reference "R9"', "R1 to R8"),
+    "unknown reference": (["--reference", "R9"], 'no reference "R9"', "R1 to R6"),
     "record of no number": (["--reference", "nan.csv"], "sample 3 is not valid", "position_m = nan"),
     "record that goes back": (["--reference", "back.csv"], "sample 4 is not valid", "times rise"),
     "unit": (["--reference", "sine 60 mm 0.5 kg around 250 mm"], '"kg"', "a frequency is needed"),

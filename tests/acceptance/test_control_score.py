@@ -207,28 +207,6 @@ def test_members_of_a_spread_are_the_same_for_any_number_of_threads(axis, tmp_pa
     assert again.within("pid", pn.control.reference(STEP).text, "max_error_m", 1.0) == largest
 
 
-def test_repeatability_in_the_way_of_iso_230():
-    """Two targets by hand: s = sqrt(2) and 0 um; means 1 and -1 um, then 3 and 2 um."""
-    found = pn.control.iso230([([0.0, 2.0], [-1.0, -1.0]), ([3.0, 3.0], [2.0, 2.0])])
-    s = 2.0**0.5
-    assert found == pytest.approx((max(2 * s + 2, 4 * s), max(1 + 2 * s, 3) - min(1 - 2 * s, -1), 2.0))
-
-
-def test_targets_of_a_reference_are_found_from_both_sides():
-    """Five targets, each from below 20 um too far and from above 10 um: B is 30 um, and so is R."""
-    reference = pn.control.standard(pn.Drive.load("catalogue:reference"))["R7"]
-    time = np.arange(0.0, reference.duration_s, 1e-3)
-    wanted, speed, *_ = reference.at(time).T
-    way = np.sign(speed)
-    for i in np.flatnonzero(way == 0.0):
-        way[i] = way[i - 1]
-    named = dict.fromkeys(SCORED, 0.0 * time) | {"reference": wanted}
-    named["position"] = wanted + np.where(way > 0.0, 20e-6, -10e-6)
-    found = score_of(time, named, reference.core())
-    assert found.iso_reversal_m == pytest.approx(30e-6)
-    assert found.iso_repeatability_m == pytest.approx(30e-6)
-
-
 POINTS = """schema = 1
 through = "{}"
 [[points]]
@@ -346,13 +324,13 @@ def test_overshoot_is_that_of_each_way(axis):
     ]
     assert max(found) < 5e-4
     assert found[1] == pytest.approx(found[0], abs=1e-4)
-    hand = pn.control.standard(axis)["R8"]
-    time = np.arange(0.0, hand.duration_s, 1e-3)
-    wanted = hand.at(time)[:, 0]
+    ramps = pn.control.standard(axis)["R4"]
+    time = np.arange(0.0, ramps.duration_s, 1e-3)
+    wanted = ramps.at(time)[:, 0]
     named = dict.fromkeys(SCORED, 0.0 * time) | {"reference": wanted}
-    assert score_of(time, named | {"position": wanted}, hand.core()).overshoot_m < 1e-5
-    named["position"] = wanted + 2e-3 * np.sign(hand.at(time)[:, 1])
-    assert score_of(time, named, hand.core()).overshoot_m == pytest.approx(2e-3, abs=1e-4)
+    assert score_of(time, named | {"position": wanted}, ramps.core()).overshoot_m < 1e-5
+    named["position"] = wanted + 2e-3 * np.sign(ramps.at(time)[:, 1])
+    assert score_of(time, named, ramps.core()).overshoot_m == pytest.approx(2e-3, abs=1e-4)
 
 
 def test_a_reference_is_read_as_its_user_means_it():
@@ -549,7 +527,6 @@ def test_an_object_of_another_kind_gives_one_message(message, axis):
 WRONG_CALLS = {
     "drive is a NoneType": lambda _: pn.control.tune(None),
     "out is a NoneType": lambda axis: pn.control.benchmark(axis, "inversion", [STEP], out=None),
-    "give no repeatability": lambda _: pn.control.iso230([]),
     "seed = '3' is not a whole number": lambda axis: pn.control.run(axis, "inversion", reference=STEP, seed="3"),
     "seed = -1 is out of bounds": lambda axis: pn.control.run(axis, "inversion", reference=STEP, seed=-1),
     "seeds = 2.0 is not a whole number": lambda axis: pn.control.benchmark(

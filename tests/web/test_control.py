@@ -285,4 +285,4 @@ def test_choices_are_those_of_the_drive(served: Served) -> None:
     assert {"pid", "nmpc"} <= set(answered["laws"])
     usual = pn.control.standard(pn.Drive.load(served.folder / "axis.toml"))
     assert {one["name"]: one["text"] for one in answered["references"]} == {k: v.text for k, v in usual.items()}
-    assert {one["name"] for one in answered["references"] if not one["usable"]} == {"R4", "R7", "R8"}
+    assert {one["name"] for one in answered["references"] if not one["usable"]} == {"R4"}

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pneudrive.control.references import reference
     from pneudrive.control.results.card import StoredComparison, read_comparison
     from pneudrive.control.results.comparison import ControlComparison, benchmark, standard
-    from pneudrive.control.results.measures import Score, iso230, score
+    from pneudrive.control.results.measures import Score, score
     from pneudrive.control.setup import Setup, read_setup
     from pneudrive.control.source_code import export
     from pneudrive.control.suited import Suitability, suitability
@@ -51,7 +51,6 @@ __all__ = [
     "benchmark",
     "export",
     "feasibility",
-    "iso230",
     "laws",
     "pose_path",
     "read_comparison",
@@ -79,7 +78,7 @@ __getattr__ = lazy(
         "pose": ["PosePath", "PoseScore", "pose_path", "run_pose"],
         "demand": ["Feasibility", "feasibility"],
         "loop": ["run"],
-        "results.measures": ["Score", "iso230", "score"],
+        "results.measures": ["Score", "score"],
         "mismatch": ["Mismatch", "read_mismatch", "ready_mismatches"],
         "motion": ["Reference"],
         "references": ["reference"],

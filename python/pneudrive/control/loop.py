@@ -107,7 +107,7 @@ def run(
         ``step(t, sample, preview)``, which returns the command; ``start(model, period)`` is called before a run, if it
         is there. ``"mine.py:Law"`` names such a class.
     reference : Reference, str or path-like
-        See `pneudrive.control.reference`; or the name of a standard one, ``"R1"`` to ``"R8"``.
+        See `pneudrive.control.reference`; or the name of a standard one, ``"R1"`` to ``"R6"``.
     setup : Setup, str or path-like
         What stands between drive and law: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file.
     duration : str or float, optional

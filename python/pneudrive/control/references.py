@@ -147,7 +147,7 @@ def reference(given: Reference | str | Path) -> Reference:
         remedy = f'Take it from those of the drive: pn.control.standard(drive)["{text}"].'
         raise CommandError(f"{text} is a standard reference, which is made for a drive", remedy=remedy)
     if text.isidentifier():
-        raise CommandError(f'there is no reference "{text}"', remedy=f"Give R1 to R8, the standard ones, {FORMS}.")
+        raise CommandError(f'there is no reference "{text}"', remedy=f"Give R1 to R6, the standard ones, {FORMS}.")
     return moves_of_text(text, "m")
 
 
@@ -364,13 +364,12 @@ _SPEED_SHARE, _STROKE_SHARE = 0.85, 0.3
 #: Those that laws are compared along where nothing is said; the others are asked for by name.
 USUAL = ("R1", "R2", "R3", "R5", "R6")
 #: Names of all of them.
-NAMES = tuple(f"R{number}" for number in range(1, 9))
-#: A hand that leads a piston over a stroke of 500 mm, in jerks and pauses: made up, of no person's hand.
-HAND, HAND_STROKE_M = Path(__file__).with_name("hand.csv"), 0.5
-#: Of R4: speeds, m/s, and ways, m. Of R7: targets for each metre and least number, approaches, move and dwell, s.
+NAMES = tuple(f"R{number}" for number in range(1, 7))
+#: Stroke of the drive whose ramps have the ways below, m.
+RAMPS_STROKE_M = 0.5
+#: Of R4: speeds, m/s, and ways, m.
 _RAMPS = ((0.001, 0.005), (0.01, 0.03), (0.1, 0.1))
 _RUN_UP_S, _PAUSE_S = 0.1, 1.0
-_TARGETS_PER_M, _LEAST_TARGETS, _APPROACHES, _MOVE_S, _DWELL_S = 5.0, 5, 5, 0.3, 1.5
 
 
 def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, Reference]:
@@ -378,7 +377,7 @@ def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, Referenc
 
     R1 and R2: sines of 60 mm, 0.5 and 1 Hz, about mid stroke. R3: stairs, 60 mm forth and back in 0.3 s, then to 0.8
     and to 0.2 of the stroke. R4: ramps of 1, 10 and 100 mm/s. R5: 60 mm in 0.3 s and 40 s of rest. R6: 0.6 of the
-    stroke in 0.25 s. R7: five targets, each approached five times from either side, 1.5 s of rest at each. R8: a hand.
+    stroke in 0.25 s.
     For a stroke below 200 mm, 0.3 of the stroke replaces 60 mm.
 
     Parameters
@@ -414,15 +413,11 @@ def _standard(name: str, stroke_m: float, speed_m_s: float) -> Reference:
         case "R3":
             made = _moves(low, (1.0, 0.3, high), (3.0, 0.3, low), (5.0, 0.5, right), (7.0, 0.6, left))
         case "R4":
-            made = _ramps(middle, stroke_m / HAND_STROKE_M)
+            made = _ramps(middle, stroke_m / RAMPS_STROKE_M)
         case "R5":
             made = _moves(low, (1.0, 0.3, high), rest_s=40.0)
-        case "R6":
-            made = _moves(left, (1.0, 0.25, right))
-        case "R7":
-            made = _targets(stroke_m)
         case _:
-            made = _hand(stroke_m / HAND_STROKE_M)
+            made = _moves(left, (1.0, 0.25, right))
     return made.stretched(made.reach().fastest_m_s / (_SPEED_SHARE * speed_m_s))
 
 
@@ -439,21 +434,3 @@ def _ramps(start_m: float, size: float) -> Reference:
             rows += along_line(time, at, to, lasts, _RUN_UP_S)
             at, time = to, time + lasts + _RUN_UP_S + _PAUSE_S
     return polynomials("ramps of 1, 10 and 100 mm/s", start_m, rows)
-
-
-def _targets(stroke_m: float) -> Reference:
-    """Return moves that approach each target in turn from below and from above. They start beyond the outer targets."""
-    count = max(_LEAST_TARGETS, round(_TARGETS_PER_M * stroke_m))
-    every = [round(0.1 * stroke_m + 0.8 * stroke_m * k / (count + 1), 6) for k in range(count + 2)]
-    cycle = [*every[1:], *every[-2::-1]]
-    moves = [
-        ReferenceMove(round(1.0 + number * (_MOVE_S + _DWELL_S), 6), _MOVE_S, to)
-        for number, to in enumerate(cycle * _APPROACHES)
-    ]
-    return Reference(f"{count} targets, {_APPROACHES} times from either side", every[0], tuple(moves))
-
-
-def _hand(size: float) -> Reference:
-    record = reference(str(HAND))
-    rows = [[*row[:2], *(size * number for number in row[2:])] for row in record.pieces]
-    return polynomials("a hand", size * record.start_m, rows)

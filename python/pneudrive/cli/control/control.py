@@ -37,7 +37,7 @@ SetupOption = Annotated[
 Along = Annotated[
     str,
     typer.Option(
-        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.',
+        help='Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R6, or a file.',
         metavar="REF",
     ),
 ]
@@ -339,7 +339,7 @@ def export(
     out
         Folder of the files, or an .fmu file.
     reference : REF
-        Reference of an FMU of nmpc: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R8, or a file.
+        Reference of an FMU of nmpc: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R6, or a file.
     fmi
         Version of an FMU: 2.0 or 3.0.
     drive

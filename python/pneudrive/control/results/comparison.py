@@ -124,9 +124,8 @@ class ControlComparison(ScoreCard, Shown):
 def standard(drive: Drive | Circuit) -> dict[str, Reference]:
     """Return the standard references for a drive, slowed to 0.85 of its speed at full opening where they are faster.
 
-    R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest. R6 is a long fast move, R7 has targets that are
-    approached from both sides, R8 is a path of a hand that guides the piston. `feasibility` shows whether the force
-    suffices for them, too.
+    R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest. R6 is a long fast move.
+    `feasibility` shows whether the force suffices for them, too.
 
     Raises
     ------

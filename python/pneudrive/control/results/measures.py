@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import reprlib
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,7 @@ from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import attributes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
     import xarray as xr
     from numpy.typing import NDArray
@@ -32,7 +31,6 @@ LEAST_DWELL = 2  # least samples of a dwell: the next move may begin at the end 
 LONG_DWELL_S = 10.0  # hunting is measured after this time, in dwells that last longer
 BANDS_M = (1e-4, 5e-4, 1e-3)  # of settling
 SLIP_M_S = 1e-3  # speed above which a motion in a dwell counts as a slip
-LEAST_APPROACHES, LEAST_TARGETS = 2, 2  # least approaches of each side, and least targets, to measure repeatability
 LOST_M = 0.02  # a run with a larger error is lost
 
 
@@ -70,9 +68,6 @@ class Score(Shown):
         the ambient. None: the dataset does not say.
     peak_pressure_rate_pa_s : float
         Largest change of a chamber's pressure from one sample to the next, per second.
-    iso_repeatability_m, iso_accuracy_m, iso_reversal_m : float or None
-        In the way of ISO 230-2, of a reference that comes to the same targets several times from each side; see
-        `pneudrive.control.iso230`.
     step_median_s, step_999_s, step_worst_s : float
         Time that a step of the law took on this machine: median, 99.9 %, worst. It differs from run to run.
     step_undisturbed_s : float
@@ -99,9 +94,6 @@ class Score(Shown):
     air_anr_m3_s: float | None
     exergy_w: float | None
     peak_pressure_rate_pa_s: float
-    iso_repeatability_m: float | None
-    iso_accuracy_m: float | None
-    iso_reversal_m: float | None
     step_median_s: float
     step_999_s: float
     step_worst_s: float
@@ -137,16 +129,13 @@ SHOWN: dict[str, tuple[str, float, str]] = {
     "air_anr_m3_s": ("air", 1e3, "l/s ANR"),
     "exergy_w": ("exergy", 1.0, "W"),
     "peak_pressure_rate_pa_s": ("pressure rate", 1e-5, "bar/s"),
-    "iso_repeatability_m": ("repeatability R", 1e6, "um"),
-    "iso_accuracy_m": ("accuracy A", 1e6, "um"),
-    "iso_reversal_m": ("reversal B", 1e6, "um"),
     "step_median_s": ("step, median", 1e6, "us"),
     "step_999_s": ("step, 99.9 %", 1e6, "us"),
     "step_undisturbed_s": ("step, worst, least of its repeats", 1e6, "us"),
 }
 
 #: Measures that are told of a spread.
-SPREAD_SHOWN = ("max_error_m", "settling_100_um_s", "rest_error_m", "hunting_m", "iso_repeatability_m")
+SPREAD_SHOWN = ("max_error_m", "settling_100_um_s", "rest_error_m", "hunting_m")
 
 THOUSAND, _LARGER = 1e3, {"um": "mm", "ms": "s", "us": "ms"}
 
@@ -239,7 +228,6 @@ def score_of(
         air_anr_m3_s=air["anr_m3"] / span if air else None,
         exergy_w=air["exergy_j"] / span if air else None,
         peak_pressure_rate_pa_s=float(max(jumps)) / step if step else 0.0,
-        **_of_targets(time, x, (start, each)),
         step_median_s=float(np.median(took)),
         step_999_s=float(np.quantile(took, 0.999)),
         step_worst_s=float(took.max()),
@@ -297,55 +285,6 @@ def _spans(of: _Moves, end_s: float) -> Iterator[tuple[ReferenceMove, float, flo
     for move, next_s in zip(moves, begins, strict=True) if moves else ():
         yield move, start, min(next_s, end_s)
         start = move.to_m
-
-
-def _of_targets(time: Array, x: Array, of: _Moves) -> dict[str, Any]:
-    """Measure the repeatability of targets that are approached from both sides."""
-    visits: dict[float, tuple[list[float], list[float]]] = {}
-    for move, start, until in _spans(of, float(time[-1])):
-        rest = (time >= max(move.end_s, until - REST_S)) & (time <= until)
-        if until - move.end_s >= REST_S - ROUNDING_S and rest.any():
-            up, down = visits.setdefault(round(move.to_m, 9), ([], []))
-            (up if move.to_m > start else down).append(float(x[rest].mean()) - move.to_m)
-    often = [both for both in visits.values() if min(map(len, both)) >= LEAST_APPROACHES]
-    found = iso230(often) if len(often) >= LEAST_TARGETS else None
-    return dict(zip(("iso_repeatability_m", "iso_accuracy_m", "iso_reversal_m"), found or (None,) * 3, strict=True))
-
-
-def iso230(deviations: Sequence[tuple[Sequence[float], Sequence[float]]]) -> tuple[float, float, float]:
-    """Return repeatability R, accuracy A and largest reversal B of targets that were approached from both sides.
-
-    With the mean and the standard deviation s of the deviations of each direction: B is the difference of the means,
-    R_i = max(2 s_up + 2 s_down + abs(B), 4 s_up, 4 s_down), R the largest R_i,
-    A = max(mean + 2 s) - min(mean - 2 s), both over all targets and directions. These formulas follow the method of ISO
-    230-2. They were not checked against the standard's text.
-
-    Parameters
-    ----------
-    deviations : sequence of pairs
-        For each target the deviations reached from below and from above, m; at least two of each.
-
-    Raises
-    ------
-    CommandError
-        There is no target, or one with fewer deviations.
-
-    Examples
-    --------
-    >>> iso230([([1.0, 3.0], [-1.0, -1.0])])[2]
-    3.0
-    """
-    if not len(deviations) or any(len(pair) != 2 or min(map(len, pair)) < LEAST_APPROACHES for pair in deviations):
-        rule = f"one target or more, each with {LEAST_APPROACHES} deviations or more from either side"
-        raise CommandError("these deviations give no repeatability", value=reprlib.repr(deviations), rule=rule)
-    ends, reversals, repeatabilities = [], [], []
-    for pair in deviations:
-        means, spreads = zip(*((float(np.mean(one)), float(np.std(one, ddof=1))) for one in pair), strict=True)
-        reversal = abs(means[0] - means[1])
-        reversals.append(reversal)
-        repeatabilities.append(max(2.0 * sum(spreads) + reversal, 4.0 * spreads[0], 4.0 * spreads[1]))
-        ends += [(mean - 2.0 * s, mean + 2.0 * s) for mean, s in zip(means, spreads, strict=True)]
-    return max(repeatabilities), max(high for _, high in ends) - min(low for low, _ in ends), max(reversals)
 
 
 def _overshoot(time: Array, x: Array, of: _Moves) -> float | None:
