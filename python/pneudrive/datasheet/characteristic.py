@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pneudrive.datasheet.plant import HeldDrive
 
-    Found = tuple[dict[str, "Axis"], dict[str, "ResultValue"]]
+    Found = tuple[dict[str, "ResultAxis"], dict[str, "ResultValue"]]
     Find = Callable[..., Found]
 
 
@@ -32,7 +32,7 @@ class ResultValue(NamedTuple):
     meaning: str
 
 
-class Axis(NamedTuple):
+class ResultAxis(NamedTuple):
     """One axis of results: its values, unit and meaning."""
 
     values: Any
@@ -41,7 +41,7 @@ class Axis(NamedTuple):
 
 
 #: Axis of results for both strokes.
-DIRECTIONS = Axis(["out", "back"], "1", "towards the end of chamber b, of chamber a")
+DIRECTIONS = ResultAxis(["out", "back"], "1", "towards the end of chamber b, of chamber a")
 
 
 def number(value: float, unit: str, meaning: str) -> ResultValue:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3
-from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic
+from pneudrive.datasheet.characteristic import ResultAxis, ResultValue, characteristic
 from pneudrive.datasheet.characteristics.steady import least_pressure
 from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
@@ -61,7 +61,7 @@ def _minimum(drive: Drive) -> float:
     return least_pressure(plant, 1.0) - plant.ambient[0]
 
 
-class Figure(NamedTuple):
+class SheetFigure(NamedTuple):
     """A printed figure: SI unit (empty for a gauge pressure), calculation from the drive, meaning."""
 
     unit: str
@@ -70,10 +70,10 @@ class Figure(NamedTuple):
 
 
 FIGURES = {
-    "nominal_flow": Figure("m^3/s ANR", _nominal_flow, "flow from 6 to 5 bar gauge, virtual test stand"),
-    "theoretical_force_6bar": Figure("N", _theoretical, "blocked force at 6 bar gauge"),
-    "effective_force_6bar": Figure("N", _effective, "blocked force minus friction at 50 mm/s, 6 bar gauge"),
-    "minimum_operating_pressure": Figure("", _minimum, "minimum pressure, above ambient"),
+    "nominal_flow": SheetFigure("m^3/s ANR", _nominal_flow, "flow from 6 to 5 bar gauge, virtual test stand"),
+    "theoretical_force_6bar": SheetFigure("N", _theoretical, "blocked force at 6 bar gauge"),
+    "effective_force_6bar": SheetFigure("N", _effective, "blocked force minus friction at 50 mm/s, 6 bar gauge"),
+    "minimum_operating_pressure": SheetFigure("", _minimum, "minimum pressure, above ambient"),
 }
 
 
@@ -122,7 +122,7 @@ def _published(plant: HeldDrive) -> Found:
         raise CommandError(f"{plant.name}: no part of the catalogue with a printed figure is in this drive")
     printed, computed = np.array([row[1] for row in rows]), np.array([row[2].of(drive) for row in rows])
     along = ("figure",)
-    return {"figure": Axis([row[0] for row in rows], "1", "part, figure and source")}, {
+    return {"figure": ResultAxis([row[0] for row in rows], "1", "part, figure and source")}, {
         "printed": ResultValue(along, printed, "SI", "value printed by the maker, in SI"),
         "computed": ResultValue(along, computed, "SI", "of this drive, in SI"),
         "difference": ResultValue(along, computed / printed - 1.0, "1", "computed over printed value, minus 1"),

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneudrive import _core, units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic
+from pneudrive.datasheet.characteristic import ResultAxis, ResultValue, characteristic
 from pneudrive.datasheet.linear import gas_at
 from pneudrive.datasheet.plant import path_of
 from pneudrive.describe import Ambient
@@ -136,8 +136,8 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
             rows.append(reduce_flow(before, ratios, flows[-1], index, density))
     values = np.array(rows)
     axes = {
-        "path": Axis(named, "1", "valve edge with the lines to the chamber"),
-        "ratio": Axis(ratios, "1", "ratio of absolute pressures after and before the path"),
+        "path": ResultAxis(named, "1", "valve edge with the lines to the chamber"),
+        "ratio": ResultAxis(ratios, "1", "ratio of absolute pressures after and before the path"),
     }
     return axes, {
         "flow": ResultValue(
@@ -192,8 +192,8 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
     half = times.size // 2  # until then the gas and the piston have settled
     rate = np.log(values[:, half] / values[:, -1]) / (times[-1] - times[half])
     axes = {
-        "chamber": Axis(list(plant.sides), "1", "the filled chamber; the other one is at ambient pressure"),
-        "time": Axis(times, "s", "time from shutting the valve"),
+        "chamber": ResultAxis(list(plant.sides), "1", "the filled chamber; the other one is at ambient pressure"),
+        "time": ResultAxis(times, "s", "time from shutting the valve"),
     }
     return axes, {
         "pressure": ResultValue(("chamber", "time"), values, "Pa", "absolute pressure of the shut chamber"),

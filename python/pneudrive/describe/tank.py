@@ -43,7 +43,7 @@ class FixedVolume(Described):
     start_temperature_k: Annotated[float | None, _TEMPERATURE] = None
 
 
-class Line(Described):
+class TankLine(Described):
     """Flow path between the volume and gas of constant pressure: a nozzle, a tube, a valve (ISO 6358).
 
     `pressure` and `temperature` are those on the far side; the default is ambient.
@@ -58,7 +58,7 @@ class Line(Described):
     temperature_k: Annotated[float | None, _TEMPERATURE] = None
 
     @model_validator(mode="after")
-    def _in_order(self) -> Line:
+    def _in_order(self) -> TankLine:
         if not self.critical_pressure_ratio < self.linear_above:
             b = self.critical_pressure_ratio
             key = "line.linear_above"
@@ -93,7 +93,7 @@ class Tank(Described):
     gas: Gas = Gas()
     ambient: Ambient = Ambient()
     volume: FixedVolume
-    line: Line | None = None
+    line: TankLine | None = None
     tube: Annotated[Component | None, BeforeValidator(_tube)] = None
     labels: dict[str, str] = Field(default_factory=dict)
 
@@ -153,7 +153,7 @@ class Tank(Described):
             "tube": self._numbers_of_tube(),
         }
 
-    def _line_core(self, line: Line) -> dict[str, Any]:
+    def _line_core(self, line: TankLine) -> dict[str, Any]:
         out = self.ambient.core() | line.stored() | {"pressure_pa": self._other_side_pa(line)}
         out.pop("pressure", None)
         return out
@@ -161,7 +161,7 @@ class Tank(Described):
     def _numbers_of_tube(self) -> dict[str, float] | None:
         return None if self.tube is None else self.tube.numbers(self.ambient.pressure_pa)
 
-    def _other_side_pa(self, line: Line) -> float:
+    def _other_side_pa(self, line: TankLine) -> float:
         if line.pressure is None:
             return self.ambient.pressure_pa
         pressure = line.pressure.absolute_pa(self.ambient.pressure_pa)

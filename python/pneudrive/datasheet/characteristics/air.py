@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
-from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
+from pneudrive.datasheet.characteristic import ResultAxis, ResultValue, characteristic, number
 from pneudrive.datasheet.characteristics.response import cycle
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.system import compiled
@@ -207,7 +207,7 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
     wall = _sum(found.values, "wall heat [J]") - t_0 * _sum(found.values, "wall heat over wall temperature [J/K]")
     work = _sum(found.values, "external work [J]") + _sum(found.values, "ambient work [J]")
     rest = entered + wall + work - sum(lost.values())
-    return {"loss": Axis(list(lost), "1", "component and cause")}, {
+    return {"loss": ResultAxis(list(lost), "1", "component and cause")}, {
         "lost": ResultValue(
             ("loss",), list(lost.values()), "J", "exergy lost: ambient temperature times entropy produced"
         ),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import Axis, ResultValue, characteristic, number
+from pneudrive.datasheet.characteristic import ResultAxis, ResultValue, characteristic, number
 from pneudrive.datasheet.characteristics.response import short_columns, simulate_plant, start_of
 from pneudrive.datasheet.linear import gas_at, linear_model, moving_gas, open_command
 from pneudrive.errors import SimulationError
@@ -73,7 +73,7 @@ def _bode(
     velocity = response(linear, f"{plant.piston}.velocity_m_s", f)
     a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
     gain = abs(response(linear, f"{plant.piston}.velocity_m_s", np.array([SLOW]))[0])
-    axes = {"frequency": Axis(f, "Hz", "frequency")}
+    axes = {"frequency": ResultAxis(f, "Hz", "frequency")}
     over = ("frequency",)
     return axes, {
         "velocity_response": ResultValue(over, np.abs(velocity), "m/s", "velocity over command, size"),
@@ -113,8 +113,8 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
     grid = np.array([[_harmonics(plant, float(a), float(f)) for f in frequencies] for a in amplitudes])
     over = ("amplitude", "frequency")
     axes = {
-        "amplitude": Axis(list(map(float, amplitudes)), "1", "amplitude of the command"),
-        "frequency": Axis(list(map(float, frequencies)), "Hz", "frequency"),
+        "amplitude": ResultAxis(list(map(float, amplitudes)), "1", "amplitude of the command"),
+        "frequency": ResultAxis(list(map(float, frequencies)), "Hz", "frequency"),
     }
     return axes, {
         "gain": ResultValue(over, grid[:, :, 0], "m/s", "first harmonic of the velocity over the amplitude"),
@@ -190,8 +190,8 @@ def _load_describing(
     grid = np.array([[_load_harmonics(plant, float(a), float(f), gas) for f in frequencies] for a in amplitudes])
     over = ("amplitude", "frequency")
     axes = {
-        "amplitude": Axis(list(map(float, amplitudes)), "N", "amplitude of the load"),
-        "frequency": Axis(list(map(float, frequencies)), "Hz", "frequency"),
+        "amplitude": ResultAxis(list(map(float, amplitudes)), "N", "amplitude of the load"),
+        "frequency": ResultAxis(list(map(float, frequencies)), "Hz", "frequency"),
     }
     return axes, {
         "compliance": ResultValue(over, grid[:, :, 0], "m/N", "first harmonic of the position over the amplitude"),

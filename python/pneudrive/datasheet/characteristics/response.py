@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import DIRECTIONS, Axis, ResultValue, characteristic, number
+from pneudrive.datasheet.characteristic import DIRECTIONS, ResultAxis, ResultValue, characteristic, number
 from pneudrive.datasheet.equilibrium import under_load
 from pneudrive.datasheet.linear import gas_at, moving_gas
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
@@ -158,7 +158,7 @@ def trace(motion: StrokeRun) -> Found:
         name: ResultValue(("time",), np.interp(shown, time, motion.columns[column]), unit, meaning)
         for name, (column, unit, meaning) in _TRACE.items()
     }
-    return {"time": Axis(shown, "s", "time from the command")}, values
+    return {"time": ResultAxis(shown, "s", "time from the command")}, values
 
 
 def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]:
@@ -279,7 +279,7 @@ def _impact(plant: HeldDrive) -> Found:
     found["end_over_mean_speed"] = ResultValue(
         over, ratio, "1", "end speed divided by mean speed (makers assume 1.4 to 1.5)"
     )
-    return {"command": Axis(commands, "1", "size of the command"), "direction": DIRECTIONS}, found
+    return {"command": ResultAxis(commands, "1", "size of the command"), "direction": DIRECTIONS}, found
 
 
 def _hit(motion: StrokeRun) -> dict[str, float]:
@@ -339,9 +339,9 @@ def _cushion(
     needles = np.array([_end(_with(plant, needle=(side, share)), side, speed) for share in NEEDLES])
     best = int(np.argmin(needles[:, 0]))
     axes = {
-        "mass": Axis(masses, "kg", "moving mass"),
-        "speed": Axis(speeds, "m/s", "speed at the beginning of the cushion"),
-        "needle": Axis(list(NEEDLES), "1", "opening of the needle, relative to its description"),
+        "mass": ResultAxis(masses, "kg", "moving mass"),
+        "speed": ResultAxis(speeds, "m/s", "speed at the beginning of the cushion"),
+        "needle": ResultAxis(list(NEEDLES), "1", "opening of the needle, relative to its description"),
     }
     over = ("mass", "speed")
     allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
@@ -428,7 +428,7 @@ def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) ->
     up = first_passage(time[on], rise, rise[0] + share * (rise[-1] - rise[0]))
     down = first_passage(time[off], -fall, -fall[0] + share * (fall[0] - fall[-1])) - REST_S
     shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
-    axes = {"time": Axis(time[shown], "s", "time from the command on")}
+    axes = {"time": ResultAxis(time[shown], "s", "time from the command on")}
     return axes, {
         "outlet_pressure": ResultValue(("time",), pressure[shown], "Pa", "absolute pressure at the outlet"),
         "time_on": number(up, "s", f"from the command on to {100.0 * share:g} % of the rise at the outlet"),

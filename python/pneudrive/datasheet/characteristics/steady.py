@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import DIRECTIONS, Axis, ResultValue, characteristic, number
+from pneudrive.datasheet.characteristic import DIRECTIONS, ResultAxis, ResultValue, characteristic, number
 from pneudrive.datasheet.equilibrium import at_velocity, under_load
 from pneudrive.datasheet.linear import SIDE, gas_at, linear_model
 from pneudrive.datasheet.plant import LEAST_VELOCITY, RTOL
@@ -75,8 +75,8 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
     against = np.array(usual if loads is None else list(loads), dtype=float)
     found = np.array([[_moving(plant, u, x, -math.copysign(1.0, u) * load) for load in against] for u in commands])
     axes = {
-        "command": Axis(commands, "1", "command of the valve"),
-        "load_force": Axis(against, "N", "constant force against the motion"),
+        "command": ResultAxis(commands, "1", "command of the valve"),
+        "load_force": ResultAxis(against, "N", "constant force against the motion"),
         "direction": DIRECTIONS,
     }
     over = ("command", "load_force")
@@ -144,7 +144,7 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
     )
     axes = {
         "direction": DIRECTIONS,
-        "share": Axis(shares, "1", "load as a fraction of the stall force"),
+        "share": ResultAxis(shares, "1", "load as a fraction of the stall force"),
     }
     return axes, {
         "load_force": ResultValue(("direction", "share"), loads, "N", "constant force against the motion"),
@@ -193,7 +193,7 @@ def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
         slope = (_blocked(plant, TINY, x) - _blocked(plant, -TINY, x)) / (2.0 * TINY)
     except SimulationError:  # no leak: any pressure holds at a shut valve
         centre, slope = (math.nan, math.nan), math.inf
-    axes = {"command": Axis(commands, "1", "command of the valve")}
+    axes = {"command": ResultAxis(commands, "1", "command of the valve")}
     return axes, {
         "pressure_difference": ResultValue(
             ("command",), difference, "Pa", "pressure a less pressure b, piston blocked"
@@ -297,9 +297,9 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     over = np.asarray([dynamic_stiffness(middle, plant.piston, 2j * math.pi * f) for f in FREQUENCIES])
     loss = np.imag(over) / np.real(over)
     axes = {
-        "position": Axis(positions, "m", "position of the piston"),
-        "pressure": Axis(levels, "Pa", "absolute pressure in both chambers"),
-        "frequency": Axis(FREQUENCIES, "Hz", "frequency"),
+        "position": ResultAxis(positions, "m", "position of the piston"),
+        "pressure": ResultAxis(levels, "Pa", "absolute pressure in both chambers"),
+        "frequency": ResultAxis(FREQUENCIES, "Hz", "frequency"),
     }
     grid = ("position", "pressure")
     return axes, {
@@ -342,9 +342,9 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
         [[_mode(linear_model(plant, SIDE, x, gas_at(plant, p), friction="sliding")) for p in levels] for x in positions]
     )
     axes = {
-        "position": Axis(positions, "m", "position of the piston"),
-        "pressure": Axis(levels, "Pa", "absolute pressure in both chambers"),
-        "mass": Axis([k * plant.mass for k in MASSES], "kg", "moving mass"),
+        "position": ResultAxis(positions, "m", "position of the piston"),
+        "pressure": ResultAxis(levels, "Pa", "absolute pressure in both chambers"),
+        "mass": ResultAxis([k * plant.mass for k in MASSES], "kg", "moving mass"),
     }
     grid = ("position", "pressure")
     half = 0.5 * plant.stroke_m
