@@ -14,6 +14,7 @@ from pneudrive.signals.motion import noise_level
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.describe.drive import Drive
     from pneudrive.signals.drive_recording import DriveRecording
 
     Array = NDArray[np.float64]
@@ -105,10 +106,20 @@ class Signals:
         weights = savgol_coeffs(2 * self.half + 1, 3, deriv=1, delta=self.step_s)
         return float(np.sqrt(weights @ weights)) * noise_level(self.position_m)
 
+    @property
+    def direction(self) -> Array:
+        """Sign of the velocity, 0 at rest."""
+        return np.where(self.moving, np.sign(self.velocity_m_s), 0.0)
+
     @cached_property
     def moving(self) -> NDArray[np.bool_]:
         """Mask of samples with a speed beyond its noise."""
         return np.abs(self.velocity_m_s) > max(MOVES * self.velocity_noise_m_s, 1e-4)
+
+    def start_temperatures(self, drive: Drive) -> list[float]:
+        """Return the measured temperatures at the first sample, or the ambient one, K."""
+        names = ("temperature_a_k", "temperature_b_k")
+        return [float(self.recording[n][0]) if n in self.recording else drive.ambient.temperature_k for n in names]
 
     def state(self, i: int) -> tuple[float, float, float, float, float]:
         """Return time, position, velocity and both pressures at sample `i`, smoothed."""

@@ -21,7 +21,6 @@ from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, read_drive_recordings
 from pneudrive.signals.plausible import check_plausible, moves, time_gaps
 from pneudrive.simulation.trajectory import save_columns, whole
-from pneudrive.validate.breakaway import RecordedBreakaway, breakaways
 from pneudrive.validate.diagnosis import diagnose
 from pneudrive.validate.held_out import HELD_OUT, badge_of, held_out_notes, sources_of
 from pneudrive.validate.metrics import CrossCorrelation, Metrics, Whiteness, cross_correlations, metrics, whiteness
@@ -29,7 +28,7 @@ from pneudrive.validate.motion import MotionValidation, validate_motion
 from pneudrive.validate.regulator import RegulatorValidation, validate_regulator
 from pneudrive.validate.sensors import corrected
 from pneudrive.validate.signals import Signals
-from pneudrive.validate.simulation import ModelRun, run_model
+from pneudrive.validate.simulation import ModelRun, RecordedBreakaway, breakaways, run_model
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -438,7 +437,7 @@ def _record(drive: Drive, signals: Signals, window_s: float) -> RecordResult:
     restarted = run_model(drive, signals, np.arange(0, max(signals.time_s.size - every // 2, 1), every))
     stimuli = {
         "command": signals.command,
-        "direction": np.where(signals.moving, np.sign(signals.velocity_m_s), 0.0),
+        "direction": signals.direction,
         "position": signals.position_m,
         "pressure a": signals.pressure_a_pa,
         "pressure b": signals.pressure_b_pa,
@@ -488,12 +487,12 @@ def validation_toml(found: Validation) -> str:
             "clean": diagnosis.is_clean,
             "residual_over_noise": {name.replace(" ", "_"): value for name, value in diagnosis.size.items()},
             "culprit": [
-                {name: getattr(c, name) for name in ("amount", "unit", "interval", "share", "text", "remedy", "free")}
-                | {"what": c.key, "rivals": [name for name, _ in c.rivals]}
+                {"amount": c.amount, "unit": c.cause.unit, "interval": c.interval, "share": c.share, "text": c.text,
+                 "remedy": c.cause.remedy, "free": c.free, "what": c.key, "rivals": [name for name, _ in c.rivals]}
                 for c in diagnosis.culprits
             ],
         },
-    }
+    }  # fmt: skip
     head = "# Validation of a drive against recordings. SI; nrmse and share are fractions, fit is in percent."
     return "\n".join([head, *toml.sections(tables)]) + "\n"
 

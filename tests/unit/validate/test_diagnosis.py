@@ -10,7 +10,6 @@ from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import diagnose, validate
 from pneudrive.validate.balance import Scene
 from pneudrive.validate.causes import causes
-from pneudrive.validate.residuals import residuals
 from pneudrive.validate.signals import Signals
 
 BY_NAME = {case.name: case for case in CASES}
@@ -66,8 +65,8 @@ def test_the_sentence_says_which_way_and_how_sure():
 def test_residuals_of_a_run_against_its_own_equations_are_rounding_and_sampling():
     truth = drive()
     made = record(truth, 14, noise_m=0.0, noise_pa=0.0)
-    found = residuals(truth, Signals.of(made))
-    for values, used, scale in zip(found.values, found.used, found.scale, strict=True):
+    found = Scene.of(truth, Signals.of(made))
+    for values, used, scale in zip(found.residuals, found.used, found.scale, strict=True):
         assert used.sum() > 100
         assert np.sqrt(np.mean((values[used] / scale[used]) ** 2)) < 1.0
 

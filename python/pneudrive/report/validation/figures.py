@@ -9,14 +9,13 @@ import numpy as np
 from pneudrive.report import style
 from pneudrive.report.axes import legend_over, stack
 from pneudrive.report.tables import quantity
-from pneudrive.validate.balance import moving_mass
-from pneudrive.validate.residuals import BALANCES
+from pneudrive.validate.balance import BALANCES, moving_mass
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pneudrive.describe.drive import Drive
-    from pneudrive.validate.residuals import Residuals
+    from pneudrive.validate.balance import Scene
     from pneudrive.validate.signals import Signals
     from pneudrive.validate.validation import RecordResult
 
@@ -67,7 +66,7 @@ def correlation(r: RecordResult, window_s: float) -> Figure:
     return figure
 
 
-def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
+def balance(drive: Drive, signals: Signals, found: Scene) -> Figure:
     """Draw terms of the force balance, and residuals of all three balances."""
     figure, axes = stack(5.2, (2, 1, 1, 1))
     part = style.thin(signals.time_s)
@@ -83,7 +82,7 @@ def balance(drive: Drive, signals: Signals, found: Residuals) -> Figure:
     units = (("N", 1.0), ("bar/s", 1e-5), ("bar/s", 1e-5))
     some = style.thin(found.time_s)
     for axis, name, values, used, scale, (unit, factor) in zip(
-        axes[1:], BALANCES, found.values, found.used, found.scale, units, strict=True
+        axes[1:], BALANCES, found.residuals, found.used, found.scale, units, strict=True
     ):
         shown = np.where(used, factor * values, np.nan)
         band = 2.0 * factor * scale[some]

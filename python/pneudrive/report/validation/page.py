@@ -82,7 +82,7 @@ def _why(found: Validation) -> Section:
     pictures = []
     for i, r in enumerate(_shown(found)[:2], 1):
         where = next(k for k, own in enumerate(found.records) if own is r)
-        drawn = figures.balance(found.drive, r.signals, diagnosis.residuals[where])
+        drawn = figures.balance(found.drive, r.signals, diagnosis.scenes[where])
         pictures.append(Picture(f"balance-{i}", topic.say("caption", name=r.recording.name), drawn))
     sizes = topic.table(((name, f"{v:.2g}" if v == v else None) for name, v in diagnosis.size.items()), "sizes")
     if diagnosis.culprits:
