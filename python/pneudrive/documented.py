@@ -5,15 +5,16 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
 
-def parts_of(function: Callable[..., Any], heading: str) -> tuple[str, dict[str, tuple[str, str]]]:
+def parts_of(function: Callable[..., Any] | ModuleType, heading: str) -> tuple[str, dict[str, tuple[str, str]]]:
     """Return the text of a docstring, and the entries below a heading: name -> form and meaning.
 
     Parameters
     ----------
-    function : callable
+    function : callable or module
     heading : str
         ``Options`` of a command, ``Settings`` of a characteristic.
 

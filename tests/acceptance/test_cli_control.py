@@ -17,7 +17,8 @@ import polars as pl
 import pytest
 
 import pneudrive as pn
-from pneudrive.cli.examples import EXAMPLES
+from pneudrive.cli.commands import examples_of
+from pneudrive.cli.control import export
 from pneudrive.cli.main import run
 from pneudrive.control.results.measures import score_of
 from pneudrive.errors import CommandError, PneudriveWarning
@@ -408,5 +409,5 @@ def test_the_examples_of_export_in_the_help_work(tmp_path, monkeypatch):
     (tmp_path / "axis.toml").write_text(AXIS.read_text(encoding="utf-8"), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert run(["control", "tune", "axis.toml", "--law", "inversion", "--out", "controller.toml"]) == 0
-    for line in "\n".join(EXAMPLES["control export"]).replace("\\\n", "").splitlines():
+    for line in "\n".join(examples_of(export)).replace("\\\n", "").splitlines():
         assert run(shlex.split(line)[1:]) == 0, line

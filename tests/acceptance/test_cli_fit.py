@@ -11,7 +11,7 @@ import pytest
 from oracle.campaigns import World, write_campaign
 from pneudrive import _core
 from pneudrive.characterise import read_map, write_map
-from pneudrive.cli.identify.fit import _joined
+from pneudrive.cli.identify import joined_maps
 from pneudrive.cli.main import run
 from pneudrive.describe.files import toml
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, columns_to_dataset
@@ -121,7 +121,7 @@ def test_maps_are_fitted_together_at_their_gauge_pressures(folder, tmp_path, cap
     assert "from 72 values" in capsys.readouterr().out
     first = read_map(path).assign_attrs(ambient_pressure_pa=101325.0)
     low = {name: first[name] - 3000.0 for name in ("pressure_a_pa", "pressure_b_pa")}
-    joined = _joined([path, path], [first, first.assign(low).assign_attrs(ambient_pressure_pa=98325.0)])
+    joined = joined_maps([path, path], [first, first.assign(low).assign_attrs(ambient_pressure_pa=98325.0)])
     assert sorted(set(joined["pressure_a_pa"].to_numpy())) == sorted(set(first["pressure_a_pa"].to_numpy()))
     (tmp_path / "recording.csv").write_text("1,2")
     assert run([*both[:2], str(tmp_path / "recording.csv")]) == 2

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from pneudrive.cli.examples import EXAMPLES
-from pneudrive.cli.groups import command_paths
+from pneudrive.cli.commands import command_paths
 from pneudrive.cli.main import COMMANDS, HIDDEN, app, run
 
 ROOT = Path(__file__).parents[2]
@@ -76,9 +75,10 @@ def test_help_fits_one_screen_and_ends_with_examples(path, capsys, monkeypatch):
     text = capsys.readouterr().out.rstrip()
     assert len(text.splitlines()) <= LINES
     assert max(map(len, text.splitlines())) <= 80
-    lines = EXAMPLES.get(" ".join(path), ())
-    assert lines or hasattr(resolve(list(path))[0], "table")
-    assert text.endswith("\n".join(("", *(f"    {line}" for line in lines))))
+    command = resolve(list(path))[0]
+    lines = (command.epilog or "").splitlines()[2:]
+    assert lines or hasattr(command, "table")
+    assert text.endswith("\n".join(("", *(f"  {line}" for line in lines))))
     for line in "\n".join(lines).replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)
         if words[0] == "pneudrive":

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pneudrive.cli.hand_over.demo import AXIS, SHIPPED
+from pneudrive.cli.hand_over import AXIS, SHIPPED
 from pneudrive.cli.main import run
 from pneudrive.errors import CampaignError
 from pneudrive.friction.characterisation import characterise_recordings

@@ -113,17 +113,6 @@ def test_what_cannot_be_made_ends_the_server(tmp_path: Path, monkeypatch: pytest
         served.serve(tmp_path, 0, lambda _: None)
 
 
-REMOVED = (["--bind", "0.0.0.0"], ["--certificate", "a.pem"], ["--key", "a"], ["--user-file", "u"], ["--unprotected"])
-
-
-@pytest.mark.parametrize("option", REMOVED, ids=lambda option: option[0])
-def test_a_removed_option_names_its_replacement(option: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["web", *option, "--no-browser"]) == 2
-    said = capsys.readouterr().err
-    assert f"{option[0]} is no longer an option" in said
-    assert "ssh -L" in said
-
-
 def test_the_token_is_no_argument_of_the_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every account of a computer reads the arguments of all processes; the file there is the user's alone."""
     opened, seen = "http://127.0.0.1:8123/#token=secret", []

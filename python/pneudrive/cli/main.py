@@ -1,6 +1,6 @@
 """The ``pneudrive`` command. Command line.
 
-Each command is one module in the folder of its section and one word in ``SECTIONS``.
+Each command is a function in the module of its section and one word in ``SECTIONS``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from pneudrive import __version__
-from pneudrive.cli.groups import group
+from pneudrive.cli.commands import group
 from pneudrive.errors import (
     Cancelled,
     OwnLawError,
@@ -42,9 +42,7 @@ SECTIONS = {
     "Hand over": ("export", "demo"),
 }
 COMMANDS = {
-    name: f"pneudrive.cli.{section.lower().replace(' ', '_')}.{name}"
-    for section, names in SECTIONS.items()
-    for name in names
+    name: f"pneudrive.cli.{section.lower().replace(' ', '_')}" for section, names in SECTIONS.items() for name in names
 }
 HIDDEN = frozenset({"demo"})  # called by `make demo`
 
@@ -54,7 +52,7 @@ MOST_ALIKE = 3
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d.]*(?:e[-+]?\d+)?(?!\w)")
 
 
-app = group(COMMANDS, HIDDEN, sections=SECTIONS, completion=True)
+app = group(COMMANDS, completion=True, hidden_names=HIDDEN, sections=SECTIONS)
 
 
 @app.callback(invoke_without_command=True)

@@ -1,76 +1,100 @@
-"""Options shared by several commands, and reading of quantities in options."""
+"""Options that several commands share, and reading of texts in options.
+
+Options
+-------
+drive : DRIVE|CIRCUIT
+    Drive or circuit file (TOML), or catalogue:NAME.
+fit : FIT.toml
+    Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.
+catalogue : DIR
+    Folder of your own parts and drives; repeatable.
+layout
+    Layout of foreign files; default: layout.toml in their folder.
+plot
+    Picture: .png, .svg or .pdf.
+command : STEPS
+    Valve command, -1 to 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. In a circuit: "VALVE: 0 s: 1".
+set : KEY=VALUE
+    Value, "friction.coulomb = 31 N"; repeatable.
+rtol
+    Relative tolerance of the solver.
+out
+    Folder for the results.
+profile
+    Also compute intervals by profile likelihood.
+report : FOLDER
+    Folder for a report with residuals.
+"""
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from pathlib import Path
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+import pneudrive as pn
 from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.lazy_names import used_later
+
+with used_later(__name__):
+    from pneudrive import units
+    from pneudrive.describe.files import load
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from pneudrive.describe.circuit import Circuit
+    from pneudrive.describe.drive import Drive
 
 Value = TypeVar("Value")
+Switch = Annotated[bool, typer.Option()]  # also with the opposite, --no-...
+Count = Annotated[int, typer.Option(min=0)]
+Port = Annotated[int, typer.Option(min=0, max=65535)]
 
 
-def _open_catalogue(context: typer.Context, paths: list[Path] | None) -> list[Path] | None:
-    """Add the folders to the catalogue while the command runs."""
-    if paths:
-        from pneudrive.describe.files.catalogue import catalogue_folders
-
-        context.with_resource(catalogue_folders(*paths))
-    return paths
+def opened_catalogue(folders: Sequence[Path] | None) -> AbstractContextManager[object]:
+    """Return a block in which the folders belong to the catalogue."""
+    return pn.catalogue_folders(*folders) if folders else nullcontext()
 
 
-#: Folders of the user's parts and drives; a command that reads descriptions needs only this option.
-CatalogueFolders = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--catalogue",
-        help="Folder of your own parts and drives; repeatable.",
-        metavar="DIR",
-        callback=_open_catalogue,
-    ),
-]
+def command_of(described: Drive | Circuit, commands: list[str] | None) -> str | list[str] | None:
+    """Return the commands of a circuit, or the only command of a drive.
+
+    Raises
+    ------
+    CommandError
+        A drive has none, or more than one.
+    """
+    if "" not in described.commandable:
+        return commands
+    if not commands:
+        raise CommandError("the command of the valve is missing", remedy='Add --command "0 s: 1", for instance.')
+    if len(commands) > 1:
+        raise CommandError(f"a drive has one valve, but {len(commands)} commands are given", remedy="Keep one of them.")
+    return commands[0]
 
 
-#: Argument of commands for drives and circuits.
-Described = Annotated[
-    str, typer.Argument(help="Drive or circuit file (TOML), or catalogue:NAME.", metavar="DRIVE|CIRCUIT")
-]
-Protocol = Annotated[str, typer.Argument(help="Protocol file (TOML), or a ready one by name.", metavar="PROTOCOL")]
-BenchRig = Annotated[str, typer.Option("--rig", help="Rig file, ready rig, or address.", metavar="RIG")]
-Layout = Annotated[
-    Path | None, typer.Option("--layout", help="Layout of foreign files; default: layout.toml in their folder.")
-]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Picture: .png, .svg or .pdf.")]
-FitFile = Annotated[
-    Path,
-    typer.Argument(help="Fit: a file of `pneudrive identify --out`, `fit` or `characterise`.", metavar="FIT.toml"),
-]
-Steps = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--command",
-        help='Valve command, -1 to 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. In a circuit: "VALVE: 0 s: 1".',
-        metavar="STEPS",
-    ),
-]
-Changes = Annotated[
-    list[str] | None,
-    typer.Option("--set", help='Value, "friction.coulomb = 31 N"; repeatable.', metavar="KEY=VALUE"),
-]
-Rtol = Annotated[float, typer.Option("--rtol", help="Relative tolerance of the solver.")]
-Results = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
-Profile = Annotated[bool, typer.Option(help="Also compute intervals by profile likelihood.")]
-Page = Annotated[Path | None, typer.Option("--report", help="Folder for a report with residuals.", metavar="FOLDER")]
-Samples = Annotated[
-    str,
-    typer.Option("--protocol", help="Selection of samples: settled, or source-paper (first 5 % dropped)."),
-]
+def changed(drive: str, changes: list[str] | None) -> Drive | Circuit:
+    """Load a drive or a circuit, with changed values from texts ``key = value``.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        The file, or a change, is not valid.
+    """
+    described = load.load_described(drive)
+    texts = pairs_in("--set", changes or (), "friction.coulomb = 31 N")
+    return described.replace({key: number_or_text(text) for key, text in texts.items()}) if texts else described
+
+
+def number_or_text(text: str) -> float | str:
+    """Return a number without a unit as a pure number, and any other text unchanged."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def one_of(option: str, word: str, known: Mapping[str, Value]) -> Value:
@@ -123,10 +147,8 @@ def quantity(name: str, text: str, si_unit: str) -> float:
     CommandError
         The text is not a quantity of this kind.
     """
-    from pneudrive.units import parse
-
     with option(name):
-        return parse(text, si_unit)
+        return units.parse(text, si_unit)
 
 
 @contextmanager
@@ -144,24 +166,37 @@ def option(name: str) -> Iterator[None]:
         raise CommandError(f"{name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
 
-def pair_in(option: str, text: str, example: str) -> tuple[str, str]:
-    """Return key and value of ``key = value``.
+def pairs_in(option: str, texts: Iterable[str], example: str) -> dict[str, str]:
+    """Return key and value of each ``key = value``.
 
     Raises
     ------
     CommandError
-        The text is not of this form.
+        A text is not of this form, or a key is repeated.
+
+    Examples
+    --------
+    >>> pairs_in("--set", ["friction.coulomb = 31 N"], "load.mass = 1 kg")
+    {'friction.coulomb': '31 N'}
     """
-    key, equals, value = (part.strip() for part in text.partition("="))
-    if not (key and equals and value):
-        raise CommandError(f'{option} "{text}" is not key = value', remedy=f'For instance "{example}".')
-    return key, value
+    pairs: dict[str, str] = {}
+    for text in texts:
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if not (key and equals and value):
+            raise CommandError(f'{option} "{text}" is not key = value', remedy=f'For instance "{example}".')
+        if key in pairs:
+            raise CommandError(f"{option} gives {key} twice", remedy="Keep one of them.")
+        pairs[key] = value
+    return pairs
 
 
-def sensor_option(text: str) -> tuple[str, dict[str, str]]:
-    """Read ``position: noise = 2 um, offset = free``."""
-    channel, colon, rest = text.partition(":")
-    entries = dict(pair_in("--sensor", entry, "noise = 2 um") for entry in names_in(rest))
-    if not colon or not entries:
-        raise CommandError(f'--sensor "{text}" has no key = value', remedy='For instance "position: noise = 2 um".')
-    return channel.strip(), entries
+def sensor_options(texts: Iterable[str] | None) -> dict[str, dict[str, str]]:
+    """Read texts such as ``position: noise = 2 um, offset = free``."""
+    sensors = {}
+    for text in texts or ():
+        channel, colon, rest = text.partition(":")
+        entries = pairs_in("--sensor", names_in(rest), "noise = 2 um")
+        if not colon or not entries:
+            raise CommandError(f'--sensor "{text}" has no key = value', remedy='For instance "position: noise = 2 um".')
+        sensors[channel.strip()] = entries
+    return sensors

@@ -1,15 +1,24 @@
-"""Output of commands: files, folders, and the terminal."""
+"""Output of commands: files, folders, the terminal, and progress."""
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import sys
+import time
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 import typer
 
 from pneudrive.errors import CommandError
+from pneudrive.lazy_names import used_later
+from pneudrive.progress import Watch
+
+with used_later(__name__):
+    from pneudrive.report import written
+    from pneudrive.simulation import trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -25,6 +34,10 @@ if TYPE_CHECKING:
 #: Width of a table that is written to a file, characters.
 WIDTH = 160
 MOST_ROWS = 60  # rows of a table on the terminal; files have all of them
+FIRST_S = 1.0  # s; shorter work shows no progress
+LINE_EVERY_S = 10.0  # s; between lines of progress if stderr is a file
+#: Environment variable; where it is "json", each report is a line {"done": ..., "total": ..., "task": ...} on stderr.
+FORM, JSON = "PNEUDRIVE_PROGRESS", "json"
 
 
 def writable_folder(out: Path) -> Path:
@@ -72,7 +85,7 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 
     console().print(table)
 
 
-def show_lines(lines: Iterable[str]) -> None:
+def show_lines(*lines: object) -> None:
     """Print lines, wrapped at the width of the terminal."""
     shown = console()
     for line in lines:
@@ -84,12 +97,12 @@ def show_view(view: View) -> None:
     for head, rows in (view.table(), view.curve_table()):
         if rows:
             show_table(head, rows[:MOST_ROWS])
-    show_lines(note if note[:1] in "-!" else f"- {note}" for note in view.notes)
+    show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.notes))
 
 
 def show_statements(statements: Iterable[Statement]) -> None:
     """Print statements on the data. "!" marks undetermined values."""
-    show_lines(f"{'-' if statement.carried else '!'} {statement}" for statement in statements)
+    show_lines(*(f"{'-' if statement.carried else '!'} {statement}" for statement in statements))
 
 
 def show_events(events: Iterable[Mapping[str, Any]]) -> None:
@@ -119,13 +132,10 @@ def check_outputs(
     CommandError
         Unknown suffix, or a folder that does not exist or is not writable.
     """
-    from pneudrive.report.written import PICTURES
-    from pneudrive.simulation.trajectory import SUFFIXES, check_target
-
     if out is not None:
-        check_target(out, tuple(suffixes) or SUFFIXES)
+        trajectory.check_target(out, tuple(suffixes) or trajectory.SUFFIXES)
     if plot is not None:
-        check_target(plot, (*PICTURES, *more))
+        trajectory.check_target(plot, (*written.PICTURES, *more))
 
 
 def write_outputs(*targets: tuple[Path | None, Callable[[Path], object]]) -> None:
@@ -133,10 +143,10 @@ def write_outputs(*targets: tuple[Path | None, Callable[[Path], object]]) -> Non
     for path, write in targets:
         if path is not None:
             write(path)
-    tell(path for path, _ in targets)
+    show_paths(*(path for path, _ in targets))
 
 
-def tell(paths: Iterable[Path | None]) -> None:
+def show_paths(*paths: Path | None) -> None:
     """Print the paths of results, one on each line; files that were not written are left out."""
     for path in paths:
         if path is not None:
@@ -148,14 +158,12 @@ def file_name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "-", text)
 
 
-def tell_fit(fit: Fit, out: Path | None, report: Path | None, *, profile: bool) -> None:
+def show_fit(fit: Fit, out: Path | None, report: Path | None, *, profile: bool) -> None:
     """Print a fit, write its file and its page, and print intervals by profile likelihood."""
     typer.echo(str(fit))
-    if out is not None:
-        fit.to_toml(out)
-        tell([out])
+    write_outputs((out, fit.to_toml))
     if report is not None:
-        tell([fit.report(report)])
+        show_paths(fit.report(report))
     if profile:
         for name, (lower, upper) in fit.profile().items():
             typer.echo(f"  profile of {name}: {lower:.5g} .. {upper:.5g} {fit.units[name]}")
@@ -166,11 +174,45 @@ def write_text(text: str, out: Path | None) -> None:
 
     Without a file, write to standard output.
     """
-    from pneudrive.simulation.trajectory import whole
-
     if out is None:
         typer.echo(text, nl=False)
         return
-    with whole(out) as temporary:
+    with trajectory.whole(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    tell([out])
+    show_paths(out)
+
+
+class _Line:
+    """Progress line on stderr, overwritten in place; in a file, a line every ten seconds."""
+
+    def __init__(self) -> None:
+        self.began = self.written = time.monotonic()
+        self.width = 0
+
+    def __call__(self, done: float, total: float, task: str) -> None:
+        """Write the progress."""
+        now = time.monotonic()
+        if now - self.began < FIRST_S:
+            return
+        share = f"{done:g} of {total:g}" if total else f"{done:g}"
+        text = f"{task}: {share}"
+        if sys.stderr.isatty():
+            sys.stderr.write("\r" + text.ljust(self.width))
+            self.width = len(text)
+            if done >= total > 0:
+                sys.stderr.write("\r" + " " * self.width + "\r")
+                self.width = 0
+        elif now - self.written >= LINE_EVERY_S:
+            self.written = now
+            sys.stderr.write(text + "\n")
+        sys.stderr.flush()
+
+
+def _as_json(done: float, total: float, task: str) -> None:
+    sys.stderr.write(json.dumps({"done": done, "total": total, "task": task}) + "\n")
+    sys.stderr.flush()
+
+
+def on_terminal() -> Watch:
+    """Return the watch of a command, which shows progress on stderr after the first second."""
+    return Watch(_as_json if os.environ.get(FORM) == JSON else _Line())

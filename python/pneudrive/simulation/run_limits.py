@@ -194,7 +194,7 @@ def _singular_poses(described: Drive | Circuit, columns: Mapping[str, Any]) -> I
 
     for platform in compiled(described.circuit.core_json()).platforms:
         names = [f"{platform.name}.{key}" + ("" if key.endswith("_m") else "_rad") for key in platform.coordinates]
-        q = coordinates(platform, np.column_stack([np.asarray(columns[name]) for name in names]))
+        q = coordinates(platform, np.column_stack([np.fromiter(columns[name], float) for name in names]))
         signs = np.linalg.slogdet(platform.evaluate(q, np.zeros_like(q))["jacobian"])[0]
         rows = np.flatnonzero(signs[1:] * signs[:-1] <= 0.0)
         if rows.size:

@@ -10,31 +10,32 @@ from typing import Annotated
 
 import typer
 
-from pneudrive.cli.groups import group
-from pneudrive.cli.options import quantity
+from pneudrive.cli.options import Port, quantity
+from pneudrive.cli.output import show_paths
+from pneudrive.errors import CommandError
+from pneudrive.lazy_names import used_later
 
-rig = group(dict.fromkeys(("serve", "certificate", "user"), "pneudrive.cli.measure.rig"))
+with used_later(__name__):
+    from pneudrive.rig import loading
+    from pneudrive.rig.opcua import access, nodes, server
+
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
-@rig.callback()
-def _rig() -> None:
-    """Serve a rig over OPC UA, with certificates and users."""
-
-
 def serve(
-    rig: Annotated[str, typer.Argument()] = "default",
-    port: Annotated[int, typer.Option(min=0, max=65535)] = 4840,
+    rig: str = "default",
+    *,
+    port: Port = 4840,
     bind: str = "127.0.0.1",
-    pace: Annotated[float, typer.Option("--speed")] = 1.0,
+    speed: float = 1.0,
     seed: int = 0,
-    map: Path | None = None,  # noqa: A002
+    map: Path | None = None,  # noqa: A002 - the name of the option
     heartbeat: str = "",
     certificate: Path | None = None,
     key: Path | None = None,
     trust: list[Path] | None = None,
     user_file: Path | None = None,
-    unprotected: Annotated[bool, typer.Option("--unprotected")] = False,
+    unprotected: bool = False,
 ) -> None:
     """Serve a rig over OPC UA, with the nodes of a map, until Ctrl-C.
 
@@ -46,7 +47,7 @@ def serve(
         Port; 0: a free one.
     bind
         Address to listen on.
-    pace
+    speed
         1: real time; 10: ten times faster; 0: as fast as possible.
     seed
         Seed of all noise of a simulated rig.
@@ -64,33 +65,29 @@ def serve(
         File of users that may log in; made by `pneudrive rig user`.
     unprotected
         Allow anyone on the network to command the axis.
-    """
-    from pneudrive.errors import CommandError
-    from pneudrive.rig.loading import load_rig
-    from pneudrive.rig.opcua.access import Protection
-    from pneudrive.rig.opcua.nodes import load_map
-    from pneudrive.rig.opcua.server import RigServer
 
-    protection = Protection.of(certificate, key, trust, user_file)
+    Examples
+    --------
+    pneudrive rig serve default
+    """
+    protection = access.Protection.of(certificate, key, trust, user_file)
     if bind not in LOOPBACK and certificate is None and not unprotected:
         raise CommandError(
             f"--bind {bind} needs --certificate",
             rule="anyone who reaches this address could move the axis",
             remedy="Give certificates (pneudrive rig certificate), or add --unprotected.",
         )
-    if pace < 0.0 or 0.0 < pace < 1.0:
-        raise CommandError(f"--speed {pace:g} is out of bounds", rule="0, or at least 1")
+    if speed < 0.0 or 0.0 < speed < 1.0:
+        raise CommandError(f"--speed {speed:g} is out of bounds", rule="0, or at least 1")
     heartbeat_s = quantity("--heartbeat", heartbeat, "s") if heartbeat else None
     if heartbeat_s is not None and heartbeat_s <= 0.0:
         raise CommandError(f"--heartbeat {heartbeat} is out of bounds", rule="greater than zero")
-    bench = load_rig(rig, seed, pace or None)
+    bench = loading.load_rig(rig, seed, speed or None)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    with RigServer(bench, load_map(map), bind, port, protection, heartbeat_s) as server:
-        name = bench.identity().name
-        typer.echo(
-            f"{name} at {server.url} with seed {seed}; heartbeat {server.heartbeat_s:g} s. Ctrl-C ends the server."
-        )
+    with server.RigServer(bench, nodes.load_map(map), bind, port, protection, heartbeat_s) as running:
+        about = f"{bench.identity().name} at {running.url} with seed {seed}"
+        typer.echo(f"{about}; heartbeat {running.heartbeat_s:g} s. Ctrl-C ends the server.")
         sys.stdout.flush()
         while not ended.wait(0.5):  # an endless wait would block Ctrl-C on some systems
             pass
@@ -98,6 +95,7 @@ def serve(
 
 def certificate(
     name: str,
+    *,
     out: Path = Path(),
     host: list[str] | None = None,
     days: Annotated[int, typer.Option(min=1)] = 365,
@@ -114,17 +112,15 @@ def certificate(
         Name of the computer; repeatable; default: this computer.
     days
         Days of validity.
+
+    Examples
+    --------
+    pneudrive rig certificate server --out certificates
     """
-    from pneudrive.rig.opcua.access import make_certificate
-
-    for path in make_certificate(out, name, host, days):
-        typer.echo(str(path))
+    show_paths(*access.make_certificate(out, name, host, days))
 
 
-def user(
-    name: str,
-    user_file: Annotated[Path, typer.Option()],
-) -> None:
+def user(name: str, *, user_file: Path) -> None:
     """Add a user, or change a password. The command asks for the password, or reads it from standard input.
 
     Options
@@ -133,12 +129,14 @@ def user(
         Name of the user.
     user_file
         File of users; it keeps salted hashes, no passwords.
-    """
-    from pneudrive.rig.opcua.access import add_user
 
+    Examples
+    --------
+    pneudrive rig user anna --user-file certificates/users
+    """
     if sys.stdin.isatty():
         password = typer.prompt("Password", hide_input=True, confirmation_prompt=True)
     else:
         password = sys.stdin.readline().rstrip("\r\n")
-    add_user(user_file, name, password)
-    typer.echo(str(user_file))
+    access.add_user(user_file, name, password)
+    show_paths(user_file)

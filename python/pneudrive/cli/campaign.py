@@ -1,0 +1,246 @@
+"""``pneudrive campaign``: plan, run, watch and resume friction campaigns.
+
+Options
+-------
+protocol : PROTOCOL
+    Protocol file (TOML), or a ready one by name.
+rig : RIG
+    Rig file, ready rig, or address.
+folder : DIR
+    Campaign folder.
+operator
+    Name of the operator; kept with the campaign and with each operator's step.
+yes
+    Treat every step of the operator as done, without asking.
+speed
+    Speed of a simulated rig; 1: real time. Default: as fast as possible.
+timeout
+    Longest wait for normal conditions (supply pressure, temperature, force, no fault).
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from pneudrive.cli.options import pairs_in, quantity
+from pneudrive.errors import CampaignError, CommandError, PneudriveError
+from pneudrive.lazy_names import used_later
+
+with used_later(__name__):
+    from pneudrive.campaign import run as campaigns
+    from pneudrive.campaign import status as statuses
+    from pneudrive.campaign.planning import plan as plans
+    from pneudrive.campaign.planning import preflight
+    from pneudrive.campaign.planning import protocol as protocols
+    from pneudrive.campaign.running import live
+    from pneudrive.campaign.storage import control, files
+    from pneudrive.rig import loading
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pneudrive.campaign.run import Options, Result
+    from pneudrive.campaign.running.live import Display
+
+EXIT_OTHER, EXIT_INTERRUPTED = 1, 130
+
+
+def plan(protocol: str, *, rig: str = "default") -> None:
+    """Show the plan of a protocol on a rig (cycles, time, data), and check it against the limits of the rig.
+
+    Examples
+    --------
+    pneudrive campaign plan quick-look --rig default
+    """
+    content = protocols.read_protocol(protocol)
+    with loading.opened(loading.load_rig(rig, content.seed)) as bench:
+        preflight.check_levels(content, bench)
+        typer.echo(plans.show(plans.lay_out(content, bench.identity(), bench.limits())))
+
+
+def run(
+    protocol: str,
+    *,
+    out: Path,
+    rig: str = "default",
+    operator: str = "",
+    label: list[str] | None = None,
+    yes: bool = False,
+    speed: float | None = None,
+    timeout: str = "10 min",
+) -> None:
+    """Run a campaign on a rig into a folder.
+
+    Ctrl-C pauses after the cycle. A second Ctrl-C stops the axis now.
+
+    Options
+    -------
+    out : DIR
+        Campaign folder.
+    label : KEY=VALUE
+        Free text kept with the campaign; repeatable.
+
+    Examples
+    --------
+    pneudrive campaign run quick-look --rig default --out first-look
+    """
+    labels = pairs_in("--label", label or (), "seal = NAPN")
+    options = _options(operator, yes, timeout)
+    again = _again(out, rig)
+    with _running(again):
+        result = campaigns.run_campaign(
+            protocol, rig, out, options=options, labels=labels, pace=speed, display=_display()
+        )
+    _end(result, again)
+
+
+def resume(
+    folder: Path,
+    *,
+    rig: str = "",
+    allow_code: str = "",
+    operator: str = "",
+    yes: bool = False,
+    speed: float | None = None,
+    timeout: str = "10 min",
+) -> None:
+    """Resume a campaign that another process has paused, or whose process has ended.
+
+    Options
+    -------
+    rig : RIG
+        Rig; may be left out for a simulated rig or a replay, which the folder names.
+    allow_code : SHA256
+        Allow the code that the folder names, if its file has this SHA-256.
+
+    Examples
+    --------
+    pneudrive campaign resume first-look
+    """
+    running = files.holder(folder)
+    if running is not None and running.state in ("paused", "operator"):
+        control.ask(folder, control.RESUME, operator or files.user())
+        after = control.wait_for(folder, ("running", "waiting", "pausing", "stopping"), 10.0)
+        typer.echo("The campaign continues." if after else "The campaign has ended.")
+        return
+    options = _options(operator, yes, timeout)
+    again = _again(folder, rig, allow_code)
+    with _running(again):
+        result = campaigns.resume_campaign(
+            folder, rig or None, options=options, pace=speed, allow_code=allow_code or None, display=_display()
+        )
+    _end(result, again)
+
+
+def status(folder: Path) -> None:
+    """Show progress, flagged or damaged cycles, and the running process of a campaign.
+
+    Examples
+    --------
+    pneudrive campaign status first-look
+    """
+    state = statuses.status_of(folder)
+    about = state.campaign.about
+    synthetic = " (synthetic)" if state.campaign.synthetic else ""
+    typer.echo(f"{about.get('name') or folder}{synthetic}, rig {state.campaign.identity.name}")
+    if state.planned is None:
+        typer.echo(f"{len(state.files)} cycles; the folder has no plan")
+    else:
+        extra = f", {state.extra} beyond the plan" if state.extra else ""
+        left = f"; {live.duration(state.remaining_s or 0.0)} left on the rig" if state.to_do else "; done"
+        typer.echo(f"{len(state.files) - state.extra} of {state.planned} planned cycles{extra}{left}")
+    for flag, count in state.flags.items():
+        typer.echo(f"flag {flag}: {count} {'cycle' if count == 1 else 'cycles'}")
+    for problem in state.problems:
+        typer.echo(f"{'problem' if problem.lost else 'note'}: {problem}")
+    typer.echo(f"in work by {state.holder}" if state.holder else "no process runs this campaign")
+
+
+def pause(folder: Path, *, now: bool = False) -> None:
+    """Pause a campaign in another process, after its cycle or now.
+
+    Options
+    -------
+    now
+        Stop the axis now; the running cycle is repeated later.
+
+    Examples
+    --------
+    pneudrive campaign pause first-look --now
+    """
+    before = control.ask(folder, control.STOP if now else control.PAUSE, files.user())
+    after = control.wait_for(folder, ("pausing", "paused", "operator"), 10.0)
+    typer.echo(str(after) if after else f"The campaign has ended ({before}).")
+
+
+def abort(folder: Path) -> None:
+    """End a campaign in another process. The axis comes to rest, and finished cycles are kept.
+
+    Examples
+    --------
+    pneudrive campaign abort first-look
+    """
+    control.ask(folder, control.ABORT, files.user())
+    after = control.wait_for(folder, (), 90.0)
+    if after is not None:
+        raise CampaignError(
+            "the campaign has not ended yet",
+            value=str(after),
+            where=str(folder),
+            remedy=f"Check the rig, then end process {after.pid} by hand: finished cycles are kept.",
+        )
+    typer.echo("The campaign has ended. Finished cycles are kept.")
+
+
+def _options(operator: str, yes: bool, timeout: str) -> Options:
+    seconds = quantity("--timeout", timeout, "s")
+    if seconds < 0.0:
+        raise CommandError(f"--timeout {timeout} is out of bounds", rule="zero or more")
+    return campaigns.Options(operator=operator, yes=yes, patience_s=seconds)
+
+
+def _display() -> Display:
+    return live.ScreenDisplay() if sys.stdout.isatty() else live.LineDisplay()
+
+
+def _again(folder: Path, rig: str, allow_code: str = "") -> str:
+    """Return the command to resume; it names the rig if the folder alone is not sufficient."""
+    named = f" --rig {rig}" if loading.must_be_named(rig) else ""
+    return f"pneudrive campaign resume {folder}{named}{f' --allow-code {allow_code}' if allow_code else ''}"
+
+
+@contextmanager
+def _running(again: str) -> Iterator[None]:
+    """Exit with status 1 if an error ends a running campaign, and print how to resume.
+
+    SIGTERM acts like Ctrl-C. During a campaign, the campaign itself handles Ctrl-C and SIGTERM.
+    """
+    in_main = threading.current_thread() is threading.main_thread()  # others must not
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if in_main else None
+    try:
+        yield
+    except PneudriveError as error:
+        if not campaigns.can_be_resumed(error):
+            raise
+        sys.stderr.write(f"{type(error).__name__}: {error}\n")
+        sys.stderr.write(f"Finished cycles are kept. Resume: {again}\n")
+        raise typer.Exit(EXIT_OTHER) from error
+    finally:
+        if in_main:
+            signal.signal(signal.SIGTERM, before)
+
+
+def _end(result: Result, again: str) -> None:
+    """Print the end of a campaign; exit with status 130 if a user ended it."""
+    if result.ended == campaigns.DONE:
+        typer.echo(f"{result.finished} cycles in {result.campaign.path}")
+        return
+    typer.echo(f"Ended after {result.finished} of {result.planned} cycles. Resume: {again}")
+    raise typer.Exit(EXIT_INTERRUPTED)

@@ -1,0 +1,378 @@
+"""``pneudrive control``: tune controllers from a drive's description, run and compare them, check references.
+
+Options
+-------
+setup
+    Instrumentation: ideal, real, cheap (assumed values), or a TOML file.
+reference : REF
+    Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R6, or a file.
+allow_code : SHA256
+    Allow the code that a controller file names, by its SHA-256.
+mismatch
+    Deviation of the true drive: all, mass+30, sag, load-step, ... (assumed values), or a TOML file.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from pneudrive.cli.commands import group
+from pneudrive.cli.options import Count, check_used, names_in
+from pneudrive.cli.output import (
+    check_outputs,
+    on_terminal,
+    show_events,
+    show_paths,
+    show_table,
+    write_outputs,
+)
+from pneudrive.errors import CommandError, PneudriveError, warn
+from pneudrive.lazy_names import used_later
+from pneudrive.repr_tables import aligned
+
+with used_later(__name__):
+    from pneudrive import platforms
+    from pneudrive.control import (
+        demand,
+        loop,
+        pose,
+        references,
+        source_code,
+        suited,
+        tuning,
+    )
+    from pneudrive.control.results import card, comparison, measures
+    from pneudrive.describe.files import load
+    from pneudrive.report.control import figures, page
+    from pneudrive.report.control import pose as pose_page
+    from pneudrive.simulation import trajectory
+
+if TYPE_CHECKING:
+    from pneudrive.control.results.measures import Score
+    from pneudrive.control.tuning import Tuning
+    from pneudrive.describe import Circuit, Drive
+    from pneudrive.simulation.simulate import Run
+
+#: Reference along which a tuned law is tried, and share of its way by which that may miss it (assumed).
+TRIED_ALONG, MOST_TRIED = "R3", 0.1
+SHOWN = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
+#: Files of a run of a platform in its folder.
+RUN, SCORE, PICTURE = "run.parquet", "score.csv", "pose.png"
+
+control = group(
+    dict.fromkeys(("tune", "run", "benchmark", "reference", "export"), __name__),
+    "Tune, run, compare and export controllers, and check references; all runs are simulated.",
+)
+
+
+def tune(
+    drive: str,
+    *,
+    law: str = "nmpc",
+    setup: str = "real",
+    out: Path | None = None,
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Tune a controller from the description of a drive.
+
+    Print the rule and limits of each gain, and a simulated result.
+
+    Options
+    -------
+    law
+        Controller: pid, fuzzy, sliding-mode, super-twisting, inversion or nmpc.
+    out
+        Controller file (TOML) with all gains.
+
+    Examples
+    --------
+    pneudrive control tune axis.toml --law super-twisting --out controller.toml
+    """
+    check_outputs(out, (".toml",))
+    described = load.load_described(drive)
+    found = tuning.tune(described, law, setup=setup)
+    typer.echo(f"{found.law} for {found.belief.name}, every {1e3 * found.period_s:g} ms\n")
+    show_table(
+        ("gain", "<value", "<meaning", "<follows from"),
+        [(gain.key, str(gain), gain.meaning, gain.rule) for gain in found.numbers],
+    )
+    typer.echo(f"\n{aligned(found.plant.rows())}\n\n" + "\n".join(found.limits))
+    _try_out(described, found, setup)
+    typer.echo("\nEach controller along R3, as described and with half of the mass, simulated; best first:")
+    laws = suited.suitability(described, setup)
+    rows = [(each.law, "suits" if each.suits else "does not suit", each.reason) for each in laws]
+    show_table(("<controller", "<suits", "<because"), rows)
+    write_outputs((out, replace(found, source=drive).save))
+
+
+def _try_out(drive: Drive | Circuit, found: Tuning, setup: str) -> None:
+    """Run the tuned controller on its assumed drive, and warn if it does not follow."""
+    try:
+        prepared = loop.prepare(drive, None, TRIED_ALONG, setup=setup, controller=found)
+        run = loop.run_prepared(prepared, seed=1)
+    except PneudriveError as error:
+        warn(f"the law was not tried on this drive: {error.what}")
+        return
+    typer.echo(f"\nSimulated on this drive as described, along {prepared.reference.text}:")
+    score, reach = _show_run(run), prepared.reference.reach()
+    if score.lost or score.max_error_m > MOST_TRIED * (reach.highest_m - reach.lowest_m):
+        missed = f"{found.law} misses by up to {1e3 * score.max_error_m:.3g} mm where it was tried"
+        warn(f"{missed}: take another law or drive")
+
+
+def _show_run(run: Run) -> Score:
+    score = measures.Score(**run.provenance["score"])
+    typer.echo(aligned(score.rows()))
+    show_events(run.provenance["events"])
+    return score
+
+
+def run(
+    drive: str,
+    *,
+    reference: str,
+    controller: str | None = None,
+    law: str | None = None,
+    setup: str = "real",
+    duration: str | None = None,
+    seed: Count = 1,
+    mismatch: str | None = None,
+    initial: str | None = None,
+    payload: str | None = None,
+    dynamics: Literal["full", "constant"] = "full",
+    rtol: float = 1e-5,
+    out: Path | None = None,
+    plot: Path | None = None,
+    allow_code: str | None = None,
+    catalogue: list[Path] | None = None,
+) -> None:
+    r"""Run a drive or a platform under control along a reference, and score it.
+
+    Options
+    -------
+    controller : FILE|LAW
+        TOML file or name; default: nmpc.
+    law : LAW
+        Controller or own code: mine.py:Law.
+    duration
+        Duration, "12 s"; default: of the reference.
+    seed
+        Seed of all noise.
+    initial
+        Start state, e.g. "pressure_a = 3 bar abs"; default: on the reference.
+    payload
+        Platform: mass that no controller knows, "2 kg"; the spread of several: "0 kg, 2 kg".
+    dynamics
+        Platform: mass and load of the legs along the path, or those at its start.
+    out
+        File .parquet, .csv, .nc; platform: folder.
+
+    Examples
+    --------
+    pneudrive control run axis.toml --controller controller.toml \
+        --reference '220 mm; 0.5 s: 280 mm in 0.3 s' --plot move.png
+    """
+    is_file = controller is not None and controller.endswith(".toml")
+    if law and controller and not is_file and law != controller:
+        raise CommandError(f"--law {law} and --controller {controller} are given", remedy="Give one.")
+    law, file = (law, controller) if is_file else (law or controller, None)
+    options: dict[str, Any] = {"setup": setup, "duration": duration, "controller": file, "mismatch": mismatch}
+    options["rtol"] = rtol
+    described = load.load_described(drive)
+    if platforms.is_platform(described.circuit):
+        if initial is not None or allow_code:
+            what = "a platform starts on its path, and takes no code of users: --initial and --allow-code do not act"
+            raise CommandError(what, remedy="Leave them out.")
+        options |= {"law": law, "seed": seed, "dynamics": dynamics}
+        _run_platform(described.circuit, reference, payload, out, plot, options)
+        return
+    if payload is not None:
+        raise CommandError(f"--payload {payload}", rule="for a platform", remedy="Give a mismatch, such as mass+30.")
+    check_outputs(out, plot=plot)
+    prepared = loop.prepare(described, law, reference, initial=initial, allow_code=allow_code, **options)
+    found = loop.run_prepared(prepared, seed, on_terminal())
+    model, drive_name = prepared.tuning.belief.name, prepared.circuit.name
+    of = "" if model == drive_name else f", told of {model},"
+    title = f"{prepared.tuning.law}{of} on {drive_name} along {prepared.reference.text}"
+    typer.echo(f"{title}, setup {prepared.setup_name}, seed {seed}, simulated:")
+    _show_run(found)
+    if "law_failure" in found.provenance:
+        typer.echo(f"\n{found.provenance['law_failure']}\nAnother law took over.", err=True)
+    write_outputs(
+        (out, lambda path: trajectory.save(found.dataset(), path)),
+        (plot, lambda path: figures.plot_control(found.dataset(), path)),
+    )
+
+
+def _run_platform(
+    circuit: Circuit, reference: str, payload: str | None, out: Path | None, plot: Path | None, options: dict[str, Any]
+) -> None:
+    """Run a platform along a path, print its score, and write run, score and picture into a folder."""
+
+    def write_score(path: Path) -> None:
+        with trajectory.whole(path) as temporary:
+            temporary.write_text(score.to_csv(), encoding="utf-8")
+
+    check_outputs(None, plot=plot)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    payloads = None if payload is None else names_in(payload)
+    run = pose.run_pose(circuit, reference=reference, payload=payloads, progress=on_terminal().tell, **options)
+    about, score = run.attrs, pose.PoseScore.read(run.attrs["score"])
+    loaded = f", payload {about['payload']}" if about["payload"] else ""
+    title = f"{about['law']} on {circuit.name} along {reference}, setup {about['setup']}, seed {about['seed']}{loaded}"
+    typer.echo(f"{title}, simulated:\n{aligned(score.table(), right_from=1)}\n" + "\n".join(score.notes()))
+    if score.spread():
+        typer.echo(f"\n{aligned(score.spread(), right_from=1)}")
+    show_events(about["events"])
+    draw = partial(pose_page.plot_pose, run)
+    of_folder = ((RUN, partial(trajectory.save, run)), (SCORE, write_score), (PICTURE, draw))
+    write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
+
+
+def benchmark(
+    drive: str,
+    *,
+    out: Path,
+    laws: str = "all",
+    references: str = "standard",
+    seeds: int = 5,
+    setup: str = "real",
+    allow_code: str | None = None,
+    mismatch: str | None = None,
+    spread: str | None = None,
+    members: int | None = None,
+    threads: int | None = None,
+    keep_runs: Annotated[bool | None, typer.Option("--keep-runs/--scores-only")] = None,
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Compare controllers along references, with several seeds or a spread of drives.
+
+    Options
+    -------
+    out
+        Folder for scores, runs and report; a started one is resumed.
+    laws : all|A,B
+        all, or names, controller files and your own code (mine.py:Law), with commas.
+    references : standard|REF,...
+        standard (R1, R2, R3, R5, R6), or references with commas.
+    seeds
+        Number of seeds.
+    spread
+        Different drives instead of seeds: standard, or a TOML file with ranges.
+    members
+        Number of members of the spread; default 200.
+    threads
+        Simultaneous runs; default: one per processor.
+    keep_runs
+        Keep samples of each run; default: without a spread.
+
+    Examples
+    --------
+    pneudrive control benchmark axis.toml --laws pid,nmpc --out compared
+    """
+    found = comparison.compare_watched(
+        load.load_described(drive),
+        laws if laws == "all" else names_in(laws),
+        references if references == "standard" else names_in(references),
+        mismatch=mismatch,
+        spread=spread,
+        members=members,
+        threads=threads,
+        out=out,
+        seeds=seeds,
+        setup=setup,
+        keep_runs=keep_runs,
+        allow_code=allow_code,
+        named=drive,
+        watch=on_terminal(),
+    )
+    count = len({run.seed for run in found.runs})
+    of = f"spread {found.spread}: 50 / 95 / 100 % of {count} stay below" if found.spread else "median of the seeds"
+    for name, path in found.references.items():
+        typer.echo(f"\n{name if name == path.text else f'{name}, {path.text}'}, simulated, {of}")
+        show_table(*found.table(name, spread=bool(found.spread), only=SHOWN))
+    for (law, reason), count in Counter((run.law, run.reason) for run in found.runs if run.reason).items():
+        typer.echo(f"{count} {'run' if count == 1 else 'runs'} of {law} ended early: {reason}", err=True)
+    show_paths(out / card.SCORES, page.write_control_report(found, out))
+
+
+def reference(
+    along: str,
+    *,
+    drive: str,
+    plot: Path | None = None,
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Check a reference against a drive: stroke, load of valve, force and speed, and the necessary slowdown.
+
+    Options
+    -------
+    along : REF
+        Reference, as for run.
+    drive
+        Drive or circuit file (TOML), or catalogue:NAME.
+
+    Examples
+    --------
+    pneudrive control reference R1 --drive axis.toml
+    """
+    check_outputs(None, plot=plot)
+    tuned = tuning.tune(load.load_described(drive))
+    stroke_m, speed_m_s = tuned.plant.stroke_m, tuned.plant.speed_m_s
+    path = references.named_or_read(along, stroke_m, speed_m_s)
+    typer.echo(f"{path.text}\n{aligned(demand.feasibility(tuned, path).rows())}")
+    write_outputs((plot, partial(figures.plot_reference, path, tuned.plant)))
+    references.check_reach(path, stroke_m, speed_m_s)
+
+
+def export(
+    context: typer.Context,
+    controller: str,
+    *,
+    to: Literal["c", "st", "fmu"],
+    out: Path,
+    reference: str | None = None,
+    fmi: str = "2.0",
+    drive: str | None = None,
+    setup: str = "real",
+    catalogue: list[Path] | None = None,
+) -> None:
+    r"""Write a controller as source code, or as an FMU with its source code (nmpc: as a library).
+
+    Options
+    -------
+    controller : FILE|LAW
+        Controller file (TOML), or a name.
+    to : c|st|fmu
+        c; st, structured text of IEC 61131-3; or fmu, for other tools.
+    out
+        Folder of the files, or an .fmu file.
+    reference : REF
+        Reference of an FMU of nmpc: "220 mm; 1 s: 280 mm in 0.3 s", R1 to R6, or a file.
+    fmi
+        Version of an FMU: 2.0 or 3.0.
+    drive
+        Drive or circuit file (TOML), or catalogue:NAME; not needed if the file names it.
+
+    Examples
+    --------
+    pneudrive control export controller.toml --to c --out source
+    pneudrive control export nmpc --drive axis.toml --to fmu --reference R1 \
+        --out law.fmu
+    """
+    check_used(context, to, {"fmi": (("fmu",), "Remove it, or write --to fmu.")})
+    file = controller if controller.endswith(".toml") else None
+    described = tuning.believed_by(file) if drive is None else load.load_described(drive)
+    model = None if drive is None else described  # it goes before the drive that the file names
+    found = tuning.tune(described, None if file else controller, setup=setup, controller=file, believes=model)
+    written = source_code.export(found, to, out, setup=setup, along=reference, version=fmi)
+    if found.adaptation and (to != "fmu" or found.law != "nmpc"):
+        typer.echo("The exported controller does not adapt: friction and valve are those of the description.")
+    show_paths(*written)

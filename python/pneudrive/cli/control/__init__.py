@@ -1,1 +1,0 @@
-"""Command that controls a drive."""

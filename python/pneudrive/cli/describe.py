@@ -1,0 +1,244 @@
+"""Section "Describe": catalogue, kinds of components, checks, drawings and schemas."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import typer
+
+import pneudrive as pn
+from pneudrive.cli.output import check_outputs, show_paths, write_text
+from pneudrive.errors import CommandError, DescriptionError, nearest
+from pneudrive.lazy_names import used_later
+from pneudrive.repr_tables import aligned
+
+with used_later(__name__):
+    from pneudrive import references
+    from pneudrive.campaign.planning import protocol
+    from pneudrive.describe import components as component_texts
+    from pneudrive.describe import kinds
+    from pneudrive.describe.files import catalogue as parts
+    from pneudrive.describe.files import load, toml
+    from pneudrive.describe.files import schema as schemas
+    from pneudrive.files import content
+    from pneudrive.report.circuit import drawing
+    from pneudrive.sizing import task
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from pneudrive.describe.files.catalogue import Entry
+
+
+def catalogue(
+    name: str | None = None,
+    *,
+    catalogue: list[Path] | None = None,
+    out: Path | None = None,
+    kind: str | None = None,
+    bore: str | None = None,
+    stroke: str | None = None,
+    flow: str | None = None,
+) -> None:
+    """List parts and drives, or the values and sources of one of them.
+
+    Options
+    -------
+    name : NAME
+        Part or drive to show.
+    out
+        Write the drive NAME as a drive file: .toml.
+    kind : KIND
+        Parts of a kind: "valve", "cylinder/rodless", "*5/3".
+    bore : LENGTHS
+        Parts of a bore: "25 mm", "20 mm .. 40 mm".
+    stroke : LENGTHS
+        Parts with this stroke, also those made to order.
+    flow : FLOWS
+        Flow of the parts: "1 dm3/(s bar) .. 3 dm3/(s bar)", "500 l/min ANR .. 800 l/min ANR".
+
+    Examples
+    --------
+    pneudrive catalogue --kind valve --flow '500 l/min ANR .. 800 l/min ANR'
+    pneudrive catalogue starter --out drive.toml
+    """
+    search = {"kind": kind, "bore": bore, "stroke": stroke, "flow": flow}
+    if any(search.values()):
+        if name is not None:
+            raise CommandError(f"{name} cannot be combined with a search", remedy="Give a name or a search option.")
+        found = parts.find_parts(**search)
+        _list(found) if found else typer.echo("No part fits.")
+    elif out is not None:
+        _write_drive(name, out)
+    elif name is None:
+        _list(list(parts.entries().values()))
+    else:
+        _show_entry(parts.entry(name))
+
+
+def _write_drive(name: str | None, out: Path) -> None:
+    entries = parts.entries()
+    if name is None or (name in entries and not entries[name].is_drive):
+        drives = ", ".join(entry.name for entry in entries.values() if entry.is_drive)
+        what = f"{name} is a part, not a drive" if name else "--out needs the name of a drive"
+        raise CommandError(what, remedy=f"Drives: {drives}.")
+    check_outputs(out, (".toml",))
+    write_text(pn.Drive.load(f"{parts.PREFIX}{name}").to_toml(), out)
+
+
+def _list(entries: list[Entry]) -> None:
+    width = max(len(e.name) for e in entries)
+    for heading, chosen in (
+        ("Drives (pneudrive simulate catalogue:NAME ...)", [e for e in entries if e.is_drive]),
+        ('Parts (use = "catalogue:NAME" in a component of a circuit)', [e for e in entries if not e.is_drive]),
+    ):
+        if not chosen:
+            continue
+        typer.echo(heading)
+        for e in sorted(chosen, key=lambda entry: entry.kind):
+            values = parts.all_values(e) if e.is_drive else e.values
+            sourced = sum(v.source is not None for v in values)
+            kind = "" if e.is_drive else f"{e.kind}: "
+            typer.echo(f"  {e.name:<{width}}  {kind}{e.title} ({sourced} of {len(values)} values with a source)")
+        typer.echo("")
+    typer.echo("pneudrive catalogue NAME shows every value with its source.")
+
+
+def _show_entry(e: Entry) -> None:
+    typer.echo(f"{e.name}: {e.title}")
+    notes = [e.note]
+    if e.is_drive:
+        for table, part in e.parts.items():
+            typer.echo(f"  {table}: {part}")
+            notes.append(parts.entry(part).note)
+    else:
+        parts.check(e)
+    values = parts.all_values(e) if e.is_drive else e.values
+    named = [*((v.key, v) for v in values), *((f"printed.{v.key}", v) for v in e.printed)]
+    typer.echo(f"\n{aligned((key, _plain(v.value), v.said) for key, v in named)}")
+    if not e.is_drive and e.open:
+        typer.echo(f"\nNot in the catalogue; give these values with the part: {', '.join(e.open)}.")
+    for note in filter(None, notes):
+        typer.echo(f"\n{note}")
+    for key in sorted({v.source for _, v in named if v.source is not None} & references.entries().keys()):
+        typer.echo(f"\n{references.bibtex(key)}")
+
+
+def _plain(value: object) -> str:
+    return ", ".join(f"{k} = {v}" for k, v in value.items()) if isinstance(value, dict) else str(value)
+
+
+def components(kind: str | None = None) -> None:
+    """List the components of circuits, or the parameters of one kind.
+
+    Options
+    -------
+    kind : KIND
+        Kind to show.
+
+    Examples
+    --------
+    pneudrive components flow-control
+    """
+    known = kinds.component_kinds()
+    if kind is None:
+        ports = {name: ", ".join(port["name"] for port in entry["ports"]) for name, entry in known.items()}
+        typer.echo(aligned((name, entry["title"], f"ports {ports[name]}") for name, entry in known.items()))
+        typer.echo("\npneudrive components KIND shows the parameters of one.")
+        return
+    if kind not in known:
+        raise CommandError(f'there is no component "{kind}"', remedy=nearest(kind, known))
+    entry = known[kind]
+    names = entry["formula"]["names"] if entry["formula"] else []
+    typer.echo(f"{entry['kind']}: {entry['title']}\n\n{entry['doc']}")
+    for title, lines in (
+        ("Ports", [(port["name"], port["kind"], _flags(port)) for port in entry["ports"]]),
+        ("Keys", component_texts.rows(entry)),
+        ("Names of its formula", [(name["name"], name["unit"], name["meaning"]) for name in names]),
+        ("Inputs of a session", [(each["name"], each["unit"], each["meaning"]) for each in entry["inputs"]]),
+        ("Columns", [(column["name"], column["meaning"]) for column in entry["outputs"]]),
+    ):
+        if lines:
+            typer.echo(f"\n{title}\n{aligned(lines)}")
+    for key in entry["sources"]:
+        typer.echo(f"\n{references.bibtex(key)}")
+
+
+def _flags(port: Mapping[str, Any]) -> str:
+    if port["exhaust"]:
+        return "open to the ambient air if not joined"
+    return "may stay unconnected" if port["optional"] else ""
+
+
+def check(drive: str, *, catalogue: list[Path] | None = None) -> None:
+    """Check a drive or a circuit, and list the sources of its values.
+
+    Examples
+    --------
+    pneudrive check drive.toml
+    """
+    described = load.load_described(drive)
+    each = [f"{name} ({component.kind})" for name, component in described.circuit.components.items()]
+    typer.echo(f"{described.name}: {len(each)} components, no errors\n  {', '.join(each)}")
+    for title, lines in (
+        ("To note", described.notes),
+        ("Values with a source", described.sources()),
+        ("Assumed", list(_together(described.assumptions()))),
+    ):
+        if lines:
+            typer.echo("\n".join(["", title, *(f"  {line}" for line in lines)]))
+
+
+def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Yield the assumptions. Equal assumptions of several components or joints appear once."""
+    names: dict[str, list[str]] = {}
+    for line, name in assumptions:
+        names.setdefault(line, []).append(name)
+    for line, of in names.items():
+        each = ", ".join(of)
+        if len(of) > 1 and line.startswith("{}."):
+            yield f"{each}: {line[3:].format()}"
+        else:
+            yield (line.replace("the joint of", "each joint of") if len(of) > 1 else line).format(each)
+
+
+def draw(drive: str, *, out: Path = Path("circuit.svg"), catalogue: list[Path] | None = None) -> None:
+    """Draw a drive or a circuit with symbols after ISO 1219.
+
+    Options
+    -------
+    out
+        Picture: .svg, .png or .pdf.
+
+    Examples
+    --------
+    pneudrive draw drive.toml --out circuit.svg
+    """
+    check_outputs(None, plot=out)
+    circuit = load.load_described(drive).circuit
+    try:
+        drawing.draw_circuit(circuit, out)
+    except DescriptionError as error:
+        raise toml.located(error, drive, content.read_text(Path(drive), DescriptionError, folder="")) from None
+    show_paths(out)
+    for name, volume in circuit.joint_volumes:
+        typer.echo(f"joint of {name}: {1e6 * volume:.3g} cm3")
+
+
+def schema(kind: Literal["drive", "circuit", "protocol", "task"] = "drive") -> None:
+    """Print the JSON schema of drive files, circuit files, protocols, or tasks.
+
+    Options
+    -------
+    kind
+        Kind of file: drive, circuit, protocol of a campaign, or task of a sizing.
+
+    Examples
+    --------
+    pneudrive schema drive
+    """
+    schema_of = {"protocol": protocol.protocol_schema, "task": task.task_schema}
+    schema_of |= {"drive": schemas.drive_schema, "circuit": schemas.circuit_schema}
+    typer.echo(json.dumps(schema_of[kind](), indent=2, ensure_ascii=False))

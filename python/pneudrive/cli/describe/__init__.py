@@ -1,1 +1,0 @@
-"""Commands that describe drives, circuits and parts."""

@@ -1,0 +1,172 @@
+"""Section "Hand over": a drive or its friction for another tool, and the demonstration."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from pathlib import Path
+
+import typer
+
+import pneudrive as pn
+from pneudrive.cli.options import check_used, option
+from pneudrive.cli.output import show_paths, writable_folder
+from pneudrive.errors import CommandError
+from pneudrive.lazy_names import used_later
+
+with used_later(__name__):
+    from pneudrive import report, units
+    from pneudrive.describe.files import load
+    from pneudrive.friction import characterisation, friction_map
+    from pneudrive.identify import files
+    from pneudrive.identify.export import convert
+    from pneudrive.identify.static import fit as static_fits
+    from pneudrive.identify.static import friction_curve
+    from pneudrive.report import study
+    from pneudrive.report.recording import verdict
+    from pneudrive.studies import bracha, identified_axis
+    from pneudrive.studies.bracha import reproduction
+
+#: Tools that take a whole drive, and those that take its friction.
+_WHOLE, _FRICTION = ("fmu", "c"), ("simscape", "modelica", "csv", "st")
+#: Parameter of the command -> tools that use it, and what to do for another one.
+_USED = {
+    "pressure_a": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_a = 3 bar abs".'),
+    "pressure_b": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_b = 3 bar abs".'),
+    "speeds": (_FRICTION, "Remove this option: a whole drive runs at every speed."),
+    "initial": (_WHOLE, "Remove it: friction has no start state; set pressures by --pressure-a and --pressure-b."),
+    "fmi": (("fmu",), "Remove it, or write --to fmu."),
+    "actuator": (("fmu",), "Remove it, or write --to fmu."),
+}
+MEASUREMENTS = Path("data/measurements/zillen-2021-pneumatic-piston")
+#: Two of the recordings and the axis, in every installation.
+SHIPPED = Path(__file__).parents[1] / "data" / "demo"
+AXIS = SHIPPED / "controlled_axis.toml"
+
+
+def export(
+    context: typer.Context,
+    source: str,
+    *,
+    to: str,
+    out: Path | None = None,
+    pressure_a: str | None = None,
+    pressure_b: str | None = None,
+    speeds: str | None = None,
+    fmi: str = "2.0",
+    actuator: bool = False,
+    initial: str | None = None,
+) -> None:
+    """Write a drive as an FMU or for C, or friction for another tool.
+
+    Options
+    -------
+    source : FIT|DRIVE
+        Fit (fit.toml), or drive file.
+    to : TOOL
+        Friction: simscape, modelica, csv or st. A whole drive or circuit: fmu or c.
+    out
+        File, for c a folder; default for friction: standard output.
+    pressure_a
+        Pressure in chamber a, e.g. "3 bar gauge"; default: middle of the measured ones.
+    pressure_b
+        Pressure in chamber b.
+    speeds
+        Range of speeds for the law, "1 mm/s .. 500 mm/s"; default: the measured speeds.
+    fmi
+        Version of the interface of an FMU: 2.0 or 3.0.
+    actuator
+        FMU whose piston is moved by the other tool; its output is the force.
+    initial
+        Start state of a drive, e.g. "position = 50 mm, pressure_a = 3 bar abs".
+
+    Examples
+    --------
+    pneudrive export drive.toml --to fmu --out drive.fmu
+    pneudrive export fit.toml --to modelica --out friction.mo
+    """
+    if to not in _WHOLE:
+        convert.check_tool(to)
+    check_used(context, to, _USED)
+    if to in _WHOLE:
+        _export_whole(source, to, out, fmi, actuator=actuator, initial=initial)
+        return
+    with option("--speeds"):
+        between = None if speeds is None else units.parse_range(speeds, "m/s")
+    pressures = _gauge(pressure_a, "--pressure-a"), _gauge(pressure_b, "--pressure-b")
+    content = files.read_source(source)
+    if isinstance(content, pn.Drive):
+        curve = friction_curve.curve_of_drive(content, between, *pressures)
+    else:
+        curve = content.curve(*pressures, between)
+    done = convert.export(curve, to)
+    if out is None:
+        sys.stdout.write(done.text)
+        return
+    sys.stderr.write("".join(f"- {remark}\n" for remark in done.remarks()))
+    show_paths(done.write(out))
+
+
+def _gauge(text: str | None, name: str) -> float | None:
+    if text is None:
+        return None
+    with option(name):
+        pressure = units.parse_pressure(text)
+    if not pressure.gauge:
+        what = f'{name} "{text}" is an absolute pressure'
+        raise CommandError(what, rule="a gauge pressure", remedy='Write "... gauge".')
+    return pressure.value_pa
+
+
+def _export_whole(source: str, to: str, out: Path | None, fmi: str, *, actuator: bool, initial: str | None) -> None:
+    """Write a drive or a circuit for another tool, and print the variables that the tool sees."""
+    if out is None:
+        what, remedy = ("an FMU is a file", "drive.fmu") if to == "fmu" else ("C needs a folder", "drive_c")
+        raise CommandError(f"--out is missing: {what}", remedy=f"Write --out {remedy}.")
+    drive = load.load_described(source)
+    if to == "c":
+        show_paths(*pn.export_c(drive, out, initial=initial))
+        return
+    done = pn.export_fmu(drive, out, version=fmi, actuator=actuator, initial=initial)
+    sys.stderr.write("".join(f"- {note}\n" for note in done.notes))
+    typer.echo(f"{done.path}: FMI {done.version}, token {done.token}")
+    for title, variables in (("inputs", done.inputs), ("outputs", done.outputs)):
+        typer.echo(f"{title}: " + ", ".join(f"{variable.name} [{variable.unit}]" for variable in variables))
+    typer.echo(f"parameters: {len(done.parameters)}, by the keys of the drive file; pressures are absolute")
+    system = f"{platform.system()} {platform.machine()}"
+    typer.echo(f"runs on {system} only, the system of this computer: for another one, export the drive there")
+
+
+def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
+    """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report.
+
+    Options
+    -------
+    out
+        Folder for the results.
+    measurements
+        Folder with the recordings; default: those of the project, or two shipped ones.
+    """
+    folder = writable_folder(out)
+    if measurements is None:
+        measurements = MEASUREMENTS if MEASUREMENTS.is_dir() else SHIPPED
+    recordings = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
+    if not recordings:
+        raise CommandError(
+            f"there are no recordings in {measurements}",
+            rule="friction/*.csv or repeatability/*.csv",
+            remedy="Leave out --measurements, or name a folder with recordings.",
+        )
+    found = characterisation.characterise_recordings(recordings)
+    for name in ("map.parquet", "map.csv"):
+        friction_map.write_map(found.friction_map, folder / name)
+    fits, _ = static_fits.fit_characterisation(found)
+    for group, by_law in fits.items():
+        if "stribeck" in by_law:
+            by_law["stribeck"].to_toml(folder / static_fits.fit_file(group))
+    made = reproduction.reproduce(folder / bracha.FOLDER)
+    sections = (identified_axis.identify_axis(pn.Circuit.load(AXIS)).section(),)
+    page = report.write_report(found, fits, folder, study.WithSections(made, sections))
+    for number, line in enumerate(verdict.verdict(found, fits, made), 1):
+        typer.echo(f"{number}. {line}")
+    typer.echo(f"\nReport: {page.resolve()}")

@@ -1,0 +1,624 @@
+"""Section "Identify": fits of friction and of drives, their use, validation, and the next measurements."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import pneudrive as pn
+from pneudrive.cli.options import Count, Switch, names_in, one_of, option, quantity, sensor_options
+from pneudrive.cli.output import (
+    MOST_ROWS,
+    check_outputs,
+    file_name,
+    on_terminal,
+    show_fit,
+    show_lines,
+    show_paths,
+    show_table,
+    writable_folder,
+    write_outputs,
+    write_text,
+)
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.errors import CommandError, DescriptionError, FitError, PneudriveError, nearest
+from pneudrive.lazy_names import used_later
+
+with used_later(__name__):
+    from pneudrive import numbers, units
+    from pneudrive.campaign.planning import next_points, protocol
+    from pneudrive.campaign.planning import plan as plans
+    from pneudrive.campaign.running import live
+    from pneudrive.describe.files import toml
+    from pneudrive.friction import characterisation, friction_map
+    from pneudrive.friction.campaign import dependences
+    from pneudrive.friction.campaign.stops import dwell_models
+    from pneudrive.identify import base, files, volume
+    from pneudrive.identify.dynamic import result as drive_fits
+    from pneudrive.identify.dynamic import sensors as channels
+    from pneudrive.identify.follow import regulator
+    from pneudrive.identify.static import laws as law_choice
+    from pneudrive.identify.static import model, survey
+    from pneudrive.identify.static import result as static_fits
+    from pneudrive.report.validation import page as validation_page
+    from pneudrive.report.validation import static as friction_page
+    from pneudrive.rig import loading
+    from pneudrive.simulation import trajectory
+    from pneudrive.validate import regulator as regulator_check
+    from pneudrive.validate import static as friction_check
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    import xarray as xr
+
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.identify.design import Design, Limits
+    from pneudrive.identify.dynamic.search import Progress
+    from pneudrive.identify.static.laws import LawComparison
+    from pneudrive.identify.static.result import FrictionFit
+    from pneudrive.rig.interface import Envelope, Identity
+    from pneudrive.validate.validation import Validation
+
+MOST_NAMED = 6  # largest number of values of a label in a message
+MAP_SUFFIXES = (".parquet", ".csv")
+DIRECTIONS = {"both": None, "+x": 1, "-x": -1}
+#: Largest number of designs until the protocol fits the requested time, and factor on the time of each next design.
+FITS, FIT_FRACTION = 5, 0.97
+
+
+def fit(
+    source: list[Path],
+    *,
+    laws: str = "",
+    pressure: str = "",
+    hold_out: str = "",
+    direction: str = "both",
+    by: str = "",
+    loss: str = "huber",
+    ambient: str = "",
+    layout: Path | None = None,
+    profile: Switch = False,
+    report: Path | None = None,
+    out: Path = Path("fit.toml"),
+) -> None:
+    """Fit friction laws to a friction map and recommend one.
+
+    Laws are compared by AICc, BIC and cross-validation over conditions. The cross-validation decides.
+
+    Options
+    -------
+    source : MAP|RECORDING...
+        Friction maps (map.parquet, map.csv) or campaigns, one or several; or recordings.
+    laws : LAW,...
+        Laws to compare, separated by commas; a single law is fitted. Default: all.
+    pressure
+        Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all.
+    hold_out
+        Groups for cross-validation: pressure, speed, recording, or a column of the map.
+    direction
+        both, +x or -x.
+    by
+        Column of the map, such as seal: one fit for each of its values.
+    loss
+        huber, soft-l1, tukey, or linear (not robust).
+    ambient
+        Ambient pressure, if the map lacks it.
+    out
+        Fit file to write; with --by one file for each value.
+
+    Examples
+    --------
+    pneudrive fit map.parquet --hold-out pressure --out fit.toml
+    """
+    names = names_in(laws) or list(law_choice.CANDIDATES)
+    for name in names:
+        if name not in law_choice.CANDIDATES:
+            raise CommandError(f"--laws {name!r} is not known", remedy=nearest(name, law_choice.CANDIDATES))
+    if pressure:
+        one_of("--pressure", pressure, dict.fromkeys(("none", *model.PRESSURE_FORMS)))
+    if direction not in DIRECTIONS:
+        raise CommandError(f"--direction {direction} is not known", rule="both, +x or -x")
+    if out.suffix != ".toml" or not out.parent.is_dir():
+        raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
+    curves, campaign = _map_of(source, layout)
+    options: dict[str, Any] = {"direction": DIRECTIONS[direction], "ambient_pressure_pa": _ambient(curves, ambient)}
+    left_out = () if campaign is None else dependences.NO_POINTS  # as characterise does
+    choices = {"pressure": pressure, "hold_out": hold_out, "loss": loss}
+    fit_part = partial(_fit_laws, names=names, **choices, options={**options, "exclude_flags": left_out})
+    for note in _averaged(curves, by):
+        typer.echo(f"! {note}")
+    for group, part, curve_fit, comparison in _each_fit(curves, by, fit_part):
+        result = curve_fit if campaign is None else dependences.with_dependences(curve_fit, campaign, part)
+        if comparison is not None:
+            typer.echo(str(comparison))
+        slug = file_name(group)
+        target = out.with_stem(f"{out.stem}-{slug}") if group else out
+        show_fit(result, target, report and report / slug, profile=profile)
+    if by == "seal" and "seal" in curves and len(set(curves["seal"].to_numpy().tolist())) > 1:
+        runs = "run" if "run" in curves else None
+        try:
+            statements = survey.survey(curves, "seal", runs, **options).statements()
+        except FitError as problem:
+            statements = [f"the seals are not surveyed: {problem.what}"]
+        typer.echo("".join(f"- {statement}\n" for statement in statements), nl=False)
+
+
+def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, CampaignCharacteristics | None]:
+    """Read a friction map, or make it from recordings.
+
+    The second result contains the other measurements of a single campaign.
+    """
+    missing = next((path for path in source if not path.exists()), None)
+    if missing is not None:
+        raise CommandError(f"there is no {missing}", rule="a friction map, recordings, or the folder of a campaign")
+    finished = [path for path in source if path.is_dir() or path.suffix == ".parquet"]
+    if finished and len(finished) < len(source):
+        raise CommandError(
+            "either campaigns and friction maps, or recordings",
+            value=" ".join(map(str, source)),
+            remedy="First make a map of the recordings: pneudrive characterise.",
+        )
+    if finished:
+        campaigns = [pn.campaign_friction(path) if path.is_dir() else None for path in finished]
+        pairs = list(zip(finished, campaigns, strict=True))
+        maps = [friction_map.read_map(path) if found is None else found.friction_map for path, found in pairs]
+        if len(maps) == 1:
+            return maps[0], campaigns[0]
+        if any(campaigns):
+            typer.echo("- the fit of several campaigns contains only the curve over speed and pressure", err=True)
+        return joined_maps(finished, maps), None
+    if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
+        with suppress(PneudriveError):
+            return friction_map.read_map(source[0]), None
+    return characterisation.characterise_recordings(source, layout, progress=on_terminal().tell).friction_map, None
+
+
+def joined_maps(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
+    """Join the rows of several maps. Each map keeps its gauge pressures at any ambient pressure."""
+    import numpy as np
+    import xarray as xr
+
+    ambient = [float(each.attrs.get("ambient_pressure_pa", STANDARD_ATMOSPHERE_PA)) for each in maps]
+    common = [str(name) for name in maps[0] if name != "ambient_pressure_pa" and all(name in each for each in maps)]
+    parts = []
+    for path, rows, air in zip(paths, maps, ambient, strict=True):
+        names = np.array([f"{path}: {name}" for name in rows["recording"].to_numpy()], dtype=object)
+        gauges = {name: rows[name] + (ambient[0] - air) for name in ("pressure_a_pa", "pressure_b_pa")}
+        parts.append(rows[common].assign(gauges | {"recording": ("row", names)}))
+    is_stated = "ambient_pressure_pa" in maps[0].attrs
+    joined = xr.concat(parts, "row", combine_attrs="drop")
+    return joined.assign_attrs({"ambient_pressure_pa": ambient[0]} if is_stated else {})
+
+
+def _averaged(curves: xr.Dataset, by: str) -> Iterator[str]:
+    """Yield notes on labels that have several values, because the fit averages over these values."""
+    for name, column in curves.data_vars.items():
+        # A label of pressure repeats a measured column; "kind" is the purpose of a campaign's cycle.
+        if column.dtype.kind not in "OUS" or name in (*friction_map.COLUMNS, by, "pressure", "kind"):
+            continue
+        values = sorted(set(column.to_numpy().astype(str)))
+        if len(values) > 1:
+            shown = ", ".join(v or "none" for v in values[:MOST_NAMED]) + (", ..." if len(values) > MOST_NAMED else "")
+            yield (
+                f"the map has {len(values)} values of {name} ({shown}) and the fit averages over them; "
+                f"--by {name} fits each value"
+            )
+
+
+def _ambient(curves: xr.Dataset, text: str) -> float:
+    """Return the ambient pressure from the option or the map, otherwise the standard value with a note."""
+    if text:
+        with option("--ambient"):
+            return units.parse_pressure(text if "abs" in text else f"{text} abs").value_pa
+    if "ambient_pressure_pa" in curves.attrs:
+        return float(curves.attrs["ambient_pressure_pa"])
+    typer.echo("- the map lacks the ambient pressure: 1.01325 bar is assumed; --ambient gives another one", err=True)
+    return STANDARD_ATMOSPHERE_PA
+
+
+def _each_fit(
+    curves: xr.Dataset, by: str, fit_part: Callable[[xr.Dataset], tuple[FrictionFit, LawComparison | None]]
+) -> Iterator[tuple[str, xr.Dataset, FrictionFit, LawComparison | None]]:
+    """Yield each group with its rows, fit and comparison; name the groups that cannot be fitted, unless all fail."""
+    groups = {"": curves}
+    if by:
+        labels = survey.row_labels(curves, by)
+        groups = {name: curves.isel(row=(labels == name).nonzero()[0]) for name in dict.fromkeys(labels.tolist())}
+    unfitted = 0
+    for group, part in groups.items():
+        if group:
+            typer.echo(f"{by} {group}")
+        try:
+            result, comparison = fit_part(part)
+        except FitError as problem:
+            unfitted += 1
+            if unfitted == len(groups):
+                raise
+            value = "" if problem.value is None else f" ({problem.value})"
+            typer.echo(f"! {group} is not fitted: {problem.what}{value}. {problem.remedy or ''}")
+        else:
+            yield group, part, result, comparison
+
+
+def _fit_laws(
+    curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, loss: str, options: dict[str, Any]
+) -> tuple[FrictionFit, LawComparison | None]:
+    """Compare several laws and fit the recommended one; fit a single law directly."""
+    forms = None if not pressure else () if pressure == "none" else (pressure,)
+    comparison: LawComparison | None = None
+    chosen, form = names[0], pressure or "linear"
+    if len(names) > 1 or forms is None or hold_out:
+        held = {"pressure": forms, "hold_out": hold_out or None, "progress": on_terminal().tell}
+        try:
+            comparison = pn.select_friction_law(curves, names, loss=loss, **held, **options)
+        except FitError as problem:
+            if hold_out:
+                raise
+            typer.echo(f"- laws are not compared: {problem.what}; {chosen} is fitted", err=True)
+        else:
+            chosen, form = comparison.recommended.name, comparison.recommended.pressure or "none"
+    law = law_choice.CANDIDATES[chosen]
+    result = pn.fit_friction(
+        curves,
+        law.law,
+        stribeck_exponent=law.exponent,
+        stribeck_shape="lorentzian" if law.lorentzian else None,
+        any_shape=True,
+        pressure_dependence=form != "none",
+        pressure=form if form != "none" else "linear",
+        viscous=comparison is None or comparison.recommended.viscous,
+        robust=loss != "linear",
+        loss=loss if loss != "linear" else "huber",
+        **options,
+    )
+    return result, comparison
+
+
+def identify(
+    drive: str,
+    recordings: list[Path],
+    *,
+    free: str = "",
+    sensor: list[str] | None = None,
+    segment: str = "0.4 s",
+    robust: Switch = False,
+    follow: str | None = None,
+    profile: Switch = False,
+    report: Path | None = None,
+    layout: Path | None = None,
+    out: Path | None = None,
+    catalogue: list[Path] | None = None,
+) -> None:
+    r"""Identify the numbers of a drive from recordings of its motion.
+
+    Ctrl-C keeps the best values so far. A file with a table [volume] describes a tank, whose line, heat
+    transfer and leak follow from its pressure. A file with a table [regulator] describes a pressure
+    regulator, whose gain and lag follow from command and pressure.
+
+    Options
+    -------
+    drive : DRIVE
+        Drive file (TOML), catalogue:NAME, or tank file, with the start values.
+    recordings : RECORDING...
+        Recordings: time, command, position, pressures; for a tank, time and pressure.
+    free : NAMES
+        Free numbers, separated by commas. Default for a tank: all.
+    sensor : CHANNEL:KEY=VALUE
+        Sensor: "position: noise = 2 um, offset = free", with noise, offset, offset_uncertainty, gain, lag,
+        resolution. "command: delay = free".
+    segment
+        Length of a segment, or "whole".
+    robust
+        Reduce the weight of outliers.
+    follow : motion
+        A circuit follows the recorded position. Free: volumes, heat, wall, leak, leak_a, leak_b, barrel, or names
+        such as upper.volume.
+    out
+        Fit file to write (TOML).
+
+    Examples
+    --------
+    pneudrive identify drive.toml run.parquet --out fit.toml \
+        --free friction.coulomb,friction.viscous
+    """
+    check_outputs(out, (".toml",))
+    names, tell = names_in(free), on_terminal().tell
+    if follow is not None:
+        one_of("--follow", follow, {"motion": None})
+        motion = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
+        typer.echo(str(motion))
+        if out is not None:
+            motion.to_toml(out)
+        show_paths(out, motion.report(writable_folder(report)) if report is not None else None)
+    elif regulator.Regulator.is_file(drive):
+        lag = pn.identify_regulator(drive, recordings, layout)
+        typer.echo(str(lag))
+        write_outputs((out, lag.to_toml))
+    elif pn.Tank.is_file(drive):
+        for name, value in (("sensor", sensor), ("robust", robust)):
+            if value:
+                rule = "options for a tank: --free, --layout, --out, --profile, --report"
+                raise CommandError(f"--{name} is not an option for a tank", where=drive, rule=rule)
+        tank_fit = pn.identify_volume(pn.Tank.load(drive), recordings, names or None, layout=layout, progress=tell)
+        show_fit(tank_fit, out, report, profile=profile)
+    else:
+        known = {
+            "sensors": sensor_options(sensor),
+            "segment": None if segment == "whole" else segment,
+            "robust": robust,
+            "layout": layout,
+        }
+        result = pn.identify(pn.Drive.load(drive), recordings, names, progress=_show_step, **known)
+        show_fit(result, out, report, profile=profile)
+
+
+def _show_step(progress: Progress) -> None:
+    """Write the rms residual of each channel. The cost is left out: each phase weights the residuals anew."""
+    rms = []
+    for name, value in progress.rms.items():
+        size, unit = units.readable(trajectory.meaning(channels.CHANNELS[name])[1])
+        rms.append(f"{name} {numbers.plain(value / size)} {unit}")
+    sys.stderr.write(f"step {progress.step} ({progress.phase}): rms residual {', '.join(rms)}\n")
+
+
+def apply(
+    fit: Path,
+    drive: str | None = None,
+    *,
+    out: Path | None = None,
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Put the determined values of a fit into a drive or a tank.
+
+    Each value keeps its interval and its recordings.
+
+    Options
+    -------
+    drive : [DRIVE]
+        Drive file, catalogue:NAME, or tank file; default: the one with which `pneudrive identify` started.
+    out
+        Drive file to write; default: standard output.
+
+    Examples
+    --------
+    pneudrive apply fit.toml drive.toml --out measured.toml
+    """
+    check_outputs(out, (".toml",))
+    found = files.read_fit(fit)
+    if isinstance(found, volume.VolumeFit):
+        described = found.apply(None if drive is None else pn.Tank.load(drive))
+    elif isinstance(found, drive_fits.DriveFit):
+        described = found.apply(None if drive is None else pn.Drive.load(drive))
+    elif drive is not None:
+        described = found.apply(pn.Drive.load(drive))
+    else:
+        remedy = "Add the drive file to the command: pneudrive apply FIT DRIVE."
+        raise CommandError("this fit of friction names no drive", remedy=remedy)
+    write_text(described.to_toml(), out)
+
+
+def validate(
+    drive: str,
+    recordings: list[Path],
+    *,
+    layout: Path | None = None,
+    sensor: list[str] | None = None,
+    window: str = "0.5 s",
+    out: Path = Path("validation"),
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Compare a drive with recordings, and diagnose differences.
+
+    A friction map (map.parquet, map.csv) or a campaign folder is compared with the drive's friction law.
+
+    Options
+    -------
+    drive : DRIVE|FIT
+        Drive file (TOML), catalogue:NAME, or fit of `pneudrive identify --out` with the zeros of its sensors.
+        Also a fit along motions or of a regulator. Verdicts use the recordings that were held out of the fit.
+    recordings : RECORDING...|MAP|CAMPAIGN
+        Recordings of the drive (time, command, position, both pressures), or one friction map or campaign.
+    sensor : CHANNEL: KEY = VALUE, ...
+        Known error of a sensor: "pressure_a: offset = 0.02 bar"; gain; "command: delay = 3 ms".
+    window
+        Length of the runs that start from measured states.
+
+    Examples
+    --------
+    pneudrive validate measured.toml other.parquet --out check
+    """
+    tell = on_terminal().tell
+    lag = regulator.read_regulator_fit(drive)
+    tables = _tables(drive)
+    if lag is not None:
+        _show_check(regulator_check.validate_regulator(lag, recordings, layout=layout), out)
+        return
+    if tables.get("kind") == "motion" or ("components" in tables and "valve" not in tables):
+        _show_check(pn.validate_motion(drive, recordings, layout=layout, progress=tell), out)
+        return
+    seconds = quantity("--window", window, "s")
+    is_fit = tables.get("kind") == "drive" and "values" in tables
+    described = drive_fits.DriveFit.from_toml(drive) if is_fit else pn.Drive.load(drive)
+    sensors = sensor_options(sensor) or None
+    if any(friction_check.is_friction(path) for path in recordings):
+        if len(recordings) > 1:
+            what = "a friction map or a campaign cannot be validated together with other files"
+            raise CommandError(what, remedy="Name one of them.")
+        law = described.apply() if isinstance(described, drive_fits.DriveFit) else described
+        _show_check(friction_check.validate_friction(law, recordings[0]), out, friction_page.write_friction_report)
+        return
+    found = pn.validate(described, recordings, layout=layout, window_s=seconds, sensors=sensors, progress=tell)
+    folder = writable_folder(out)
+    written = [*found.write(folder), validation_page.write_validation_report(found, folder)]
+    _show_records(found)
+    show_lines(str(found))
+    show_paths(*written)
+
+
+def _tables(path: str) -> dict[str, Any]:
+    """Read the tables of a TOML file; empty for another file."""
+    if Path(path).suffix != ".toml" or not Path(path).is_file():
+        return {}
+    remedy = "`pneudrive identify --out` and `pneudrive apply --out` write TOML."
+    return toml.read(path, DescriptionError, remedy)[0]
+
+
+def _show_check(found: Any, out: Path, write_page: Any = None) -> None:  # noqa: ANN401 - results of four validations
+    """Write the files of a validation, and its page if it has one, and print it."""
+    folder = writable_folder(out)
+    written = [*found.write(folder), *([] if write_page is None else [write_page(found, folder)])]
+    show_lines(str(found))
+    show_paths(*written)
+
+
+def _show_records(found: Validation) -> None:
+    """Print one line per recording."""
+    window = f"from states, {found.window_s:g} s %"
+    heads = ("recording", "position fit %", window, "pressure NRMSE %", "off from s", "fit")
+    rows = []
+    for record in found.records[:MOST_ROWS]:
+        position = record.channels["position_m"]
+        pressure = max(record.channels[c].free.nrmse for c in ("pressure_a_pa", "pressure_b_pa"))
+        off = "-" if position.off_s is None else f"{position.off_s:.2f}"
+        fits = (f"{position.free.fit_percent:.1f}", f"{position.restarted.fit_percent:.1f}")
+        rows.append((record.recording.name, *fits, f"{100 * pressure:.2g}", off, found.badge(record)))
+    shown = len(heads) - (not found.fitted)
+    show_table(heads[:shown], [row[:shown] for row in rows])
+
+
+def design(
+    fit: Path,
+    *,
+    rig: str = "default",
+    points: Count = 0,
+    time: str = "",
+    criterion: str = "D",
+    speeds: str = "",
+    noise: str = "",
+    strokes: Annotated[int, typer.Option(min=1)] = 1,
+    stops: str = "",
+    scale: str = "1 s",
+    out: Path | None = None,
+) -> None:
+    """Propose the next measurements for a fit.
+
+    The file is a protocol for pneudrive campaign plan. The expected intervals are printed.
+
+    Options
+    -------
+    fit : FIT
+        Fit of `pneudrive fit` or `characterise`.
+    rig
+        Ready rig, rig file, or own code as own_rig.py:make_rig.
+    points
+        Number of points, including repeats; 0: twice the number of parameters.
+    time
+        Time on the rig instead of a number of points, such as '1 h'.
+    criterion
+        D: all parameters; I: prediction over the range.
+    speeds
+        Range of speeds; default: 1 mm/s to the highest speed of the rig.
+    noise
+        Standard deviation of one point; default: from the fit.
+    strokes
+        Strokes in each direction for one point.
+    stops
+        Stops instead of speeds: the dwell law, such as log or hyperbolic.
+    scale
+        With --stops: estimated time constant of the law.
+    out
+        Protocol file to write.
+
+    Examples
+    --------
+    pneudrive design fit.toml --rig my-rig.toml --out next.toml
+    """
+    if out is not None and (out.exists() or out.suffix != ".toml" or not out.parent.is_dir()):
+        rule = "a new FILE.toml in a folder that exists"
+        raise CommandError(f"--out {out}: a protocol cannot be written there", rule=rule)
+    if points and time:
+        raise CommandError("--points and --time cannot be given together")
+    found, machine = static_fits.FrictionFit.from_toml(fit), loading.load_rig(rig)
+    identity, envelope = machine.identity(), machine.limits()
+
+    def seconds_of(text: str) -> float:
+        return plans.lay_out(protocol.parse_protocol(text), identity, envelope).time_s
+
+    if stops:
+        noise_n = found.statistics["rms_n"]
+        stop_plan = dwell_models.design_stops(
+            stops, quantity("--scale", scale, "s"), stops=points or 12, noise_n=noise_n
+        )
+        text, shown = stop_plan.protocol(), str(stop_plan)
+    else:
+        limits = _limits(found, identity, envelope, speeds, strokes)
+        longest_s = quantity("--time", time, "s") if time else None
+        options = {"criterion": criterion, "noise_n": quantity("--noise", noise, "N") if noise else None}
+        proposal = pn.next_measurements(found, limits, points=points or None, seconds=longest_s, **options)
+        text = next_points.protocol_of(proposal, identity, envelope)
+        for _ in range(FITS):  # a cycle takes longer than its strokes
+            if longest_s is None or (ratio := seconds_of(text) / longest_s) <= 1.0:
+                break
+            proposal = pn.next_measurements(found, limits, seconds=FIT_FRACTION * proposal.seconds / ratio, **options)
+            text = next_points.protocol_of(proposal, identity, envelope)
+        shown = f"{proposal}{_shared_errors(found, proposal)}"
+    typer.echo(f'{shown}\nthe protocol takes {live.duration(seconds_of(text))} on "{identity.name}"')
+    if out is None:
+        typer.echo("\n" + text.rstrip())
+    else:
+        write_text(text, out)
+
+
+def _shared_errors(fit: FrictionFit, plan: Design) -> str:
+    """Return a note if errors shared by all points exceed the errors that more points reduce."""
+    errors = []
+    for name, then in plan.half_widths_then.items():
+        factor, unit = base.shown_in(model.unit_of(name))
+        if (both := 2.0 * fit.systematic[name]) > then:
+            errors.append(f"{name} ± {both / factor:.2g} {unit}")
+    what = "errors shared by all values (sensors, area) are larger, and more points do not reduce them"
+    return f"\n- {what}: {', '.join(errors)}" if errors else ""
+
+
+def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:
+    limits = next_points.limits_of(fit, identity, envelope, strokes)
+    if not speeds:
+        return limits
+    with option("--speeds"):
+        slowest, fastest = units.parse_range(speeds, "m/s")
+    if fastest > limits.speed_m_s[1]:
+        raise CommandError(
+            f"--speeds {speeds!r} exceeds the speed that the rig can hold over half of its stroke",
+            rule=f"at most {1e3 * limits.speed_m_s[1]:.3g} mm/s",
+        )
+    return replace(limits, speed_m_s=(slowest, fastest))
+
+
+def report(fit: Path, *, map: Path | None = None, out: Path = Path("report")) -> None:  # noqa: A002 - the option
+    """Write a report of a fit, with intervals and undetermined values.
+
+    Residuals need the data: use --map for the fit of a friction map, and `pneudrive identify --report` for the fit of a
+    drive.
+
+    Options
+    -------
+    map : MAP
+        The fitted friction map, for the residuals.
+
+    Examples
+    --------
+    pneudrive report fit.toml --map map.parquet --out page
+    """
+    found = files.read_fit(fit)
+    if map is not None:
+        if not isinstance(found, static_fits.SlidingFit):
+            raise CommandError(f"--map: the {found.TITLE} was not fitted to a friction map")
+        found = static_fits.with_map(found, friction_map.read_map(map))
+    show_paths(found.report(out))

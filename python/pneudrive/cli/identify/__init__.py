@@ -1,1 +1,0 @@
-"""Commands that identify, validate and report."""

@@ -1,0 +1,326 @@
+"""Section "Measure": layouts, friction of recordings and campaigns, comparisons, and the source paper."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+import pneudrive as pn
+from pneudrive.cli.commands import group
+from pneudrive.cli.options import Count, one_of
+from pneudrive.cli.output import (
+    file_name,
+    on_terminal,
+    show_lines,
+    show_paths,
+    show_statements,
+    show_table,
+    show_view,
+    writable_folder,
+)
+from pneudrive.errors import Cancelled, CommandError, RecordingError
+from pneudrive.lazy_names import used_later
+
+with used_later(__name__):
+    from pneudrive import report
+    from pneudrive.friction import characterisation, conditions, friction_map
+    from pneudrive.friction import motion as motions
+    from pneudrive.friction.campaign import characteristics, dependences, files
+    from pneudrive.identify import files as sources
+    from pneudrive.identify.static import fit as static_fits
+    from pneudrive.identify.static import result as static_result
+    from pneudrive.report import layout_figure
+    from pneudrive.report.campaign import compare as comparison_page
+    from pneudrive.report.campaign import page as campaign_page
+    from pneudrive.signals import layout as layouts
+    from pneudrive.signals import load
+    from pneudrive.signals.proposal import propose, roles
+    from pneudrive.simulation import trajectory
+    from pneudrive.studies import bracha
+    from pneudrive.studies.bracha import pages, reproduction
+    from pneudrive.validate import closure
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pneudrive.friction.campaign.compare import Comparison
+    from pneudrive.friction.motion import SampleChoice
+    from pneudrive.identify.static.result import FrictionFit
+
+SPEEDS = 5  # at which curves are compared
+SAME_PA = 1.0  # rounding of a pressure
+
+campaign = group(
+    dict.fromkeys(("plan", "run", "resume", "status", "pause", "abort"), "pneudrive.cli.campaign"),
+    "Plan, run, watch and resume friction campaigns.",
+)
+rig = group(
+    dict.fromkeys(("serve", "certificate", "user"), "pneudrive.cli.rig"),
+    "Serve a rig over OPC UA, with certificates and users.",
+)
+
+
+def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) -> None:
+    """Propose how to read a foreign recording, with a picture.
+
+    Options
+    -------
+    file : FILE
+        Recording in any supported format.
+    out
+        Layout file to write; default: standard output.
+    picture
+        Picture of the recording with the layout; default: next to the layout, or FILE.layout.png here.
+
+    Examples
+    --------
+    pneudrive layout bench.csv --out layout.toml
+    """
+    proposal = propose.propose_layout(file, on_terminal())
+    if out is None:
+        typer.echo(proposal.text)
+    else:
+        with trajectory.whole(out) as temporary:
+            temporary.write_text(proposal.text, encoding="utf-8")
+    if picture is None:
+        picture = out.with_suffix(".png") if out is not None else Path(f"{layouts.stem(file)}.layout.png")
+    layout_figure.write_layout_figure(proposal, picture)
+    if not proposal.problem:
+        what = "a fixed volume" if proposal.kind == "fixed-volume" else f"a {proposal.kind}"
+        strokes = f": {len(proposal.strokes)} strokes" if proposal.strokes else ""
+        sys.stderr.write(f"A recording of {what}{strokes}; check the lines marked guess.\n")
+    if proposal.unused:
+        sys.stderr.write(f"Not used: {', '.join(roles.families(proposal.unused))}.\n")
+    sys.stderr.write("".join(f"{path}\n" for path in (out, picture) if path is not None))
+    if proposal.problem:
+        raise RecordingError(
+            proposal.problem
+            if proposal.asks
+            else f"the proposed layout does not read the file yet: {proposal.problem}",
+            where=str(file),
+            remedy="Correct the lines marked guess, open or not found, and check the picture.",
+        )
+
+
+def characterise(
+    recordings: list[Path],
+    *,
+    layout: Path | None = None,
+    out: Path = Path("characterisation"),
+    protocol: str = "settled",
+    law: str = "stribeck",
+) -> None:
+    """Evaluate recordings or a campaign: friction with uncertainty.
+
+    The files are map.parquet, map.csv, fit.toml and report.html.
+
+    Also writes curves.parquet, effects.toml, and statements on the data.
+    Each seal and mounting has its own curves and fit.
+
+    Options
+    -------
+    recordings : RECORDING...|FOLDER|CAMPAIGN
+        Recordings, also compressed (.gz, .xz, .bz2); their folder with layout.toml; or a campaign folder.
+    protocol
+        Selection of samples: settled, or source-paper (first 5 % dropped).
+    law
+        Friction law of fit.toml: coulomb or stribeck.
+
+    Examples
+    --------
+    pneudrive characterise bench/*.csv --layout layout.toml --out results
+    pneudrive characterise my-campaign --out results
+    """
+    choice = one_of("--protocol", protocol, motions.SAMPLE_CHOICES)()
+    one_of("--law", law, dict.fromkeys(static_fits.LAWS))
+    recordings = [file for path in recordings for file in (path.is_dir() and load.recordings_in(path)) or [path]]
+    if any(path.is_dir() for path in recordings):
+        _characterise_campaign(recordings, layout, out, choice, law)
+        return
+    with _output(out) as folder:
+        found = characterisation.characterise_recordings(recordings, layout, choice, progress=on_terminal().tell)
+        written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
+        fits, problems = static_fits.fit_characterisation(found)
+        written += _write_fits(fits, law, folder, whole=conditions.ALL_RECORDINGS)
+        curves = characteristics.recorded_characteristics(found)
+        written += [] if curves is None else files.write_curves_and_effects(curves, folder)
+        written.append(Path(report.write_report(found, fits, folder, None, curves)))
+    _show_problems(problems)
+    show_view(found.view())
+    balances = [closure.close_balance(recording) for recording in found.recordings if recording.force_n.any()]
+    show_lines(*(f"- {balance}." for balance in balances if balance.gains))
+    if curves is not None:
+        show_view(replace(curves.view(), rows=()))
+    show_paths(*written)
+
+
+def _characterise_campaign(
+    recordings: list[Path], layout: Path | None, out: Path, choice: SampleChoice, law: str
+) -> None:
+    """Characterise one campaign folder."""
+    if len(recordings) > 1 or layout is not None:
+        raise CommandError(
+            "a campaign cannot be characterised together with other files",
+            value=" ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else ""),
+            rule="one folder, no recordings and no layout",
+            remedy="To compare two campaigns: pneudrive compare A B.",
+        )
+    with _output(out) as folder:
+        found = characteristics.campaign_friction(recordings[0], choice, progress=on_terminal().tell)
+        written = files.write_characteristics(found, folder)
+        fits, problems = dependences.fit_campaign(found)
+        written += _write_fits(fits, law, folder, whole=dependences.ALL if len(fits) != 1 else next(iter(fits)))
+        written.append(campaign_page.write_campaign_report(found, folder))
+    _show_problems(problems)
+    show_view(found.view())
+    show_paths(*written)
+
+
+def _show_problems(problems: list[str]) -> None:
+    sys.stderr.write("".join(f"Note: no fit of {problem}\n" for problem in problems))
+
+
+@contextmanager
+def _output(out: Path) -> Iterator[Path]:
+    """Make the output folder before any work. Remove a new folder if it stays empty or the work is cancelled."""
+    is_new = not out.exists()
+    writable_folder(out)
+    try:
+        yield out
+    except (KeyboardInterrupt, Cancelled):  # a map without its fit and report is no result
+        if is_new:
+            shutil.rmtree(out)
+            is_new = False
+        raise
+    finally:
+        if is_new and not any(out.iterdir()):
+            out.rmdir()
+
+
+def _write_fits(fits: dict[str, dict[str, FrictionFit]], law: str, folder: Path, whole: str) -> list[Path]:
+    """Write fit.toml for all data, and fit-GROUP.toml for each group."""
+    written = []
+    for group_name, by_law in fits.items():
+        if law in by_law:
+            name = "fit.toml" if group_name == whole else f"fit-{file_name(group_name)}.toml"
+            by_law[law].to_toml(folder / name)
+            written.append(folder / name)
+    return written
+
+
+def compare(
+    first: Path,
+    second: Path,
+    *,
+    out: Path = Path("comparison"),
+    protocol: str = "settled",
+) -> None:
+    """Compare two campaigns, two drives or two fits.
+
+    For two campaigns (new and worn, two seals), it writes report.html and comparison.toml.
+    Two drive files, or two fits of one kind, are compared value by value, without any file.
+
+    Options
+    -------
+    first : A
+        Folder of campaign A; or a drive, or a fit.
+    second : B
+        Folder of campaign B, drive or fit; differences are B minus A.
+    protocol
+        Selection of samples: settled, or source-paper (first 5 % dropped).
+
+    Examples
+    --------
+    pneudrive compare before after --out compared
+    pneudrive compare old.toml new.toml
+    """
+    if all(path.suffix == ".toml" or str(path).startswith("catalogue:") for path in (first, second)):
+        _compare_values(str(first), str(second))
+        return
+    choice = one_of("--protocol", protocol, motions.SAMPLE_CHOICES)
+    if first.resolve() == second.resolve():
+        raise CommandError("a campaign cannot be compared with itself", value=str(first), remedy="Give two folders.")
+    tell = on_terminal().tell
+    sides = [characteristics.campaign_friction(folder, choice(), progress=tell) for folder in (first, second)]
+    comparison = pn.compare_campaigns(*sides)
+    folder = writable_folder(out)
+    written = files.write_comparison(comparison, folder / "comparison.toml")
+    page = comparison_page.write_comparison_report(comparison, folder)
+    _show_comparison(comparison)
+    show_paths(written, page)
+
+
+def _compare_values(first: str, second: str) -> None:
+    """Print the values that differ between two drives or fits."""
+    before, after = sources.read_source(first), sources.read_source(second)
+    found = sources.differences(before, after)
+    rows = []
+    for each in found:
+        change = "" if each.change is None else f"{100 * each.change:+.3g}"
+        rows.append((each.key, each.before, each.interval_before, each.after, each.interval_after, change))
+    show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), rows)
+    show_lines(*([] if found else ["No value differs."]))
+    if isinstance(before, static_result.FrictionFit) and isinstance(after, static_result.FrictionFit):
+        _compare_curves(before, after)
+
+
+def _compare_curves(before: FrictionFit, after: FrictionFit) -> None:
+    """Print the difference between the curves of two fits, at speeds and pressures that both have measured."""
+    import numpy as np
+
+    low, high = sources.common(before, after, "speed_m_s")
+    gauges = [sources.common(before, after, f"gauge_{side}_pa") for side in "ab"]
+    if low > high or any(a > b + SAME_PA for a, b in gauges):
+        show_lines("The fits have no speeds and pressures in common, so their curves are not compared.")
+        return
+    speeds = np.geomspace(low, high, SPEEDS) if low < high else np.array([low])
+    rows = []
+    for a, b in dict.fromkeys(zip(*gauges, strict=True)):
+        for speed, change in zip(speeds, sources.curve_differences(before, after, speeds, a, b), strict=True):
+            at = (f"{1e3 * speed:.3g}", f"{a / 1e5:.3g}", f"{b / 1e5:.3g}")
+            rows.append((*at, f"{change.value:+.3g}", f"{change.low:+.3g} .. {change.high:+.3g}"))
+    show_table(("speed mm/s", "a bar gauge", "b bar gauge", "B minus A, N", "95 %"), rows, left=0)
+
+
+def _show_comparison(comparison: Comparison) -> None:
+    """Print one line for each compared property, and the notes."""
+    sides = zip("AB", (comparison.first, comparison.second), strict=True)
+    show_lines(*(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in sides))
+    rows = []
+    for test in comparison.tests:
+        e = test.difference
+        size = f"{e.value:+.3g} ({e.low:+.3g} .. {e.high:+.3g}) {e.unit}" if e is not None else "-"
+        chances = (f"{test.p:.2g}", f"{test.adjusted_p:.2g}")
+        rows.append((test.what, size, *chances, "yes" if test.different else "not shown"))
+    show_table(("question", "B minus A (95 %)", "p", "p corrected", "different"), rows, left=5)
+    show_statements(comparison.statements)
+    show_lines(str(comparison))
+
+
+def reproduce(*, out: Path = Path("reproduction"), seed: Count = 0) -> None:
+    """Reproduce figures 1 to 9 of the source paper on simulated rigs.
+
+    Options
+    -------
+    out
+        Folder for the report and its figures.
+    seed
+        Seed of the noise of the simulated sensors.
+
+    Examples
+    --------
+    pneudrive reproduce --out figures
+    """
+    folder = writable_folder(out)
+    made = reproduction.reproduce(folder / bracha.FOLDER, seed)
+    page = report.write_report(None, {}, folder, made)
+    for claim in made.claims:
+        typer.echo(f'{claim.place}: "{claim.said}"')
+        typer.echo(f"    {claim.verdict}: {claim.found}")
+    typer.echo(f"\nOf the paper, {pages.count_verdicts(made.claims)}.\n{page}")

@@ -1,1 +1,0 @@
-"""Commands on rigs, recordings and campaigns."""

@@ -1,0 +1,523 @@
+"""Section "Simulate": single runs, sweeps, tube studies, platforms, and the page of a folder."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import threading
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import typer
+
+import pneudrive as pn
+from pneudrive.cli.options import Port, changed, command_of, names_in
+from pneudrive.cli.output import check_outputs, on_terminal, show_paths, show_table, write_outputs
+from pneudrive.errors import CommandError, RecordingError, nearest
+from pneudrive.lazy_names import used_later
+from pneudrive.repr_tables import aligned
+
+with used_later(__name__):
+    from pneudrive import report, units
+    from pneudrive.describe.files import load
+    from pneudrive.ensemble import design as designs
+    from pneudrive.ensemble import many, store
+    from pneudrive.ensemble import rows as samples
+    from pneudrive.files import csv_tables, tables
+    from pneudrive.identify import files as fits
+    from pneudrive.identify.follow import fit as motion_fits
+    from pneudrive.platforms import outputs
+    from pneudrive.report import lines_figure
+    from pneudrive.report.platform import figures, page
+    from pneudrive.simulation import simulate as simulation
+    from pneudrive.simulation import trajectory, tube_study
+    from pneudrive.web import serve
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import xarray as xr
+
+    from pneudrive.describe import Circuit, Drive
+    from pneudrive.ensemble.design import EnsembleDesign
+    from pneudrive.ensemble.many import Gathered
+    from pneudrive.platforms import Platform
+    from pneudrive.simulation.simulate import Run
+
+MOST_IMPACTS = 5  # printed impacts; the file has all of them
+#: Ending of the folder in which the chunks of a file that is not finished lie.
+PARTS = ".parts"
+ABOUT_TUBES = (
+    "Tubes are steady: C = 0.029 d^2/sqrt(L/d^1.25 + 510), an empirical formula (assumed; smooth-pipe theory gives "
+    "10 to 15 % more), and their volume; waves are left out. Strokes are simulated from rest at the start of the "
+    "stroke, the emptying chamber at supply pressure; the choked speed is the limit that the exhaust path alone causes."
+)
+#: Endings of pictures, and of files that show or hold a run.
+PICTURES, OF_RUNS = (".svg", ".png", ".pdf"), (".html", ".mp4", ".gif", ".parquet", ".csv")
+
+
+def simulate(
+    drive: str,
+    *,
+    duration: str = "",
+    command: list[str] | None = None,
+    initial: str | None = None,
+    set: list[str] | None = None,  # noqa: A002 - the name of the option
+    motion: Path | None = None,
+    layout: Path | None = None,
+    sample_rate: str = "1 kHz",
+    rtol: float = 1e-6,
+    budget: int | None = None,
+    out: Path | None = None,
+    plot: Path | None = None,
+    energy: bool = False,
+    catalogue: list[Path] | None = None,
+) -> None:
+    r"""Simulate a drive or a circuit, and write or plot the run.
+
+    Options
+    -------
+    duration
+        Duration, e.g. "2 s"; not with --motion.
+    initial
+        Start state, e.g. "position = 50 mm, pressure_a = 3 bar abs"; for a circuit "left.position = 50 mm".
+    motion : RECORDING
+        Recording whose position the piston of a circuit follows.
+    layout
+        Layout of that recording.
+    sample_rate
+        Samples per second.
+    budget : ATTEMPTS
+        Attempted steps after which the run fails.
+    out
+        Trajectory file: .parquet, .csv or .nc.
+    plot
+        Picture of the trajectory: .png, .svg, .pdf or .html.
+    energy
+        Print energy, lost exergy and supplied air.
+
+    Examples
+    --------
+    pneudrive simulate catalogue:parker-osp-p25-mpye --duration '2 s' \
+        --command '0 s: 0.3, 1 s: -0.3' --plot run.png
+    """
+    check_outputs(out, plot=plot, more=(".html",))
+    if motion is not None:
+        columns, provenance = motion_fits.simulate_motion(drive, motion, layout=layout)
+        end = f"{len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s"
+        if out is not None:
+            trajectory.save_columns(columns, provenance, out)
+        typer.echo(f"{provenance['title']}: {end} along {motion}")
+        show_paths(out)
+        return
+    if not duration:
+        raise CommandError("the duration is missing", remedy='Add --duration "2 s", or --motion RECORDING.')
+    described = changed(drive, set)
+    commands = command_of(described, command)
+    result = simulation.run(
+        described,
+        commands,
+        duration,
+        initial=initial,
+        sample_rate=sample_rate,
+        rtol=rtol,
+        budget=budget,
+        watch=on_terminal(),
+        arrays=plot is not None or (out is not None and out.suffix.lower() != ".parquet"),
+    )
+    _show_run(described.name, result.columns, result.provenance)
+    write_outputs((out, partial(_save, result)), (plot, lambda path: report.plot(result.dataset(), path, described)))
+    if energy:
+        typer.echo(str(pn.energy_balance(described, commands, duration, initial=initial, rtol=rtol)))
+
+
+def _save(result: Run, path: Path) -> None:
+    if path.suffix.lower() == ".nc":
+        trajectory.save(result.dataset(), path)
+    else:
+        trajectory.save_columns(result.columns, result.provenance, path)
+
+
+def _show_run(name: str, columns: dict, provenance: dict) -> None:
+    time, statistics = columns["time_s"], provenance["statistics"]
+    typer.echo(f"{name}: {len(time)} samples to {time[-1]:g} s, {statistics['steps']} steps of the solver")
+    for column, x in columns.items():
+        of, _, last = column.rpartition(".")
+        if last == "position_m":
+            typer.echo(
+                f"{of and f'{of}: '}position {x[0] * 1e3:.3f} mm -> {x[-1] * 1e3:.3f} mm, "
+                f"between {x.min() * 1e3:.3f} and {x.max() * 1e3:.3f} mm"
+            )
+    for impact in provenance["impacts"][:MOST_IMPACTS]:
+        of = f"{impact['cylinder']}: " if impact.get("cylinder") else ""
+        typer.echo(
+            f"{of}impact at {impact['time_s']:.4f} s on the end of chamber {impact['end']}: "
+            f"{impact['speed_m_s']:.3f} m/s, {impact['energy_j']:.3g} J, {impact['depth_m'] * 1e3:.3f} mm deep, "
+            f"{impact['peak_force_n']:.0f} N"
+        )
+    if len(provenance["impacts"]) > MOST_IMPACTS:
+        typer.echo(f"and {len(provenance['impacts']) - MOST_IMPACTS} more impacts")
+
+
+def sweep(
+    drive: str,
+    *,
+    duration: str,
+    vary: list[str],
+    out: Path,
+    command: list[str] | None = None,
+    members: int | None = None,
+    design: str = "sobol",
+    seed: int = 0,
+    correlation: list[str] | None = None,
+    output: list[str] | None = None,
+    set: list[str] | None = None,  # noqa: A002 - the name of the option
+    initial: str | None = None,
+    rtol: float = 1e-6,
+    chunk: int | None = None,
+    catalogue: list[Path] | None = None,
+) -> None:
+    r"""Simulate many variants and write a table of results.
+
+    Finished chunks are kept. The same command continues after an interruption.
+
+    Options
+    -------
+    duration
+        Duration, such as "2 s".
+    vary : NAME=VALUES|FILE
+        Varied number, repeatable: "load.mass = uniform(1 kg, 2 kg)", normal, triangular, lognormal, "grid(20 mm ..
+        32 mm, 7)", "20 mm, 25 mm". Or a table (.csv, .parquet) in SI, or a fit.toml.
+    out
+        Table (.parquet, .csv, .nc) or folder.
+    members : N
+        Number of members of distributions or of a fit.
+    design
+        sobol, latin-hypercube or random.
+    seed
+        Random seed of the sampling.
+    correlation : A,B=R
+        Correlated numbers, such as "cylinder.bore, friction.coulomb = 0.6".
+    output : OUTPUT
+        Output of each run, repeatable: final(position), max(velocity), min, mean, integral, "time_when(position >
+        0.45 m)", "settling(position, 0.5 mm)", stroke_time, "samples(position, 100 Hz)". Default: final state,
+        stroke time.
+    initial
+        Start, such as "position = 50 mm".
+    chunk : N
+        Size of a chunk.
+
+    Examples
+    --------
+    pneudrive sweep drive.toml --command 1 --duration '0.5 s' --members 100 \
+        --vary 'load.mass = uniform(1 kg, 4 kg)' --out many.parquet
+    """
+    is_file = out.suffix != ""
+    if is_file:
+        check_outputs(out, (".parquet", ".csv", ".nc"))
+    described = changed(drive, set)
+    study = many.study_of(
+        described,
+        command_of(described, command),
+        duration,
+        vary=_design(described, vary, members, design, seed, correlation or []),
+        outputs=output,
+        initial=initial,
+        rtol=rtol,
+    )
+    if out.suffix == ".csv" and any(reduction.word == "samples" for reduction in study.outputs):
+        raise CommandError("a CSV file has no place for samples", remedy="Write .parquet or .nc.")
+    fits_memory = study.rows.size <= many.IN_MEMORY
+    if is_file and not fits_memory:
+        raise CommandError(
+            f"{study.rows.size} members are too many for one file", remedy="Give a folder: --out results"
+        )
+    chunks = store.ChunkStore(out.with_name(out.name + PARTS) if is_file else out, study, chunk)
+    missing = len(chunks.missing())
+    if missing < len(chunks.chunks):
+        typer.echo(f"{len(chunks.chunks) - missing} of {len(chunks.chunks)} chunks are there", err=True)
+    for _ in many.results(study, chunks, chunk, None, on_terminal()):
+        pass  # each is kept in the store
+    if fits_memory:
+        gathered = many.Gathered(study)
+        gathered.read(chunks)
+        if is_file:
+            gathered.save(out)
+            chunks.remove()
+        _show_members(gathered)
+    show_paths(out)
+
+
+def _design(
+    drive: Drive | Circuit, vary: Sequence[str], members: int | None, method: str, seed: int, correlation: Sequence[str]
+) -> EnsembleDesign:
+    """Read what varies."""
+    if method not in samples.SAMPLERS:
+        raise CommandError(f"--design {method} is not known", remedy=nearest(method, samples.SAMPLERS))
+    files = [text for text in vary if "=" not in text]
+    if correlation and (files or not all("(" in text and "grid(" not in text for text in vary)):
+        raise CommandError("--correlation has no effect here", rule="all numbers that vary have distributions")
+    if files and len(vary) > 1:
+        raise CommandError("--vary has a file and more", rule="give one file, or NAME = VALUES for each number")
+    if files:
+        path = Path(files[0])
+        if path.suffix == ".toml":
+            if members is None:
+                raise CommandError("--members is missing", remedy="Give the number of members from the fit.")
+            return pn.EnsembleDesign.posterior(fits.read_fit(path), members, seed=seed, method=method)
+        return designs.design_of(_table(drive, path), members)
+    variables: dict[str, str] = {}
+    for text in vary:
+        name, _, values = (part.strip() for part in text.partition("="))
+        if name in variables:
+            raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
+        variables[name] = values
+    return replace(designs.design_of(variables, members, seed, method), correlation=dict(map(_pair, correlation)))
+
+
+def _pair(text: str) -> tuple[tuple[str, str], float]:
+    names, _, value = text.partition("=")
+    first, _, second = (part.strip() for part in names.partition(","))
+    try:
+        if first and second:
+            return (first, second), float(value)
+    except ValueError:
+        pass
+    remedy = 'For instance "cylinder.bore, friction.coulomb = 0.6".'
+    raise CommandError(f'--correlation "{text}" is not A, B = R', remedy=remedy)
+
+
+def _table(drive: Drive | Circuit, path: Path) -> dict[str, Any]:
+    """Read a table of members: names of numbers, with or without the unit, are its columns."""
+    if path.suffix not in (".csv", ".parquet"):
+        raise CommandError(
+            f'--vary "{path}" is neither NAME = VALUES nor a file', rule="a .csv, .parquet or .toml file"
+        )
+    known = {number.file_name: name for name, number in many.numbers_of(drive).items()}
+    is_csv = path.suffix == ".csv"
+    columns = csv_tables.csv_names(path, RecordingError) if is_csv else tables.open_table(path, "parquet").names
+    for column in columns:
+        if column not in known and column not in known.values():
+            raise CommandError(
+                f"vary: {column} is not a number of this {drive.file_kind}",
+                where=str(path),
+                remedy=nearest(column, known),
+            )
+    return {known.get(column, column): values for column, values in trajectory.read_columns(path, columns).items()}
+
+
+def _show_members(gathered: Gathered) -> None:
+    """Print how many members there are, and the spread of each output."""
+    import numpy as np
+
+    study, failed = gathered.study, np.flatnonzero(gathered.status)
+    typer.echo(f"{study.variation.drive.name}: {gathered.size} members, {len(failed)} failed")
+    for member in failed[:1]:
+        typer.echo(f"  member {member}: {gathered.reason[member]}")
+    rows, notes = [], []
+    for output, values in zip(study.outputs, gathered.values, strict=True):
+        if values.ndim > 1:
+            continue
+        factor, unit = units.readable(output.unit)
+        finite = values[np.isfinite(values)]
+        quantiles = np.quantile(finite, [0.0, 0.05, 0.5, 0.95, 1.0]) if finite.size else ()
+        rows.append((output.name, unit, *([f"{x / factor:.5g}" for x in quantiles] or ["-"] * 5)))
+        if finite.size < values.size:
+            missing = f"{output.name} has no value in {values.size - finite.size} of {values.size} members"
+            notes.append(f"{missing}: its row is of the others")
+    show_table(("output", "<unit", "lowest", "5 %", "median", "95 %", "highest"), rows)
+    typer.echo("".join(f"{note}\n" for note in notes), nl=False)
+
+
+def lines(
+    drive: str,
+    *,
+    length: str = "0.5 m, 1 m, 2 m, 5 m",
+    diameter: str = "4 mm, 6 mm, 8 mm",
+    out: Path | None = None,
+    plot: Path | None = None,
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Show speed and stroke time over length and bore of the tubes.
+
+    Options
+    -------
+    drive : DRIVE
+        Drive file (TOML), or catalogue:NAME.
+    length : LENGTHS
+        Lengths of the tubes.
+    diameter : DIAMETERS
+        Inner diameters of the tubes.
+    out
+        Table: .csv or .parquet.
+
+    Examples
+    --------
+    pneudrive lines catalogue:reference --length '0.5 m, 2 m'
+    """
+    check_outputs(out, (".csv", ".parquet"), plot)
+    described = cast("Drive", load.load_described(drive))
+    study = tube_study.study(described, names_in(length), names_in(diameter), on_terminal())
+    rows = [("without tubes", "", study.attrs["without_tubes"])]
+    if "as_described" in study.attrs:
+        rows.append(("as described", "", study.attrs["as_described"]))
+    for d in study.diameter.to_numpy():
+        for m in study.length.to_numpy():
+            values = study.sel(diameter=d, length=m)
+            rows.append((f"{1e3 * d:g} mm", f"{m:g} m", {str(name): float(values[name]) for name in study.data_vars}))
+    full = rows[0][2]["mean_speed"]
+    heads = ("bore", "length", "C dm3/(s bar)", "choked m/s", "out s", "back s", "mean m/s", "end m/s", "of the speed")
+    table = [heads, *((bore, long, *_tube_cells(values, full)) for bore, long, values in rows)]
+    typer.echo(f"{study.attrs['title']}\n{aligned(table, right_from=0)}\n\n{ABOUT_TUBES}")
+    write_outputs((out, partial(_save_tubes, study)), (plot, partial(lines_figure.plot_lines, study)))
+
+
+def _tube_cells(values: Mapping[str, Any], full_speed: float) -> list[str]:
+    columns = ("vent_speed", "stroke_time_out", "stroke_time_back", "mean_speed", "end_speed")
+    numbers = [f"{values[name]:.3f}" if values[name] == values[name] else "never" for name in columns]
+    ratio = values["mean_speed"] / full_speed
+    return [f"{1e8 * values['vent_conductance']:.3f}", *numbers, f"{100.0 * ratio:.0f} %" if ratio == ratio else ""]
+
+
+def _save_tubes(study: xr.Dataset, path: Path) -> None:
+    """Write a row for each length and bore, with units in the names of the columns."""
+    import numpy as np
+
+    wide, long = np.meshgrid(study.diameter.to_numpy(), study.length.to_numpy(), indexing="ij")
+    columns = {"diameter_m": wide.ravel(), "length_m": long.ravel()}
+    endings = {"m3/(s Pa)": "m3_s_pa", "m/s": "m_s", "s": "s"}
+    for name, values in study.data_vars.items():
+        columns[f"{name}_{endings[values.attrs['units']]}"] = values.to_numpy().ravel()
+    trajectory.save_columns(columns, dict(study.attrs), path)
+
+
+def platform(
+    circuit: str,
+    *,
+    name: str | None = None,
+    run: Path | None = None,
+    out: Path | None = None,
+    dark: bool = False,
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Show ranges, singular values and loads of a platform on legs, or draw it, at rest or during a run.
+
+    Options
+    -------
+    circuit : CIRCUIT
+        Circuit file (TOML) with a platform.
+    name
+        Platform, if the circuit has several.
+    run
+        Run of the circuit: .parquet, .csv or .nc.
+    out
+        Picture (.svg, .png, .pdf), page (.html) or film (.mp4, .gif) of the platform, or table (.parquet, .csv) of
+        its singular value and leg forces.
+    dark
+        Draw on dark paper.
+
+    Examples
+    --------
+    pneudrive platform tripod.toml
+    pneudrive platform tripod.toml --run run.parquet --out motion.gif
+    """
+    check_outputs(out, (*PICTURES, *OF_RUNS))
+    machine = pn.platform(cast("Circuit", load.load_described(circuit)), name)
+    if out is not None and run is None and out.suffix.lower() in OF_RUNS:
+        raise CommandError(f"{out.name} shows a run", remedy="Add --run RUN.parquet, from pneudrive simulate --out.")
+    if out is not None and run is None:
+        figures.draw_platform(machine, path=out, dark=dark)
+    elif run is None:
+        _show_platform(machine)
+    else:
+        columns = page.read_platform_run(machine, run)
+        _show_platform_run(machine, columns) if out is None else _write_platform(machine, columns, out, dark=dark)
+    show_paths(out)
+
+
+def _write_platform(machine: Platform, columns: dict, out: Path, *, dark: bool) -> None:
+    poses, suffix = outputs.motion_of(machine, columns)[0], out.suffix.lower()
+    if suffix in PICTURES:
+        figures.draw_platform(machine, poses, out, dark=dark)
+    elif suffix == ".html":
+        page.write_platform_page(machine, columns, out)
+    elif suffix in (".parquet", ".csv"):
+        trajectory.save_columns(columns | outputs.platform_outputs(machine, columns), {"title": machine.name}, out)
+    else:
+        figures.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
+
+
+def _show_platform_run(machine: Platform, columns: dict) -> None:
+    typer.echo(f"{machine.name}, {len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s")
+    ranges = page.run_ranges(machine, columns | outputs.platform_outputs(machine, columns))
+    typer.echo(aligned([page.RANGE_HEAD, *ranges], right_from=2))
+
+
+def _show_platform(machine: Platform) -> None:
+    home = machine.home
+    typer.echo(f"{machine.name}: {machine.text(home)}, with every leg at half of its stroke")
+    rows = [("leg", "position mm", "stroke mm", "load N")]
+    for leg, x, force in zip(machine.legs, machine.inverse(home), machine.load(home), strict=True):
+        rows.append((leg.name, f"{1e3 * x:.4g}", f"{1e3 * leg.stroke_m:.4g}", f"{force:.4g}"))
+    typer.echo(aligned(rows, right_from=1))
+    values = ", ".join(f"{value:.4g}" for value in machine.singular_values(home))
+    typer.echo(f"singular values, without unit: {values}\n")
+    table = [("coordinate", "from", "limited by", "to", "limited by", "singular value", "largest load N")]
+    for k, (key, limits) in enumerate(machine.workspace().limits.items()):
+        poses, ends = [home.copy(), home.copy()], []
+        for pose, limit in zip(poses, limits, strict=True):
+            pose[k] = limit.value
+            ends += [machine.text(pose).split(", ")[k].partition(" = ")[2], limit.reason]
+        least = min(float(machine.singular_values(pose)[-1]) for pose in poses)
+        most = max(float(abs(machine.load(pose)).max()) for pose in poses)
+        table.append((key, *ends, f"{least:.3g}", f"{most:.4g}"))
+    typer.echo(aligned(table, right_from=5))
+    typer.echo("One coordinate moves at a time, the others stay at half strokes. Loads hold the platform at rest.")
+
+
+def web(folder: Path = Path(), *, port: Port = 0, control: bool = False, browser: bool = True) -> None:
+    """Open a folder in the browser, with live simulations.
+
+    The server answers this machine only. From another machine, use ssh -L.
+
+    Options
+    -------
+    folder
+        Folder of drives, circuits and recordings.
+    port
+        Port of this machine; 0 takes a free one.
+    control
+        Let the page pause, stop, resume and abort campaigns too.
+    browser
+        Open the page in the browser.
+
+    Examples
+    --------
+    pneudrive web my-studies
+    ssh -L 8123:127.0.0.1:8123 HOST   # with --port 8123 on HOST
+    """
+    import webbrowser
+
+    with tempfile.TemporaryDirectory(prefix="pneudrive-") as private:
+
+        def opened(address: str) -> None:
+            typer.echo(f"{address}\nThe address opens the page for whoever knows it. Ctrl-C ends the server.")
+            sys.stdout.flush()
+            if browser:
+                redirect = Path(private) / "open.html"
+                _write_redirect(redirect, address)
+                threading.Thread(target=webbrowser.open, args=(redirect.as_uri(),), daemon=True).start()
+
+        serve.serve(folder, port, opened, control=control)
+
+
+def _write_redirect(path: Path, address: str) -> None:
+    """Write a file that leads a browser to an address.
+
+    Only the user may read it. Every account of a shared computer can read the arguments of the browser's process.
+    """
+    path.touch(0o600, exist_ok=False)
+    text = f'<meta http-equiv="refresh" content="0;url={address}"><a href="{address}">{path.stem}</a>\n'
+    path.write_text(text, encoding="utf-8")

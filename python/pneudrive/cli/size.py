@@ -1,0 +1,255 @@
+"""Section "Size": drives for a task, data sheets, and single characteristics."""
+
+from __future__ import annotations
+
+import csv
+import json
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from pneudrive.cli.options import number_or_text, pairs_in
+from pneudrive.cli.output import (
+    check_outputs,
+    on_terminal,
+    show_lines,
+    show_paths,
+    show_table,
+    write_outputs,
+)
+from pneudrive.errors import CommandError, nearest
+from pneudrive.lazy_names import used_later
+
+with used_later(__name__):
+    from pneudrive.datasheet import registry, sheet
+    from pneudrive.describe.files import load
+    from pneudrive.report.datasheet import figures
+    from pneudrive.report.datasheet import page as sheet_page
+    from pneudrive.report.sizing import page as sizing_page
+    from pneudrive.simulation import trajectory
+    from pneudrive.sizing import result as results
+    from pneudrive.sizing import search
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import xarray as xr
+
+    from pneudrive.datasheet.characteristic import Characteristic
+
+EXIT_INTERRUPTED = 130
+MOST_VALUES = 24  # values of one result on the terminal
+
+
+def size(
+    task: Path,
+    *,
+    out: Path | None = None,
+    min_candidates: int = 10,
+    max_candidates: int = 160,
+    samples: int = 256,
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Find the drives of the catalogue that do a task.
+
+    Candidates are simulated over given spreads and ranked by air and margin.
+
+    A provisional answer by nominal runs comes first. Ctrl-C ends the search and keeps its results; the same command
+    with --out continues. If no drive does the task, the nearest feasible value of each quantity is shown.
+
+    Options
+    -------
+    task : TASK
+        Task file (TOML).
+    out : DIR
+        Folder for report, ranking and circuit files of the ten best; it is resumed.
+    min_candidates : N
+        Least number of simulated choices of parts.
+    max_candidates : N
+        Largest number of choices of parts whose needles are set.
+    samples
+        Samples of each choice; the ten best have four times as many.
+
+    Examples
+    --------
+    pneudrive size task.toml --out sized
+    """
+    found = search.watched(
+        task,
+        on_terminal(),
+        least=min_candidates,
+        most=max_candidates,
+        draws=samples,
+        draws_best=search.DRAWS_BEST_OF * samples,
+        out=out,
+        provisional=lambda made: show_lines(results.sentences(made)[0]),
+    )
+    sentences, first = results.sentences(found), 1 + len(found.open_checks)
+    show_lines(*sentences[:first])
+    best, parts = list(enumerate(found.by_cylinder[: results.WRITTEN], start=1)), results.PARTS
+    if best:
+        rows = [(str(rank), *results.row_of(drive)[parts:]) for rank, drive in best]
+        show_table(("", *results.HEAD[parts:]), rows)
+        show_lines(*(f"{rank:2d}  {' + '.join(d.parts.values())}; {results.set_to(d)}" for rank, d in best))
+        show_lines(f"The best of each cylinder; {len(found.ranked)} choices meet the task.")
+    show_lines(f"{found.task.name}: {found.state}", *sentences[first:])
+    if out is not None:
+        page = sizing_page.write_sizing_report(found, out)
+        tables = (out / name for name in (results.TABLE, results.SUMMARY, results.REASONS))
+        show_paths(*sorted(out.glob("*.toml")), *tables, page)
+    if found.interrupted:
+        raise typer.Exit(EXIT_INTERRUPTED)
+
+
+def datasheet(
+    drive: str,
+    recordings: list[Path] | None = None,
+    *,
+    layout: Path | None = None,
+    out: Path = Path("datasheet.html"),
+    intervals: bool = True,
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Write a data sheet of a drive, with standards and sources.
+
+    Options
+    -------
+    recordings : [RECORDING|MAP|CAMPAIGN]...
+        Recordings of the drive, or of its piston alone, or one friction map or campaign.
+    out
+        Page: .html or .pdf.
+    intervals
+        Compute intervals from those of identified values.
+
+    Examples
+    --------
+    pneudrive datasheet drive.toml --out sheet.html
+    """
+    out.parent.mkdir(parents=True, exist_ok=True)
+    check_outputs(out, sheet_page.SUFFIXES)
+    found = sheet.build(load.load_described(drive), recordings or [], layout, on_terminal(), intervals=intervals)
+    show_lines(*found.headlines)
+    show_paths(sheet_page.write_datasheet(found, out))
+
+
+def characteristic(
+    drive: str,
+    name: str = "",
+    *,
+    set: list[str] | None = None,  # noqa: A002 - the name of the option
+    out: Path | None = None,
+    plot: Path | None = None,
+    intervals: bool = True,
+    catalogue: list[Path] | None = None,
+) -> None:
+    """Show a characteristic of a drive, with definition and standard.
+
+    Options
+    -------
+    name : NAME
+        Name; without a name, all are listed.
+    set : NAME=VALUE
+        A setting, "command = 0.6"; repeatable.
+    out
+        All results: .csv or .nc (netCDF).
+    intervals
+        Propagate intervals of identified values.
+
+    Examples
+    --------
+    pneudrive characteristic drive.toml stiffness
+    """
+    if not name:
+        rows = [(each.name, each.title, each.standard or "-") for each in registry.characteristics().values()]
+        show_table(("characteristic", "<title", "<standard"), rows)
+        return
+    check_outputs(out, (".csv", ".nc"), plot)
+    kind = registry.characteristic_named(name)
+    texts = pairs_in("--set", set or (), "command = 0.6")
+    settings = {key: _setting(key, text, kind) for key, text in texts.items()}
+    found = registry.found_under(load.load_described(drive), name, on_terminal(), intervals=intervals, **settings)
+    _show_characteristic(found)
+    write_outputs((out, partial(_save, found)), (plot, partial(figures.plot_characteristic, found)))
+
+
+def _setting(name: str, text: str, kind: Characteristic) -> Any:  # noqa: ANN401 - of the kind of the setting
+    """Read a setting; several values are separated by commas."""
+    if name not in kind.settings:
+        raise CommandError(f"{kind.name} has no setting {name!r}", remedy=nearest(name, kind.settings))
+    values = [number_or_text(part.strip()) for part in text.split(",")]
+    value, default = values[0], kind.settings[name][0]
+    if isinstance(default, int):
+        if len(values) > 1 or not isinstance(value, float) or not value.is_integer() or value < 1.0:
+            shown = ", ".join(map(str, values))
+            raise CommandError(f"{name} = {shown} is out of bounds", rule="a whole number from 1 on")
+        return int(value)
+    is_list = isinstance(default, tuple) or (default is None and name.endswith("s"))
+    if len(values) > 1 and not is_list:
+        raise CommandError(f"{name} = {text} is more than one value", rule=f"{kind.name} takes one {name}")
+    return values if is_list else value
+
+
+def _show_characteristic(found: xr.Dataset) -> None:
+    show_lines(found.attrs["title"], found.attrs["definition"], f"Standard: {found.attrs['standard']}")
+    rows = [
+        (
+            sheet.in_words(name),
+            coordinates,
+            sheet.written_value(value, found[name].attrs["units"], low, high),
+            found[name].attrs["long_name"],
+        )
+        for name, coordinates, value, low, high in _rows_of(found, sheet.written_value)
+        if found[name].size <= MOST_VALUES
+    ]
+    show_table(("result", "<at", "<value", "<meaning"), rows)
+    long = [sheet.in_words(str(name)) for name in _results(found) if found[name].size > MOST_VALUES]
+    if long:
+        show_lines(f"More than {MOST_VALUES} values each, in --out FILE.csv: {', '.join(long)}")
+    show_lines(f"Interval: {found.attrs.get('interval', 'not asked for')}")
+
+
+def _results(found: xr.Dataset) -> list[str]:
+    """Return the results without the ends of their intervals; single numbers come first."""
+    names = [str(name) for name in found.data_vars]
+    plain = [name for name in names if not (name.endswith(("_low", "_high")) and name.rpartition("_")[0] in names)]
+    return sorted(plain, key=lambda name: found[name].ndim)
+
+
+def _rows_of(
+    found: xr.Dataset, write: Callable[[float, str], str] = lambda value, _: f"{value:.5g}"
+) -> list[tuple[str, str, float, float | None, float | None]]:
+    """Return each value with its formatted coordinates and its interval."""
+    import numpy as np
+
+    def coordinate(dim: str, index: int) -> str:
+        value = found[dim].to_numpy()[index]
+        is_number = found[dim].dtype.kind == "f"
+        return f"{dim} {write(float(value), found[dim].attrs['units'])}" if is_number else str(value)
+
+    rows = []
+    for name in _results(found):
+        value, dims = found[name].to_numpy(), found[name].dims
+        ends = [found[f"{name}_{end}"].to_numpy() if f"{name}_{end}" in found else None for end in ("low", "high")]
+        for index in np.ndindex(value.shape):
+            named = (coordinate(str(dim), k) for dim, k in zip(dims, index, strict=True) if dim in found.coords)
+            low, high = (None if end is None else float(end[index]) for end in ends)
+            rows.append((name, ", ".join(named), float(value[index]), low, high))
+    return rows
+
+
+def _save(found: xr.Dataset, path: Path) -> None:
+    """Write all results in SI: rows of a table, or the data set as netCDF."""
+    with trajectory.whole(path) as temporary:
+        if path.suffix.lower() == ".nc":
+            plain = {k: v if isinstance(v, str | int | float) else json.dumps(v) for k, v in found.attrs.items()}
+            found.assign_attrs(plain).to_netcdf(temporary, engine="h5netcdf")
+            return
+        with temporary.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(("result", "at", "value", "low", "high", "unit", "meaning"))
+            for name, coordinates, *values in _rows_of(found):
+                numbers = ("" if value is None else repr(value) for value in values)
+                about = found[name].attrs
+                writer.writerow((name, coordinates, *numbers, about["units"], about["long_name"]))

@@ -1,1 +1,0 @@
-"""Commands that size and characterise a drive."""
