@@ -29,10 +29,9 @@ from pneudrive.cli.main import run
 from pneudrive.errors import PneudriveError
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.friction.friction_map import COLUMNS, read_map
-from pneudrive.rig.description import DEFAULT
+from pneudrive.rig.description import DEFAULT, open_file
 from pneudrive.rig.interface import Hold, Identity, Samples
 from pneudrive.rig.loading import load_rig
-from pneudrive.rig.reader import open_file
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import load_recording
 from pneudrive.signals.proposal.propose import propose_layout

@@ -274,8 +274,8 @@ def test_units_of_parameters_are_any_of_their_dimension():
 
 
 def test_a_rig_file_takes_it(folder):
-    from pneudrive.rig.core import core_friction, steady_friction_n
     from pneudrive.rig.description import DEFAULT, read_description
+    from pneudrive.rig.machine import core_friction, steady_friction_n
 
     text = Path(DEFAULT).read_text()
     table = text[text.index("[friction]") :].split("\n[", 1)[0]

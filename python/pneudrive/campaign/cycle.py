@@ -10,7 +10,7 @@ from typing import Any
 from pneudrive.errors import CampaignError, nearest
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Hold, Move, Sampling, Step
-from pneudrive.rig.plain_data import check_fields, known_fields, plain
+from pneudrive.rig.plain_data import plain, read_fields
 
 #: Purposes of a cycle. The first three are points of a characteristic; the others prepare or check.
 KINDS = {
@@ -186,28 +186,24 @@ def read_head(text: str, where: str, *, index: int | None = None, key: str = "")
         If a key is missing or its value is invalid.
     """
     data = parse_json(text, where, CampaignError)
-    if not isinstance(data, dict):
-        raise CampaignError("this is not a JSON object", where=where)
-    check_schema(data.pop("schema", None), where)
-    notes = check_fields(data, Head, where, CampaignError)
-    inner = data.get("cycle") or {}
-    notes += check_fields(inner, Cycle, where, CampaignError, "cycle.")
-    head = {"index": index, **known_fields(data, Head)}
-    cycle = {"key": key, **known_fields(inner, Cycle)}
+    if isinstance(data, dict):
+        check_schema(data.pop("schema", None), where)
+    head, notes = read_fields(data, Head, where, CampaignError)
+    cycle, inner_notes = read_fields(head.get("cycle", {}), Cycle, where, CampaignError, "cycle.")
+    head, cycle = {"index": index, **head}, {"key": key, **cycle}
     for name in ("key", *REQUIRED, *REQUIRED_FOR.get(cycle.get("kind", ""), ())):
         if cycle.get(name) in (None, ""):
             raise CampaignError(f"cycle.{name} is missing", where=where, rule="each cycle must state it")
     if cycle["kind"] not in KINDS:
-        raise CampaignError(
-            f"cycle.kind = {cycle['kind']!r} is not known", where=where, remedy=nearest(cycle["kind"], KINDS)
-        )
+        remedy = nearest(cycle["kind"], KINDS)
+        raise CampaignError(f"cycle.kind = {cycle['kind']!r} is not known", where=where, remedy=remedy)
     for name in POSITIVE:
         if name in cycle and not 0.0 < cycle[name] < math.inf:
             rule = "must be positive; pressures are absolute"
             raise CampaignError(f"cycle.{name} = {cycle[name]:g}", where=where, rule=rule)
     if head["index"] is None or head["index"] < 1:
         raise CampaignError(f"index = {head['index']}", where=where, rule="cycles are counted from 1")
-    return Head(**{**head, "cycle": Cycle.from_dict(cycle, where)}), notes
+    return Head(**{**head, "cycle": Cycle.from_dict(cycle, where)}), notes + inner_notes
 
 
 def check_schema(version: object, where: str) -> None:

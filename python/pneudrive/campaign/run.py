@@ -13,12 +13,10 @@ from pneudrive import own_code
 from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.preflight import check_levels
 from pneudrive.campaign.planning.protocol import Protocol, read_protocol
-from pneudrive.campaign.running.campaign_run import CampaignRun, Options, Terminal
-from pneudrive.campaign.running.live import Display, LiveFiles, guarded
-from pneudrive.campaign.storage.control import Requests
-from pneudrive.campaign.storage.files import FolderLock, Journal, make_folder, now
-from pneudrive.campaign.storage.folder import ABOUT, LOG, Campaign, create, plan_of, tidy
-from pneudrive.errors import CampaignError, RigError
+from pneudrive.campaign.running.campaign_run import DONE, ENDED, CampaignRun, Options, Terminal
+from pneudrive.campaign.storage.files import FolderLock, make_folder, now
+from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
+from pneudrive.errors import CampaignError
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.plain_data import plain
 
@@ -26,13 +24,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from pneudrive.campaign.planning.points import Plan
-    from pneudrive.campaign.running.campaign_run import Prompt
+    from pneudrive.campaign.running.live import Display
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Identity, Rig
-
-
-#: Ends of a run without an error.
-DONE, ENDED = "done", "ended"
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,16 +48,6 @@ class Result(Shown):
     ended: str
 
 
-@dataclass(frozen=True)
-class _Audience:
-    """Observers of a campaign: display, prompt, subscribers."""
-
-    display: Display | None
-    prompt: Prompt | None
-    subscribers: Sequence[Callable[[str, dict], None]]
-    cancel: Flag | None
-
-
 def run_campaign(
     protocol: Protocol | str | Path,
     rig: Rig | str | Path,
@@ -73,7 +57,7 @@ def run_campaign(
     labels: Mapping[str, str] | None = None,
     pace: float | None = None,
     display: Display | None = None,
-    prompt: Prompt | None = None,
+    prompt: Terminal | None = None,
     subscribers: Sequence[Callable[[str, dict], None]] = (),
     cancel: Flag | None = None,
 ) -> Result:
@@ -94,7 +78,7 @@ def run_campaign(
         Seconds of a simulated rig per second of wall-clock time. Default: as fast as possible.
     display : Display, optional
         Default: nothing is shown.
-    prompt : Prompt, optional
+    prompt : Terminal, optional
         Asks in pauses and for operator's steps. Default: the terminal.
     subscribers : sequence of callable
         Called with bluesky's documents (name, document): a start, a descriptor, an event for each finished
@@ -117,11 +101,25 @@ def run_campaign(
         If the rig fails. After every error the rig is at rest and finished cycles are kept.
     """
     asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
-    folder, audience = Path(into), _Audience(display, prompt, subscribers, cancel)
+    folder = Path(into)
+    audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
     if (folder / ABOUT).exists():
-        return _go_on(folder, rig, asked, options, pace, audience)
+        return _resume(folder, rig, asked, options, pace, None, audience)
     with _bench(rig, asked.seed, pace) as (bench, source):
-        return _begin(folder, bench, source, asked, options, labels or {}, audience)
+        check_levels(asked, bench)
+        plan = lay_out(asked, bench.identity(), bench.limits())
+        options = _with_operator(options, asked.operator)
+        make_folder(folder)
+        with FolderLock(folder) as lock:
+            if (folder / ABOUT).exists():  # another process was faster
+                raise CampaignError(
+                    "another process has begun a campaign in this folder",
+                    where=str(folder),
+                    remedy=f"Name another folder, or resume that campaign: pneudrive campaign resume {folder}",
+                )
+            about = _about(plan, options, {**asked.labels, **(labels or {})}, source)
+            campaign = create(folder, asked.text, plan.identity, about)
+            return _result(CampaignRun(campaign, plan, bench, options, lock, **audience))
 
 
 def resume_campaign(
@@ -132,7 +130,7 @@ def resume_campaign(
     pace: float | None = None,
     allow_code: str | None = None,
     display: Display | None = None,
-    prompt: Prompt | None = None,
+    prompt: Terminal | None = None,
     subscribers: Sequence[Callable[[str, dict], None]] = (),
     cancel: Flag | None = None,
 ) -> Result:
@@ -154,8 +152,8 @@ def resume_campaign(
     ProtocolError, CampaignError, RigError
         As in `run_campaign`; or if `rig` is needed.
     """
-    audience = _Audience(display, prompt, subscribers, cancel)
-    return _go_on(Path(folder), rig, None, options, pace, audience, allow_code)
+    audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
+    return _resume(Path(folder), rig, None, options, pace, allow_code, audience)
 
 
 def can_be_resumed(error: BaseException) -> bool:
@@ -163,44 +161,14 @@ def can_be_resumed(error: BaseException) -> bool:
     return getattr(error, "while_running", False)
 
 
-def _mark(error: BaseException) -> None:
-    """Mark an error for `can_be_resumed`."""
-    error.while_running = True  # type: ignore[attr-defined]
-
-
-def _begin(
-    folder: Path,
-    rig: Rig,
-    source: str,
-    protocol: Protocol,
-    options: Options | None,
-    labels: Mapping[str, str],
-    audience: _Audience,
-) -> Result:
-    check_levels(protocol, rig)
-    plan = lay_out(protocol, rig.identity(), rig.limits())
-    options = _with_operator(options, protocol.operator)
-    make_folder(folder)
-    with FolderLock(folder) as lock:
-        if (folder / ABOUT).exists():  # another process was faster
-            raise CampaignError(
-                "another process has begun a campaign in this folder",
-                where=str(folder),
-                remedy=f"Name another folder, or resume that campaign: pneudrive campaign resume {folder}",
-            )
-        about = _about(plan, options, {**protocol.labels, **labels}, source)
-        campaign = create(folder, protocol.text, plan.identity, about)
-        return _run(campaign, plan, rig, options, lock, audience)
-
-
-def _go_on(
+def _resume(
     folder: Path,
     rig: Rig | str | Path | None,
     protocol: Protocol | None,
     options: Options | None,
     pace: float | None,
-    audience: _Audience,
-    allow_code: str | None = None,
+    allow_code: str | None,
+    audience: dict[str, Any],
 ) -> Result:
     campaign = Campaign.open(folder)
     if protocol is not None and protocol.text.strip() != campaign.protocol.strip():
@@ -216,7 +184,13 @@ def _go_on(
         if (limits := bench.limits()) != plan.envelope:
             lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
         options = _with_operator(options, str(campaign.about.get("operator", "")))
-        return _run(campaign, plan, bench, options, lock, audience)
+        return _result(CampaignRun(campaign, plan, bench, options, lock, **audience))
+
+
+def _result(run: CampaignRun) -> Result:
+    """Run a campaign to its end."""
+    ended = run.run()
+    return Result(run.campaign, len(run.finished), run.total, ended)
 
 
 def _rig_again(
@@ -313,55 +287,4 @@ def _with_operator(options: Options | None, operator: str) -> Options:
     return options if options.operator else replace(options, operator=operator)
 
 
-def _run(
-    campaign: Campaign,
-    plan: Plan,
-    rig: Rig,
-    options: Options,
-    lock: FolderLock,
-    audience: _Audience,
-) -> Result:
-    journal = Journal(campaign.path / LOG)
-    shown = guarded(journal, audience.display or Display(), LiveFiles(campaign.path))
-    prompt = audience.prompt or Terminal()
-    files, tidied = tidy(campaign)
-    for line in tidied:
-        journal.write(line)
-        shown.say(line)
-    requests = Requests(campaign.path, someone_there=prompt.there, cancel=audience.cancel)
-    run = CampaignRun(campaign, plan, rig, options, lock, journal, shown, requests, prompt, audience.subscribers, files)
-    journal.write(f"{'resumed' if files else 'began'} after {run.now}; rig {campaign.identity.name}")
-    shown.began(plan, run.finished.keys())
-    for note in plan.notes:
-        shown.say(f"note: {note}")
-    ended = "failed"
-    with requests.signals():  # to the end: another Ctrl-C must not interrupt bringing the rig to rest
-        try:
-            ended = DONE if run.run() else ENDED
-        except BaseException as error:
-            journal.write(f"{type(error).__name__}: {error}")
-            _mark(error)
-            raise
-        finally:
-            trouble = run.close()
-            shown.ended()
-            restless = f"; the rig may not be at rest: {trouble}" if trouble else ""
-            journal.write(f"{ended} after {run.now}{restless}")
-            if trouble:
-                shown.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
-    if trouble:
-        restless_rig = RigError("the rig could not be brought to rest", value=trouble, remedy="Stop it by hand.")
-        _mark(restless_rig)
-        raise restless_rig
-    return Result(campaign, len(run.finished), run.total, ended)
-
-
-__all__ = [
-    "DONE",
-    "ENDED",
-    "Options",
-    "Result",
-    "can_be_resumed",
-    "resume_campaign",
-    "run_campaign",
-]
+__all__ = ["DONE", "ENDED", "Options", "Result", "can_be_resumed", "resume_campaign", "run_campaign"]

@@ -45,8 +45,7 @@ if TYPE_CHECKING:
     from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, uniform_in_position
     from pneudrive.rig.sampling import schedule
     from pneudrive.rig.sensors import AnalogSensor, Encoder, EncoderClock, TimeClock
-    from pneudrive.rig.session import RigSession
-    from pneudrive.rig.simulated import SimulatedRig, Trace, sweep
+    from pneudrive.rig.simulated import RigSession, SimulatedRig, Trace, sweep
 
 __all__ = [
     "AnalogSensor",
@@ -85,7 +84,6 @@ __getattr__ = lazy(
         "motion": ["Limits", "Motion", "cycles", "dwell", "move", "uniform_in_position"],
         "sampling": ["schedule"],
         "sensors": ["AnalogSensor", "Encoder", "EncoderClock", "TimeClock"],
-        "session": ["RigSession"],
-        "simulated": ["SimulatedRig", "Trace", "sweep"],
+        "simulated": ["RigSession", "SimulatedRig", "Trace", "sweep"],
     },
 )

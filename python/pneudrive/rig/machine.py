@@ -1,27 +1,313 @@
-"""Motion of a simulated rig in virtual time: one step after the other on the core, with its history."""
+"""Machine of a simulated rig in virtual time: the rig in the core's form, its history, and one step after the other.
+
+The history changes the friction: temperature, run-in, and scatter between cycles and days.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import math
 from copy import deepcopy
+from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.constants import STANDARD_GRAVITY_M_S2
+from pneudrive.constants import LEAK_CRITICAL_RATIO, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RigError, SimulationError
-from pneudrive.rig.conditions import Past, friction_in_force
-from pneudrive.rig.core import core_rig, steady_friction_n
 from pneudrive.rig.interface import Hold, Move, Step
+from pneudrive.rig.keys import RIGID
 from pneudrive.rig.motion import Motion, brake, dwell, move
+from pneudrive.rig.plain_data import is_number, plain, read_fields
+from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from pneudrive.rig.description import RigDescription
+    from pneudrive.rig.description import RigDescription, RigMounting
 
     Array = NDArray[np.float64]
+    Numbers = float | Array
+
+
+def core_friction(d: RigDescription, mounting: RigMounting | None = None) -> dict[str, Any]:
+    """Return the friction of the piston, including that of the guide under a side load of the mounting."""
+    table = {"law": d.law, "parameters": d.parameters, "pressure": d.pressure, **d.dependences}
+    if mounting is not None and mounting.side_load_n > 0.0:
+        table["side_load"] = {"force_n": mounting.side_load_n, "coefficient": mounting.coefficient}
+    return table
+
+
+def steady_friction_n(
+    friction: dict[str, Any],
+    velocity_m_s: float | Array,
+    gauges_pa: tuple[float, float] = (0.0, 0.0),
+    position_m: float = 0.0,
+) -> Array:
+    """Return the friction of steady sliding, N, with the sign of the velocity.
+
+    Parameters
+    ----------
+    friction : dict
+        Result of `core_friction`.
+    velocity_m_s : float or ndarray
+    gauges_pa : (float, float)
+        Gauge pressures in the chambers.
+    position_m : float
+        Position, m, for friction that depends on it.
+
+    Returns
+    -------
+    ndarray
+        Friction, N, one-dimensional.
+    """
+    from pneudrive import _core
+
+    velocity = np.atleast_1d(np.asarray(velocity_m_s, dtype=np.float64))
+    others = {name: table for name, table in friction.items() if name not in ("law", "parameters", "pressure")}
+    law, parameters, pressure = friction["law"], friction["parameters"], friction.get("pressure")
+    steady = _core.steady_friction(law, parameters, velocity, *gauges_pa, pressure, others, position_m)
+    return np.asarray(steady)
+
+
+def core_rig(
+    d: RigDescription,
+    pressures_pa: tuple[float, float],
+    friction: dict[str, Any] | None = None,
+    temperature_k: float | None = None,
+) -> Dragged:
+    """Return the rig with its chambers or regulators at these absolute pressures, Pa.
+
+    Parameters
+    ----------
+    d : RigDescription
+    pressures_pa : (float, float)
+    friction : dict, optional
+        Result of `core_friction`; the default is the rig's friction.
+    temperature_k : float, optional
+        Temperature of the room, K; the default is that of the rig file.
+    """
+    (area_a, area_b), servo = d.areas_m2, d.servo
+    rods = {"rodless": (0, 0), "single-rod": (0, 1), "through-rod": (1, 1)}[d.cylinder]
+    perimeter_a, perimeter_b = (math.pi * (d.bore_m + rod * d.rod_diameter_m) for rod in rods)
+    carriage = {"release_time": servo["release_time"]}
+    if servo["bandwidth"] is not None:
+        carriage |= {"servo_bandwidth": servo["bandwidth"], "servo_damping_ratio": servo["damping_ratio"]}
+    if servo["ripple"] > 0.0:
+        carriage |= {"ripple_velocity": servo["ripple"], "ripple_pitch": servo["pitch"]}
+    rig = Dragged(
+        friction or core_friction(d),
+        {
+            "area_a": area_a,
+            "area_b": area_b,
+            "perimeter_a": perimeter_a,
+            "perimeter_b": perimeter_b,
+            "stroke": d.stroke_m,
+            "moving_mass": d.moving_mass_kg,
+            "incline": d.incline_rad,
+        },
+        {"stiffness": d.stiffness_n_m, "damping": d.damping_n_s_m},
+        carriage,
+        d.ambient_pressure_pa,
+        temperature_k or d.ambient_temperature_k,
+    )
+    if d.chambers["kind"] == "held":
+        for name, pressure in zip("ab", pressures_pa, strict=True):
+            rig.hold(name, pressure)
+    else:
+        _supply(rig, d, pressures_pa)
+    return rig
+
+
+def _supply(rig: Dragged, d: RigDescription, pressures_pa: tuple[float, float]) -> None:
+    """Add the air supply of the chambers: ports to the room, or regulators with shut-off, a volume and lines."""
+    c = d.chambers
+    kind, ratio, heat = c["kind"], c["critical_pressure_ratio"], c["heat_transfer"]
+    if kind == "common" and pressures_pa[0] != pressures_pa[1]:
+        raise SimulationError(
+            f"one regulator cannot set both {pressures_pa[0]:g} Pa and {pressures_pa[1]:g} Pa",
+            rule="chambers on a common manifold have the same pressure",
+        )
+
+    def regulator(volume: str, pressure: float) -> None:
+        source = f"source_{volume}"
+        rig.hold(source, pressure)
+        # A hose of this volume and diameter has 4 V/d of wall.
+        wall = 4.0 * c["manifold_volume"] / c["hose_diameter"]
+        rig.volume(volume, pressure, volume=c["manifold_volume"], wall_area=wall, heat_transfer=heat)
+        rig.path(f"regulator_{volume}", c["regulator_conductance"], ratio, (source, volume))
+        rig.shutters.append(f"regulator_{volume}")
+
+    for side, pressure in zip("ab", pressures_pa, strict=True):
+        rest = d.ambient_pressure_pa if kind == "open" else pressure
+        rig.volume(side, rest, volume=c["dead_volume"], heat_transfer=heat)
+    if kind == "common":
+        regulator("manifold", pressures_pa[0])
+    for side, pressure in zip("ab", pressures_pa, strict=True):
+        source = {"open": AMBIENT, "common": "manifold", "separate": f"hose_{side}"}[kind]
+        rig.sources[side] = source
+        if kind == "separate":
+            regulator(source, pressure)
+        rig.path(f"line_{side}", c["line_conductance"], ratio, (source, side))
+        if kind == "open":
+            rig.shutters.append(f"line_{side}")
+    leaks = {("a", "b"): c["piston_leakage"], ("a", AMBIENT): c["leakage"], ("b", AMBIENT): c["leakage"]}
+    for ends, conductance in leaks.items():
+        if conductance > 0.0:
+            rig.path("leak_" + "_".join(ends), conductance, LEAK_CRITICAL_RATIO, ends)
+
+
+DAY_S = 86400.0
+
+
+@dataclass
+class Past:
+    """History of a simulated rig, as plain data.
+
+    Attributes
+    ----------
+    key : str
+        Key of the last cycle, from which its friction scale is drawn.
+    clock_s : float
+        Clock of the rig.
+    travel_m : float
+        Distance slid by the present seal.
+    seal_rise_k : float
+        Temperature of the seal above that of the room.
+    commanded_m : float
+        Position of the axis.
+    pressure_a_pa, pressure_b_pa : float
+        Set pressures.
+    state : list of float or None
+        State of the core; None: at rest, the sensor unstressed, the chambers at their set pressures.
+    shown : dict
+        Last true values of the channels.
+    levels : dict
+        Mounted factor levels.
+    changes : dict
+        Number of changes of each factor by hand.
+    """
+
+    key: str = ""
+    clock_s: float = 0.0
+    travel_m: float = 0.0
+    seal_rise_k: float = 0.0
+    commanded_m: float = 0.0
+    pressure_a_pa: float = 0.0
+    pressure_b_pa: float = 0.0
+    state: list[float] | None = None
+    shown: dict[str, float] = field(default_factory=dict)
+    levels: dict[str, str] = field(default_factory=lambda: {"mounting": RIGID})
+    changes: dict[str, int] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, exact to the bit."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Past:
+        """Return the history from the data of `to_dict`.
+
+        Raises
+        ------
+        RigError
+            The data are not a history of this kind.
+        """
+        wrong = RigError(
+            "this is not the saved state of a simulated rig",
+            value=data,
+            rule="finite numbers, a key and levels that are texts",
+        )
+        try:
+            copy = json.loads(json.dumps(data, allow_nan=False, default=plain))
+            known, notes = read_fields(copy, cls, "the saved state", RigError)
+            texts, counts = known["levels"].values(), known["changes"].values()
+            good = not notes and len(copy) == len(fields(cls))
+            good = good and all(map(is_number, [*(copy["state"] or []), *known["shown"].values()]))
+            good = good and all(isinstance(level, str) for level in texts) and all(isinstance(n, int) for n in counts)
+        except (AttributeError, KeyError, RigError, TypeError, ValueError):
+            raise wrong from None
+        if not good:
+            raise wrong
+        return cls(**copy)
+
+    def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:
+        """Advance the time, with this power of friction heating the seal."""
+        from pneudrive import _core
+
+        thermal = d.thermal
+        self.seal_rise_k = _core.seal_warming(
+            thermal["seal_rise"], thermal["seal_time"], self.seal_rise_k, power_w, duration_s
+        )
+        self.clock_s += duration_s
+
+    def room_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
+        """Return the temperature of the room, K, now or some seconds later."""
+        thermal = d.thermal
+        turn = 2.0 * np.pi * (self.clock_s + after_s) / thermal["room_period"]
+        return d.ambient_temperature_k + thermal["room_amplitude"] * np.sin(turn)
+
+    def barrel_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
+        """Return the temperature of the barrel, K, at the thermometer."""
+        return self.room_k(d, after_s) + d.barrel_share * self.seal_rise_k
+
+    def force_drift_n(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
+        """Return the drift of the force sensor's zero, N, with temperature and time."""
+        warmer = self.room_k(d, after_s) - d.ambient_temperature_k
+        return d.drift["per_k"] * warmer + d.drift["per_s"] * (self.clock_s + after_s)
+
+
+def stream(seed: int, *words: str) -> np.random.Generator:
+    """Return a generator of random numbers that depends only on the given words."""
+    digest = hashlib.sha256("\0".join(words).encode()).digest()
+    return np.random.default_rng([seed, int.from_bytes(digest[:8], "little")])
+
+
+def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
+    """Return the friction scale of cycle, day, mounting and seal: a factor on all friction forces of the rig file.
+
+    The factors are lognormal. Each factor depends only on the seed and the name of its cycle, day, mounting or seal.
+    """
+    changed = {factor: past.changes.get(factor, 0) for factor in ("mounting", "seal")}
+    drawn = {
+        "cycle": past.key,
+        "day": str(int(past.clock_s // DAY_S)),
+        "mounting": f"{past.levels.get('mounting', RIGID)} {changed['mounting']}",
+        "seal": f"{past.levels.get('seal', '')} {changed['seal']}",
+    }
+    exponent = 0.0
+    for factor, words in drawn.items():
+        if d.repeatability[factor] > 0.0:
+            exponent += d.repeatability[factor] * float(stream(seed, factor, words).standard_normal())
+    return math.exp(exponent)
+
+
+def friction_in_force(d: RigDescription, past: Past, seed: int) -> dict[str, Any]:
+    """Return the friction of the present step in the core's form.
+
+    Run-in and temperature act as on a drive: both on Coulomb and breakaway force, only temperature on viscous friction.
+    They are evaluated at the beginning of the step (assumed: a step is short against the time constant of warming).
+    """
+    from pneudrive import _core
+
+    table, thermal, run_in = core_friction(d, d.mountings[past.levels.get("mounting", RIGID)]), d.thermal, d.run_in
+    warmer = float(past.room_k(d)) - d.ambient_temperature_k + past.seal_rise_k
+    levels, viscous = _core.seal_factors(
+        thermal["coulomb"], -thermal["viscous"], warmer, run_in["excess"], run_in["distance"], past.travel_m
+    )
+    scale = friction_scale(d, past, seed)
+    factor = {"coulomb": scale * levels, "breakaway": scale * levels, "viscous": scale * viscous}
+    out = dict(table)
+    out["parameters"] = {name: value * factor.get(name, 1.0) for name, value in d.parameters.items()}
+    if d.pressure is not None:
+        out["pressure"] = {name: value * scale * levels for name, value in d.pressure.items()}
+    if table.get("dwell") is not None:
+        out["dwell"] = table["dwell"] | {"increment_n": table["dwell"]["increment_n"] * scale}
+    return out
+
 
 #: Tolerance of the core: errors of force far below the noise of any force sensor.
 RTOL = 1e-6

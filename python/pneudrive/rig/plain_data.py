@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import fields
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import DescriptionError, PneudriveError, RigError, nearest
 from pneudrive.rig.interface import Envelope, Identity
@@ -25,36 +25,40 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - any plain data
 
 def is_number(value: object) -> bool:
     """Return whether a value is a number but not NaN. Infinity is valid for a rigid rig or a sensor without limits."""
-    return type(value) in (int, float) and (abs(value) <= LARGEST or math.isinf(value))  # type: ignore[arg-type]
+    return type(value) in (int, float) and (abs(value) <= LARGEST or abs(value) == math.inf)  # type: ignore[arg-type]
 
 
-class Rule(NamedTuple):
-    """Rule for the JSON value of a field."""
-
-    words: str
-    holds: Callable[[object], bool]
+def _is_pair(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(map(is_number, value))
 
 
-_TABLE = Rule("a table", lambda value: type(value) is dict)
-_RULES = {
-    "float": Rule("a number", is_number),
-    "int": Rule("a whole number", lambda value: type(value) is int),
-    "str": Rule("text", lambda value: type(value) is str),
-    "bool": Rule("true or false", lambda value: type(value) is bool),
-    "tuple": Rule("a list", lambda value: type(value) is list),
-    "list": Rule("a list", lambda value: type(value) is list),
+#: Annotation of a field -> rule of its JSON value in words, and its check; others are tables.
+_RULES: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "float": ("a number", is_number),
+    "int": ("a whole number", lambda value: type(value) is int),
+    "str": ("text", lambda value: type(value) is str),
+    "bool": ("true or false", lambda value: type(value) is bool),
+    "tuple[float, float]": ("a list of two numbers", _is_pair),
+    "tuple": ("a list", lambda value: type(value) is list),
+    "list": ("a list", lambda value: type(value) is list),
 }
+_TABLE = ("a table", lambda value: type(value) is dict)
 
 
 @cache
-def _rules(cls: type) -> dict[str, Rule]:
-    """Return the rule of each field of a dataclass from its annotation; the default is a table."""
-    return {
-        field.name: _RULES.get(str(field.type).partition("[")[0].partition(" |")[0], _TABLE) for field in fields(cls)
-    }
+def _rules(cls: type) -> dict[str, tuple[str, Callable[[Any], bool]]]:
+    """Return the rule of each field of a dataclass from its annotation."""
+    kinds = {field.name: str(field.type).partition(" |")[0] for field in fields(cls)}
+    return {name: _RULES.get(kind) or _RULES.get(kind.partition("[")[0], _TABLE) for name, kind in kinds.items()}
 
 
-def check_fields(data: dict[str, Any], cls: type, where: str, kind: type[PneudriveError], path: str = "") -> list[str]:
+def read_fields(
+    data: Any,  # noqa: ANN401 - JSON
+    cls: type,
+    where: str,
+    kind: type[PneudriveError],
+    path: str = "",
+) -> tuple[dict[str, Any], list[str]]:
     """Check a table against the fields of its class.
 
     Parameters
@@ -71,28 +75,26 @@ def check_fields(data: dict[str, Any], cls: type, where: str, kind: type[Pneudri
 
     Returns
     -------
-    list of str
-        Notes on unknown keys, which are ignored.
+    dict, list of str
+        The known fields that are not null, and notes on unknown keys, which are ignored.
 
     Raises
     ------
     PneudriveError
-        A value is of another type.
+        The data are not a table, or a value is of another type.
     """
-    rules, notes = _rules(cls), []
+    if not isinstance(data, dict):
+        raise kind("this is not a JSON object", where=where)
+    rules, known, notes = _rules(cls), dict[str, Any](), []
     for name, value in data.items():
-        rule = rules.get(name)
-        if rule is None:
+        if name not in rules:
             notes.append(f"{path}{name} is ignored, as it is not a known key. {nearest(name, rules)}")
-        elif value is not None and not rule.holds(value):
-            raise kind(f"{path}{name} = {value!r:.80}", where=where, rule=f"the value is {rule.words}")
-    return notes
-
-
-def known_fields(data: dict[str, Any], cls: type) -> dict[str, Any]:
-    """Return the table without null values and unknown keys."""
-    rules = _rules(cls)
-    return {name: value for name, value in data.items() if name in rules and value is not None}
+        elif value is not None:
+            words, holds = rules[name]
+            if not holds(value):
+                raise kind(f"{path}{name} = {value!r:.80}", where=where, rule=f"the value is {words}")
+            known[name] = value
+    return known, notes
 
 
 def identity_of(data: Any, where: str, kind: type[PneudriveError] = RigError) -> tuple[Identity, list[str]]:  # noqa: ANN401 - JSON
@@ -101,17 +103,15 @@ def identity_of(data: Any, where: str, kind: type[PneudriveError] = RigError) ->
     Returns
     -------
     Identity, list of str
-        Identity, and notes as from `check_fields`.
+        Identity, and notes as from `read_fields`.
 
     Raises
     ------
     PneudriveError
         A key is missing or its value is not valid.
     """
-    if not isinstance(data, dict):
-        raise kind("this is not a JSON object", where=where)
-    notes = check_fields(data, Identity, where, kind)
-    known: dict[str, Any] = {"name": "unnamed rig", **known_fields(data, Identity)}
+    known, notes = read_fields(data, Identity, where, kind)
+    known = {"name": "unnamed rig", **known}
     for name in ("area_a_m2", "area_b_m2"):
         if name not in known:
             raise kind(f"{name} is missing", where=where, rule="the pistons' areas must be known")
@@ -130,13 +130,9 @@ def identity_of(data: Any, where: str, kind: type[PneudriveError] = RigError) ->
     return Identity(**known), notes
 
 
-def _is_range(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(map(is_number, value)) and value[0] < value[1]
-
-
 #: Tables of an identity by channel: rule of their values, and its check.
 _CHANNELS: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    "limits": ("[lowest, highest]", _is_range),
+    "limits": ("[lowest, highest]", lambda value: _is_pair(value) and value[0] < value[1]),
     "accuracy": ("a number, not negative", lambda value: is_number(value) and value >= 0.0),
     "resolution": ("a number, not negative", lambda value: is_number(value) and value >= 0.0),
     "bandwidth_hz": ("a frequency is positive", lambda value: is_number(value) and 0.0 < value < math.inf),
@@ -153,9 +149,8 @@ def envelope_of(data: Any, where: str, kind: type[PneudriveError] = RigError) ->
     """
     if not isinstance(data, dict):
         raise kind("the rig's envelope is not valid", where=where, value=data, rule="a table")
-    check_fields(data, Envelope, where, kind)
-    known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in known_fields(data, Envelope).items()}
+    known, _ = read_fields(data, Envelope, where, kind)
     try:
-        return Envelope(**known)
+        return Envelope(**{name: tuple(value) if isinstance(value, list) else value for name, value in known.items()})
     except TypeError as error:
         raise kind("the rig's envelope is not valid", where=where, value=str(error)) from None

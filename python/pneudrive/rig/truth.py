@@ -25,11 +25,10 @@ from pneudrive.rig.interface import Hold, Move
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.rig.conditions import Past
-    from pneudrive.rig.instruments import Instruments
     from pneudrive.rig.interface import Step
-    from pneudrive.rig.machine import Machine
+    from pneudrive.rig.machine import Machine, Past
     from pneudrive.rig.motion import Motion
+    from pneudrive.rig.sensors import AnalogSensor
 
     Array = NDArray[np.float64]
 
@@ -107,9 +106,9 @@ def _ages(true: dict[str, Array]) -> dict[str, float]:
     return {} if age is None else {"age_begin_s": float(age[0]), "age_end_s": float(age[-1])}
 
 
-def truth_of_cycle(machine: Machine, instruments: Instruments, steps: list[dict[str, Any]]) -> dict[str, Any]:
+def truth_of_cycle(machine: Machine, force: AnalogSensor, steps: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the ground truth of a cycle from that of its steps."""
-    d, past, force = machine.d, machine.past, instruments.force
+    d, past = machine.d, machine.past
     room = float(past.room_k(d))
     return {
         "rig": d.name,

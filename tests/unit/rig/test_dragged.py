@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneudrive.rig.core import core_rig
 from pneudrive.rig.loading import shipped_rigs
+from pneudrive.rig.machine import core_rig
 from pneudrive.rig.motion import Limits, Motion, dwell, move
 from pneudrive.rig.simulated import SimulatedRig
 

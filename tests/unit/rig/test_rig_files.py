@@ -6,8 +6,7 @@ import pytest
 
 from pneudrive.errors import DescriptionError
 from pneudrive.rig import SimulatedRig, shipped_rigs
-from pneudrive.rig.description import DEFAULT, read_description
-from pneudrive.rig.reader import bare
+from pneudrive.rig.description import DEFAULT, bare, read_description
 
 ASSUMED = 'source = "assumed", reason = "for this test"'
 

@@ -295,13 +295,13 @@ MaybePressure = Annotated[units.Pressure | None, StatedPressure()]
 MaybePressures = Annotated[tuple[units.Pressure, ...] | None, ListOf(StatedPressure(), "linear", sorts=False)]
 
 
-class Table(Described):
+class ProtocolTable(Described):
     """Base of the tables of a protocol: the text below a key is its description in the schema."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
 
-class Speeds(Table):
+class Speeds(ProtocolTable):
     """Speeds of the sweep: out and back at each."""
 
     table_name: ClassVar[str] = "speed"
@@ -357,7 +357,7 @@ class Speeds(Table):
         return spaced(self.from_m_s, self.to_m_s, self.count, self.spacing, SPEED)
 
 
-class Pressures(Table):
+class Pressures(ProtocolTable):
     """Pressures in the chambers, in exactly one of three ways; default: both open to ambient."""
 
     table_name: ClassVar[str] = "pressure"
@@ -394,7 +394,7 @@ class Pressures(Table):
         return (VENTED,)
 
 
-class Preconditioning(Table):
+class Preconditioning(ProtocolTable):
     """Strokes that bring the contact to the same state before every stop."""
 
     table_name: ClassVar[str] = "stop.preconditioning"
@@ -404,7 +404,7 @@ class Preconditioning(Table):
     """speed of these strokes and of every return stroke"""
 
 
-class Stops(Table):
+class Stops(ProtocolTable):
     """Stops in the middle of a move: preconditioning strokes, an uninterrupted stroke, the interrupted one."""
 
     table_name: ClassVar[str] = "stop"
@@ -433,7 +433,7 @@ class Stops(Table):
         return {"held": (False,), "released": (True,), "both": (False, True)}[self.axis]
 
 
-class HardFactor(Table):
+class HardFactor(ProtocolTable):
     """A factor that is changed by hand, between blocks."""
 
     levels: Annotated[list[str], Field(min_length=1)]
@@ -471,7 +471,7 @@ class DriveUnderTest(HardFactor):
     table_name: ClassVar[str] = "drive"
 
 
-class Order(Table):
+class Order(ProtocolTable):
     """Order in which the points are run."""
 
     table_name: ClassVar[str] = "order"
@@ -484,7 +484,7 @@ class Order(Table):
     """runs of all blocks, each set up again; 2 or more separate the effects of level and block"""
 
 
-class WarmUp(Table):
+class WarmUp(ProtocolTable):
     """Strokes before the points of each block."""
 
     table_name: ClassVar[str] = "warm_up"
@@ -496,7 +496,7 @@ class WarmUp(Table):
     """additional strokes with a new seal or drive: in the first block and after a change"""
 
 
-class SamplingTable(Table):
+class SamplingTable(ProtocolTable):
     """Spacing of the samples; all are kept unfiltered."""
 
     table_name: ClassVar[str] = "sampling"
@@ -512,7 +512,7 @@ class SamplingTable(Table):
     """rate while the axis rests"""
 
 
-class KnownWeight(Table):
+class KnownWeight(ProtocolTable):
     """A weight that the operator hangs on the force sensor, without the drive, to check the gain of the sensor."""
 
     table_name: ClassVar[str] = "before_block.known_weight"
@@ -524,7 +524,7 @@ class KnownWeight(Table):
     """time to attach the weight, and to remove it"""
 
 
-class BeforeBlock(Table):
+class BeforeBlock(ProtocolTable):
     """Checks before the points of a block; absent keys: no check."""
 
     table_name: ClassVar[str] = "before_block"
@@ -538,7 +538,7 @@ class BeforeBlock(Table):
     """speed of a stroke out and back, vented, before and after the block"""
 
 
-class Sentinel(Table):
+class Sentinel(ProtocolTable):
     """A reference speed that is repeated to show drift: at both ends of a block and in between."""
 
     table_name: ClassVar[str] = "sentinel"
@@ -550,7 +550,7 @@ class Sentinel(Table):
     """pressures; absent: the first pair of the protocol"""
 
 
-class Filter(Table):
+class Filter(ProtocolTable):
     """Filters of the analysis; the files keep every raw sample."""
 
     table_name: ClassVar[str] = "filter"
@@ -560,7 +560,7 @@ class Filter(Table):
     """fraction of the samples at the beginning of each stroke that is ignored [bracha]"""
 
 
-class Conditions(Table):
+class Conditions(ProtocolTable):
     """Conditions for measuring; outside them the campaign waits."""
 
     table_name: ClassVar[str] = "conditions"
@@ -572,7 +572,7 @@ class Conditions(Table):
     """fraction of the range of the force sensor at which a cycle is stopped"""
 
 
-class Tightened(Table):
+class Tightened(ProtocolTable):
     """Limits in addition to those of the rig; the tighter one applies."""
 
     table_name: ClassVar[str] = "limits"
@@ -588,7 +588,7 @@ class Tightened(Table):
     """time of the campaign above which the plan has a note"""
 
 
-class Range(Table):
+class Range(ProtocolTable):
     """Part of the stroke that is used."""
 
     table_name: ClassVar[str] = "position"
@@ -598,7 +598,7 @@ class Range(Table):
     """distance from the ends of the rig's range if `range` is absent"""
 
 
-class Fraction(Table):
+class Fraction(ProtocolTable):
     """Design points that are run; `pneudrive design` writes this table."""
 
     table_name: ClassVar[str] = "fraction"
@@ -618,7 +618,7 @@ class Fraction(Table):
 FOLDER = Path(__file__).with_name("protocols")
 
 
-class Protocol(Table):
+class Protocol(ProtocolTable):
     """A campaign as its file describes it. Frozen; all values SI, pressures as stated (absolute or gauge).
 
     Examples

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import threading
 from concurrent.futures import Future, wait
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
+from pneudrive.campaign.cycle import Head
 from pneudrive.campaign.storage.files import now
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.rig.interface import Changeable, Reproducible, Samples, closed_after, has_verbs
@@ -23,66 +23,6 @@ if TYPE_CHECKING:
 
 #: Longest time for a rig to come to rest before the campaign ends without it, s.
 STOP_S = 30.0
-
-
-class RigThread:
-    """A thread that runs one job after the other; other threads may call `Rig.stop` only, at any time.
-
-    Parameters
-    ----------
-    rig : Rig
-
-    Attributes
-    ----------
-    interrupted : threading.Event
-        Set while the present job must end as soon as possible.
-    """
-
-    def __init__(self, rig: Rig) -> None:
-        self.rig = rig
-        self.interrupted = threading.Event()
-        self._at_rest = False
-        self._thread = JobThread("pneudrive-rig")
-        self._last: Future[Any] = self._thread.start(lambda: None)
-
-    def start(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
-        """Run a job after the previous one.
-
-        Parameters
-        ----------
-        job : callable
-            Takes the rig.
-        moves : bool
-            Whether the axis may move, or the pressure change.
-        """
-        self.interrupted.clear()
-        self._at_rest = self._at_rest and not moves
-        self._last = self._thread.start(lambda: job(self.rig))
-        return self._last
-
-    def rest(self) -> str:
-        """Bring the axis to rest and release the pressure immediately.
-
-        Returns
-        -------
-        str
-            Why the rig may not be at rest, in words; empty if it is at rest.
-        """
-        if self._at_rest:
-            return ""
-        self.interrupted.set()
-        trouble = _call_within(STOP_S, self.rig.stop)
-        if not self._last.done():
-            wait([self._last], STOP_S)
-            if not self._last.done():
-                return trouble or f"the rig did not return within {STOP_S:g} s"
-            trouble = _call_within(STOP_S, self.rig.stop)  # a verb under way may have started the axis again
-        self._at_rest = not trouble
-        return trouble
-
-    def close(self) -> None:
-        """End the thread after its work."""
-        self._thread.close()
 
 
 def _call_within(seconds: float, call: Callable[[], None]) -> str:
@@ -104,31 +44,6 @@ AT_START_M = 1e-4
 TO_START_M_S = 0.05
 
 
-@dataclass
-class Measured:
-    """The results of a completed attempt.
-
-    Attributes
-    ----------
-    samples : Samples
-    began_s : float
-        The rig's clock at time zero.
-    started : str
-        Date and time of the computer.
-    attempts : int
-        Number of attempts at the cycle.
-    memory, truth : dict
-        Snapshot and ground truth of a reproducible rig after the cycle.
-    """
-
-    samples: Samples
-    began_s: float
-    started: str
-    attempts: int
-    memory: dict[str, Any] = field(default_factory=dict)
-    truth: dict[str, Any] = field(default_factory=dict)
-
-
 class GivenUpError(Exception):
     """Error: the cycle was abandoned, with the reason in the message."""
 
@@ -136,29 +51,75 @@ class GivenUpError(Exception):
 class Attempts:
     """Attempts at cycles, and the state of the rig between two cycles.
 
+    The rig's verbs run on one thread, one job after the other. Other threads may call `Rig.stop` only, at any time.
+
     Parameters
     ----------
-    thread : RigThread
+    rig : Rig
     watch : callable
         Called with samples and rig; returns why the cycle must be given up, or an empty text.
     show : callable
         Called with each part of the samples.
     """
 
-    def __init__(
-        self, thread: RigThread, watch: Callable[[Samples, Rig], str], show: Callable[[Samples], None]
-    ) -> None:
-        self._thread, self._watch, self._show = thread, watch, show
+    def __init__(self, rig: Rig, watch: Callable[[Samples, Rig], str], show: Callable[[Samples], None]) -> None:
+        self.rig, self._watch, self._show = rig, watch, show
+        self._interrupted, self._at_rest = threading.Event(), False  # whether the present job must end soon
+        self._thread = JobThread("pneudrive-rig")
+        self._last: Future[Any] = self._thread.start(lambda: None)
         self._begun: dict[str, int] = {}
         self._memory: dict[str, Any] = {}  # snapshot after the last finished cycle, or before the first one
-        self._pressures_after: tuple[float, float] | None = None  # position after the last finished cycle
-        self._pressures: tuple[float, float] | None = None  # pressures in the chambers now, if known
+        self._pressures_after: tuple[float, float] | None = None  # after the last finished cycle
+        self._pressures: tuple[float, float] | None = None  # in the chambers now, if known
         self._homed = self._whole = False  # whether the axis is homed; whether the last cycle was completed
 
-    def run(self, rig: Rig, cycle: Cycle, settling_s: float) -> Measured:
-        """Bring the rig to the start of a cycle, run its steps and return the samples.
+    def start(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
+        """Run a job on the rig's thread after the previous one.
 
-        For an operator's step, inform the rig about the change.
+        Parameters
+        ----------
+        job : callable
+            Takes the rig.
+        moves : bool
+            Whether the axis may move, or the pressure change.
+        """
+        self._interrupted.clear()
+        self._at_rest = self._at_rest and not moves
+        self._last = self._thread.start(lambda: job(self.rig))
+        return self._last
+
+    def rest(self) -> str:
+        """Bring the axis to rest and release the pressure immediately.
+
+        Returns
+        -------
+        str
+            Why the rig may not be at rest, in words; empty if it is at rest.
+        """
+        trouble = "" if self._at_rest else self._stop()
+        self._at_rest = not trouble
+        self._pressures = None
+        self._homed = self._homed and self._whole
+        return trouble
+
+    def _stop(self) -> str:
+        self._interrupted.set()
+        trouble = _call_within(STOP_S, self.rig.stop)
+        if self._last.done():
+            return trouble
+        wait([self._last], STOP_S)
+        if not self._last.done():
+            return trouble or f"the rig did not return within {STOP_S:g} s"
+        return _call_within(STOP_S, self.rig.stop)  # a verb under way may have started the axis again
+
+    def close(self) -> None:
+        """End the rig's thread after its work."""
+        self._thread.close()
+
+    def run(self, rig: Rig, cycle: Cycle, settling_s: float) -> tuple[Head, Samples, dict[str, Any]]:
+        """Bring the rig to the start of a cycle, run its steps and return head, samples, and truth of a simulated rig.
+
+        For an operator's step, inform the rig about the change. Index and flags of the head are filled in later.
 
         Raises
         ------
@@ -177,12 +138,12 @@ class Attempts:
             if has_verbs(rig, Changeable) and factor in cycle.levels:
                 cast("Changeable", rig).change({factor: cycle.levels[factor]})
             began_s, samples = rig.state().time_s, Samples.join([])
-        measured = Measured(samples, began_s, started, self._begun[cycle.key])
+        memory, truth = {}, {}
         if has_verbs(rig, Reproducible):
             remembering = cast("Reproducible", rig)
-            measured.memory, measured.truth = as_plain(remembering.memory()), remembering.truth()
+            memory, truth = as_plain(remembering.memory()), remembering.truth()
         self._whole = True
-        return measured
+        return Head(0, cycle, began_s, started, memory=memory, attempts=self._begun[cycle.key]), samples, truth
 
     def _go_to_start(self, rig: Rig, cycle: Cycle) -> None:
         if not self._homed:
@@ -218,20 +179,13 @@ class Attempts:
         return Samples.join(parts)
 
     def _go_on(self) -> None:
-        if self._thread.interrupted.is_set():
+        if self._interrupted.is_set():
             raise GivenUpError("the axis was stopped")
 
-    def finished(self, cycle: Cycle, memory: dict[str, Any]) -> None:
+    def finished(self, head: Head) -> None:
         """Record a cycle as done, now or in an earlier run; the next cycle starts from its end."""
-        self._memory = dict(memory)
-        self._pressures_after = (cycle.pressure_a_pa, cycle.pressure_b_pa)
-
-    def rest(self) -> str:
-        """Bring the rig to rest. If this may have failed, return the reason as text."""
-        trouble = self._thread.rest()
-        self._pressures = None
-        self._homed = self._homed and self._whole
-        return trouble
+        self._memory = dict(head.memory)
+        self._pressures_after = (head.cycle.pressure_a_pa, head.cycle.pressure_b_pa)
 
     def go_home_first(self) -> None:
         """Home the axis before the next cycle: its position may be lost."""

@@ -11,59 +11,39 @@ import shutil
 import sys
 import time
 import uuid
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
-from pneudrive.campaign.running.attempt import Attempts, GivenUpError, Measured, RigThread, as_own_error
+from pneudrive.campaign.running.attempt import Attempts, GivenUpError, as_own_error
 from pneudrive.campaign.running.checks import FAULT, NO_ANSWER, MeasuringBounds, arrival_flags, look, serious
+from pneudrive.campaign.running.live import Display, LiveFiles, guarded
 from pneudrive.campaign.storage.control import ABORT, CTRL_C, LOOK_S, PAUSE, RESUME, STOP, Requests
-from pneudrive.campaign.storage.files import REMEDIES, now, user
-from pneudrive.campaign.storage.folder import CYCLES, Head, write_cycle, write_truth
-from pneudrive.errors import CampaignError, ConnectionLostError
+from pneudrive.campaign.storage.files import REMEDIES, Journal, now, user
+from pneudrive.campaign.storage.folder import CYCLES, LOG, tidy, write_cycle, write_truth
+from pneudrive.errors import CampaignError, ConnectionLostError, RigError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from concurrent.futures import Future
     from pathlib import Path
 
-    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.cycle import Cycle, Head
     from pneudrive.campaign.planning.points import Plan
-    from pneudrive.campaign.running.live import Display
-    from pneudrive.campaign.storage.files import FolderLock, Journal
-    from pneudrive.campaign.storage.folder import Campaign, CycleFile
-    from pneudrive.rig.interface import Rig
-
-
-#: Ways of an answer.
-AT_TERMINAL = "terminal"
-
-
-class Prompt(Protocol):
-    """Source of answers to prompts. This base class never answers."""
-
-    @property
-    def there(self) -> bool:
-        """Whether answers are possible."""
-        ...
-
-    def show(self, text: str) -> None:
-        """Show a text."""
-        ...
-
-    def line(self, seconds: float) -> str | None:
-        """Wait for a line; return None if no line came."""
-        ...
+    from pneudrive.campaign.storage.files import FolderLock
+    from pneudrive.campaign.storage.folder import Campaign
+    from pneudrive.progress import Flag
+    from pneudrive.rig.interface import Rig, Samples
 
 
 class Terminal:
-    """The user at the terminal of this process, if there is a terminal."""
+    """Source of answers to prompts: the user at the terminal of this process, if there is a terminal."""
 
     def __init__(self) -> None:
         self._open = True
 
     @property
     def there(self) -> bool:
-        """Whether standard input is a terminal."""
+        """Whether answers are possible: standard input is a terminal."""
         try:
             return self._open and sys.stdin.isatty() and sys.stdout.isatty()
         except (AttributeError, ValueError):  # closed or missing
@@ -78,7 +58,7 @@ class Terminal:
             self._open = False
 
     def line(self, seconds: float) -> str | None:
-        """Wait for a line."""
+        """Wait for a line; return None if no line came."""
         ready, _, _ = select.select([sys.stdin], [], [], seconds)
         if not ready:
             return None
@@ -87,47 +67,12 @@ class Terminal:
         return text.strip() if text else None
 
 
-class Answer(NamedTuple):
-    """Answer in a pause: whether the campaign continues, who answered, and how."""
-
-    goes_on: bool
-    name: str
-    how: str
-
-    def __str__(self) -> str:
-        """Return a description in words."""
-        who = "at the keyboard" if self.how == AT_TERMINAL else f"by {self.name}"
-        return f"{'resumed' if self.goes_on else 'ended'} {who}"
-
-
-def wait_for_answer(requests: Requests, prompt: Prompt, operator: str) -> Answer:
-    """Wait for an answer to a pause, at the terminal or from another process.
-
-    Parameters
-    ----------
-    requests : Requests
-    prompt : Prompt
-    operator : str
-        Name of a person who only presses Enter.
-    """
-    while True:
-        request = requests.take()
-        if request is not None and (request.word in (ABORT, RESUME) or request.by == CTRL_C):
-            return Answer(request.word == RESUME, request.by, "another process")
-        if not prompt.there:
-            requests.wait()
-            continue
-        line = prompt.line(LOOK_S)
-        if line is not None:
-            return Answer(line.lower() not in ("a", "abort", "end"), line or operator, AT_TERMINAL)
-
-
 #: The stream of the events, and the name of a campaign as a device.
 STREAM, DEVICE = "primary", "campaign"
 
 
 class Documents:
-    """Publisher of the documents of one run.
+    """Publisher of the documents of one run in bluesky's event model.
 
     Parameters
     ----------
@@ -155,11 +100,8 @@ class Documents:
     def event(self, data: dict[str, Any]) -> None:
         """Publish an event for a finished cycle, and before the first event the descriptor of its keys."""
         if not self._descriptor:
-            kinds = {name: "string" if isinstance(value, str) else "number" for name, value in data.items()}
-            keys = {
-                name: {"source": self._source, "dtype": kind, "shape": [], "object_name": DEVICE}
-                for name, kind in kinds.items()
-            }
+            about = {"source": self._source, "shape": [], "object_name": DEVICE}
+            keys = {name: about | {"dtype": "string" if isinstance(v, str) else "number"} for name, v in data.items()}
             content = {
                 "run_start": self._run,
                 "name": STREAM,
@@ -177,15 +119,16 @@ class Documents:
     def stop(self, exit_status: str, reason: str = "") -> None:
         """Publish the end of the run: ``success``, ``abort`` or ``fail``."""
         count = {STREAM: self._events} if self._events else {}
-        self._publish(
-            "stop", {"run_start": self._run, "exit_status": exit_status, "reason": reason, "num_events": count}
-        )
+        content = {"run_start": self._run, "exit_status": exit_status, "reason": reason, "num_events": count}
+        self._publish("stop", content)
 
 
 #: Bytes on the disk per sample while a cycle is written, and per cycle beside its samples.
 SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
 #: Errors of a connection that is lost or does not answer; three types up to Python 3.10.
 LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
+#: Ends of a run without an error.
+DONE, ENDED = "done", "ended"
 
 
 class EndedError(Exception):
@@ -236,13 +179,8 @@ class CampaignRun:
     rig : Rig
     options : Options
     lock : FolderLock
-    journal : Journal
-    display : Display
-    requests : Requests
-    prompt : Prompt
-    subscribers : sequence of callable
-    files : sequence of CycleFile
-        Cycles finished by earlier runs.
+    display, prompt, subscribers, cancel
+        As in `pneudrive.campaign.run.run_campaign`.
     """
 
     def __init__(
@@ -252,54 +190,84 @@ class CampaignRun:
         rig: Rig,
         options: Options,
         lock: FolderLock,
-        journal: Journal,
-        display: Display,
-        requests: Requests,
-        prompt: Prompt,
+        *,
+        display: Display | None,
+        prompt: Terminal | None,
         subscribers: Sequence[Callable[[str, dict], None]],
-        files: Sequence[CycleFile],
+        cancel: Flag | None,
     ) -> None:
         self.campaign, self.plan, self.options = campaign, plan, options
-        self._lock, self._journal, self._display = lock, journal, display
-        self._requests, self._prompt, self._subscribers = requests, prompt, subscribers
+        self._lock, self._prompt, self._subscribers = lock, prompt or Terminal(), subscribers
+        self._journal = Journal(campaign.path / LOG)
+        self._display = guarded(self._journal, display or Display(), LiveFiles(campaign.path))
+        files, tidied = tidy(campaign)
+        for line in tidied:
+            self._tell(line)
+        self._requests = Requests(campaign.path, someone_there=self._prompt.there, cancel=cancel)
         self._bounds = MeasuringBounds.of(plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa)
-        self._thread = RigThread(rig)
-        self._attempts = Attempts(self._thread, self._bounds.during, display.part)
+        self._attempts = Attempts(rig, self._bounds.during, self._display.part)
         self.finished = {file.head.cycle.key: file.head.flags for file in files}
         self._index = max((_number(path) for path in (campaign.path / CYCLES).glob("[0-9]*")), default=0)
         if files:
-            self._attempts.finished(files[-1].head.cycle, files[-1].head.memory)
+            self._attempts.finished(files[-1].head)
         self._samples = {p.cycle.key: p.samples for p in plan.planned}
         self._pausing = ""  # PAUSE: after the cycle; STOP: now
         self._leaving = False  # nobody can end a pause
-        self._path = campaign.path  # index of the last cycle's file
+        self._path = campaign.path  # file of the last cycle
         self._bad = 0
         self._failures: dict[str, int] = {}
-
-    @property
-    def now(self) -> str:
-        """Progress as text: number of finished cycles, and total number."""
-        return f"{len(self.finished)} of {self.total} cycles"
 
     @property
     def total(self) -> int:
         """Total number of cycles."""
         return len(self.finished.keys() | {cycle.key for cycle in self.plan.cycles})
 
+    @property
+    def now(self) -> str:
+        """Progress as text: number of finished cycles, and total number."""
+        return f"{len(self.finished)} of {self.total} cycles"
+
     def _tell(self, text: str) -> None:
         self._journal.write(text)
         self._display.say(text)
 
-    def run(self) -> bool:
-        """Run the remaining cycles of the plan, with pauses.
-
-        The next cycle is the first of the plan that is not finished.
+    def run(self) -> str:
+        """Run the remaining cycles of the plan, with pauses, and bring the rig to rest.
 
         Returns
         -------
-        bool
-            True if the campaign is done. False if a person ended it, and it can be resumed.
+        str
+            `DONE`, or `ENDED` by a person; the campaign can be resumed then.
         """
+        begins = "resumed" if self.finished else "began"
+        self._journal.write(f"{begins} after {self.now}; rig {self.campaign.identity.name}")
+        self._display.began(self.plan, self.finished.keys())
+        for note in self.plan.notes:
+            self._display.say(f"note: {note}")
+        ended = "failed"
+        with self._requests.signals():  # to the end: another Ctrl-C must not interrupt bringing the rig to rest
+            try:
+                ended = self._cycles()
+            except BaseException as error:
+                self._journal.write(f"{type(error).__name__}: {error}")
+                mark(error)
+                raise
+            finally:
+                trouble = self._attempts.rest() and self._attempts.rest()  # a second attempt if the first failed
+                self._attempts.close()
+                self._display.ended()
+                restless = f"; the rig may not be at rest: {trouble}" if trouble else ""
+                self._journal.write(f"{ended} after {self.now}{restless}")
+                if trouble:
+                    self._display.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
+        if trouble:
+            error = RigError("the rig could not be brought to rest", value=trouble, remedy="Stop it by hand.")
+            mark(error)
+            raise error
+        return ended
+
+    def _cycles(self) -> str:
+        """Run the remaining cycles, and publish their documents."""
         documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", self._metadata())
         try:
             for cycle in (cycle for cycle in self.plan.cycles if cycle.key not in self.finished):
@@ -308,18 +276,12 @@ class CampaignRun:
                 self._stop_where_all_is_bad()
         except EndedError as ended:
             documents.stop("abort", str(ended))
-            return False
+            return ENDED
         except BaseException as error:
             documents.stop("fail", str(error))
             raise
         documents.stop("success")
-        return True
-
-    def close(self) -> str:
-        """Bring the rig to rest; if this may have failed, return the reason as text."""
-        trouble = self._attempts.rest() and self._attempts.rest()  # a second attempt if the first failed
-        self._thread.close()
-        return trouble
+        return DONE
 
     def _metadata(self) -> dict[str, Any]:
         from pneudrive import __version__
@@ -338,7 +300,7 @@ class CampaignRun:
 
     def _on_rig(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
         """Run a job on the rig's thread to its end, and serve requests during this time."""
-        future = self._thread.start(job, moves=moves)
+        future = self._attempts.start(job, moves=moves)
         future.add_done_callback(lambda _: self._requests.wake())
         while not future.done():
             self._requests.wait()
@@ -366,8 +328,8 @@ class CampaignRun:
         self._leaving = request.leave
         if request.word == PAUSE:
             self._lock.tell(state="pausing", text="after the cycle")
-            what = "ending" if request.leave else "pausing"
-            self._tell(f"{what} after this cycle ({request.by}); Ctrl-C again stops the axis now")
+            action = "ending" if request.leave else "pausing"
+            self._tell(f"{action} after this cycle ({request.by}); Ctrl-C again stops the axis now")
             self._pausing = PAUSE
         elif request.word == STOP:
             self._lock.tell(state="pausing", text="now")
@@ -420,15 +382,33 @@ class CampaignRun:
             self._prompt.show(f"{text}\n{keys}")
         else:
             self._display.say(f"{text} To resume: pneudrive campaign resume {self.campaign.path}")
-        answer = wait_for_answer(self._requests, self._prompt, operator)
-        if not answer.goes_on:
-            self._tell(str(answer))
+        goes_on, name, how = self._answer(operator)
+        answer = f"{'resumed' if goes_on else 'ended'} {'at the keyboard' if how == 'terminal' else f'by {name}'}"
+        if not goes_on:
+            self._tell(answer)
             raise EndedError("ended while paused")
-        self._journal.write(str(answer))
+        self._journal.write(answer)
         self._display.go_on()
         self._requests.began_again()
         self._lock.tell(state="running", text="")
-        return {"name": answer.name, "time": now(), "how": answer.how}
+        return {"name": name, "time": now(), "how": how}
+
+    def _answer(self, operator: str) -> tuple[bool, str, str]:
+        """Wait for the answer to a pause, at the terminal or from another process.
+
+        Returns
+        -------
+        bool, str, str
+            Whether the campaign continues, who answered, and how. The operator only presses Enter.
+        """
+        while True:
+            request = self._requests.take()
+            if request is not None and (request.word in (ABORT, RESUME) or request.by == CTRL_C):
+                return request.word == RESUME, request.by, "another process"
+            if not self._prompt.there:
+                self._requests.wait()
+            elif (line := self._prompt.line(LOOK_S)) is not None:
+                return line.lower() not in ("a", "abort", "end"), line or operator, "terminal"
 
     # -- a cycle ----------------------------------------------------------------------------------------------
 
@@ -437,8 +417,7 @@ class CampaignRun:
         self._lock.tell(state="running", text="", cycle=cycle.key)
         self._display.cycle(cycle)
         confirmed = self._confirm(cycle) if cycle.text else {}
-        measured = self._measured(cycle)
-        return self._write(cycle, measured, confirmed)
+        return self._write(*self._measured(cycle), confirmed)
 
     def _confirm(self, cycle: Cycle) -> dict[str, str]:
         """Ask the operator for a step and return who confirmed it."""
@@ -449,7 +428,7 @@ class CampaignRun:
         self._journal.write(f"{cycle.key}: {cycle.text} (confirmed by {answer['name']})")
         return answer
 
-    def _measured(self, cycle: Cycle) -> Measured:
+    def _measured(self, cycle: Cycle) -> tuple[Head, Samples, dict[str, Any]]:
         """Run a cycle until it is complete; wait while conditions are not met."""
         settling_s = self.plan.protocol.pressure.settling_s
         while True:
@@ -477,13 +456,9 @@ class CampaignRun:
         self._rest()
         self._tell(f"{cycle.key} was given up: {reason}")
         failures = self._failures[cycle.key] = self._failures.get(cycle.key, 0) + 1
-        if (
-            of_rig is not None
-            and not isinstance(of_rig, ConnectionLostError)
-            and not _lost(of_rig)
-            and not self._trouble().startswith((FAULT, NO_ANSWER))
-        ):
-            raise of_rig
+        lost = of_rig is None or isinstance(of_rig, ConnectionLostError) or _lost(of_rig)
+        if not lost and not self._trouble().startswith((FAULT, NO_ANSWER)):
+            raise of_rig  # type: ignore[misc] - not None if the connection is not lost
         if failures >= self.options.attempts:
             raise CampaignError(
                 f"cycle {cycle.key} was stopped {failures} times",
@@ -534,8 +509,7 @@ class CampaignRun:
 
     def _check_space(self, cycle: Cycle) -> None:
         """Refuse to begin a cycle if the disk has too little space for its data."""
-        samples = self._samples.get(cycle.key, max(self._samples.values(), default=0))
-        needed = samples * SAMPLE_BYTES + CYCLE_BYTES
+        needed = self._samples[cycle.key] * SAMPLE_BYTES + CYCLE_BYTES
         free = shutil.disk_usage(self.campaign.path).free
         if free < needed:
             raise CampaignError(
@@ -547,29 +521,21 @@ class CampaignRun:
 
     # -- finished cycles ----------------------------------------------------------------------------------------
 
-    def _write(self, cycle: Cycle, measured: Measured, confirmed: dict[str, str]) -> dict[str, Any]:
+    def _write(self, head: Head, samples: Samples, truth: dict[str, Any], confirmed: dict[str, str]) -> dict[str, Any]:
         """Store a cycle. The cycle is then finished. The storing cannot be interrupted."""
-        identity, samples = self.campaign.identity, measured.samples
+        cycle = head.cycle
         assert cycle.key not in self.finished, f"{cycle.key} is finished already"
         self._index += 1
-        head = Head(
-            index=self._index,
-            cycle=cycle,
-            began_s=measured.began_s,
-            started=measured.started,
-            flags=arrival_flags(samples, cycle, identity) if cycle.steps else {},
-            memory=measured.memory,
-            confirmed=confirmed,
-            attempts=measured.attempts,
-        )
-        if measured.truth:
-            write_truth(self.campaign.path, head, measured.truth)
+        flags = arrival_flags(samples, cycle, self.campaign.identity) if cycle.steps else {}
+        head = replace(head, index=self._index, flags=flags, confirmed=confirmed)
+        if truth:
+            write_truth(self.campaign.path, head, truth)
         self._path = write_cycle(self.campaign.path, head, samples)
-        self._attempts.finished(cycle, measured.memory)
-        self.finished[cycle.key] = head.flags
-        found = _counted(head.flags)
-        self._journal.write(f"{cycle.key} is finished, {len(samples)} samples" + (f"; flags: {found}" if found else ""))
-        self._display.finished(cycle, head.flags)
+        self._attempts.finished(head)
+        self.finished[cycle.key] = flags
+        flagged = f"; flags: {_counted(flags)}" if flags else ""
+        self._journal.write(f"{cycle.key} is finished, {len(samples)} samples{flagged}")
+        self._display.finished(cycle, flags)
         return {
             "index": self._index,
             "key": cycle.key,
@@ -577,7 +543,7 @@ class CampaignRun:
             "speed_m_s": float("nan") if cycle.speed_m_s is None else cycle.speed_m_s,
             "pressure_a_pa": cycle.pressure_a_pa,
             "pressure_b_pa": cycle.pressure_b_pa,
-            "flags": " ".join(head.flags),
+            "flags": " ".join(flags),
             "file": self._path.name,
         }
 
@@ -591,6 +557,11 @@ class CampaignRun:
                 where=str(self._path),
                 remedy="Check the sensors, then resume. The cycles are kept, with their flags.",
             )
+
+
+def mark(error: BaseException) -> None:
+    """Mark an error that ended a campaign after its start, see `pneudrive.campaign.run.can_be_resumed`."""
+    error.while_running = True  # type: ignore[attr-defined]
 
 
 def _counted(flags: dict[str, int]) -> str:

@@ -35,19 +35,34 @@ LINES = 6  # of the latest messages
 
 
 class Display:
-    """The display of a running campaign; this base class shows nothing."""
+    """The display of a running campaign: its state, which a subclass shows. This class shows nothing.
+
+    Attributes
+    ----------
+    title : str
+        Name of the protocol.
+    progress : CampaignProgress
+    key, samples : str, int
+        The current cycle, and its samples so far.
+    """
+
+    title, key, samples = "", "", 0
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins; `done` has the keys of the cycles that are finished already."""
+        self.title, self.progress = plan.protocol.name, CampaignProgress(plan, done)
 
     def cycle(self, cycle: Cycle) -> None:
         """Show that a cycle begins."""
+        self.key, self.samples = cycle.key, 0
 
     def part(self, samples: Samples) -> None:
         """Show samples that have arrived; this is called on the thread of the rig."""
+        self.samples += len(samples)
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
+        self.progress.finished(cycle.key)
 
     def say(self, text: str) -> None:
         """Show a line."""
@@ -106,19 +121,14 @@ class CampaignProgress:
 def guarded(journal: Journal, *displays: Display) -> Display:
     """Return several displays as one. Their errors are logged in the journal and do not end the campaign."""
 
-    def show(each: Any, *arguments: Any) -> None:  # noqa: ANN401
-        try:
-            each(*arguments)
-        except Exception as error:  # the terminal is gone, or a user's display is wrong
-            journal.write(f"the display failed: {type(error).__name__}: {error}")
-
     class Guarded:
         def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever a display has
-            found = [getattr(display, name) for display in displays]
-
             def call(*arguments: Any) -> None:  # noqa: ANN401
-                for each in found:
-                    show(each, *arguments)
+                for display in displays:
+                    try:
+                        getattr(display, name)(*arguments)
+                    except Exception as error:  # noqa: PERF203 - the terminal is gone, or a display is wrong
+                        journal.write(f"the display failed: {type(error).__name__}: {error}")
 
             return call
 
@@ -139,16 +149,15 @@ class LineDisplay(Display):
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins."""
-        self._progress = progress = CampaignProgress(plan, done)
+        super().began(plan, done)
+        progress = self.progress
         to_do = f"{progress.total - progress.count} of {progress.total} cycles to do"
-        count = to_do if done else f"{progress.total} cycles"
-        self.say(f"{plan.protocol.name}: {count}, {progress.left} on the rig")
+        self.say(f"{self.title}: {to_do if done else f'{progress.total} cycles'}, {progress.left} on the rig")
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
-        progress = self._progress
-        progress.finished(cycle.key)
-        flagged = f"  flags: {', '.join(flags)}" if flags else ""
+        super().finished(cycle, flags)
+        progress, flagged = self.progress, f"  flags: {', '.join(flags)}" if flags else ""
         self.say(f"{progress.count}/{progress.total} {cycle.key}  {progress.left} left{flagged}")
 
     def say(self, text: str) -> None:
@@ -170,37 +179,23 @@ class ScreenDisplay(Display):
         from rich.console import Console
 
         self._console = console or Console(file=sys.stdout, highlight=False)  # even if redirected later
-        self._lock = threading.Lock()
         self._live: Any = None
-        self._title = self._cycle = ""
         self._messages: list[str] = []
-        self._samples = 0
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins."""
-        self._progress, self._title = CampaignProgress(plan, done), plan.protocol.name
+        super().began(plan, done)
         self.go_on()
-
-    def cycle(self, cycle: Cycle) -> None:
-        """Show that a cycle begins."""
-        with self._lock:
-            self._cycle, self._samples = cycle.key, 0
-
-    def part(self, samples: Samples) -> None:
-        """Count samples that arrived."""
-        with self._lock:
-            self._samples += len(samples)
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
-        self._progress.finished(cycle.key)
+        super().finished(cycle, flags)
         if flags:
             self.say(f"{cycle.key}: {', '.join(f'{flag} {count}' for flag, count in flags.items())}")
 
     def say(self, text: str) -> None:
         """Show a line."""
-        with self._lock:
-            self._messages = [*self._messages, text][-LINES:]
+        self._messages = [*self._messages, text][-LINES:]
         if self._live is None:
             self._console.print(text, markup=False)
 
@@ -218,16 +213,10 @@ class ScreenDisplay(Display):
         """Use the terminal again after a prompt."""
         from rich.live import Live
 
-        with self._lock:
-            self._messages = []
+        self._messages = []
         if self._live is None:
-            self._live = Live(
-                get_renderable=self._table,
-                console=self._console,
-                refresh_per_second=REFRESHED_HZ,
-                redirect_stdout=False,
-                redirect_stderr=False,
-            )
+            options = {"refresh_per_second": REFRESHED_HZ, "redirect_stdout": False, "redirect_stderr": False}
+            self._live = Live(get_renderable=self._table, console=self._console, **options)
             self._live.start()
 
     def ended(self) -> None:
@@ -239,14 +228,13 @@ class ScreenDisplay(Display):
         from rich.table import Table
         from rich.text import Text
 
-        progress = self._progress
+        progress = self.progress
         table = Table.grid(padding=(0, 2))
-        with self._lock:
-            table.add_row(Text(self._title), ProgressBar(total=progress.total, completed=progress.count, width=40))
-            table.add_row("cycles", f"{progress.count}/{progress.total}, {progress.left} left")
-            table.add_row("now", Text(f"{self._cycle}, {self._samples} samples" if self._cycle else ""))
-            for message in self._messages:
-                table.add_row("", Text(message))
+        table.add_row(Text(self.title), ProgressBar(total=progress.total, completed=progress.count, width=40))
+        table.add_row("cycles", f"{progress.count}/{progress.total}, {progress.left} left")
+        table.add_row("now", Text(f"{self.key}, {self.samples} samples" if self.key else ""))
+        for message in self._messages:
+            table.add_row("", Text(message))
         return table
 
 
@@ -285,32 +273,28 @@ class LiveFiles(Display):
         self._folder = folder / FOLDER
         self._lock, self._end = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._write_on, daemon=True)
-        self._about: dict[str, Any] = {}
         self._points = np.zeros((0, len(COLUMNS)), dtype=np.float32)
-        self._samples, self._is_new = 0, False
+        self._is_new = False
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Begin to write."""
-        self._progress = CampaignProgress(plan, done)
+        super().began(plan, done)
         self._thread.start()
 
     def cycle(self, cycle: Cycle) -> None:
         """Write that a cycle begins."""
         with self._lock:
-            self._about = {"cycle": cycle.key, "planned": self._progress.total}
-            self._restart()
-
-    def _restart(self) -> None:
-        self._points, self._samples, self._is_new = self._points[:0], 0, True
+            super().cycle(cycle)
+            self._points, self._is_new = self._points[:0], True
 
     def part(self, samples: Samples) -> None:
         """Add samples that arrived. Samples of another attempt at the cycle replace the earlier ones."""
         rows = np.column_stack([getattr(samples, name) for name in COLUMNS]).astype(np.float32)
         with self._lock:
             if len(self._points) and len(rows) and rows[0, 0] < self._points[-1, 0]:
-                self._restart()
+                self._points, self.samples = self._points[:0], 0
             self._points = np.concatenate([self._points, rows])
-            self._samples += len(rows)
+            super().part(samples)
             if len(self._points) > 2 * SHOWN:
                 self._points = thinned(self._points, SHOWN)
             self._is_new = True
@@ -318,7 +302,7 @@ class LiveFiles(Display):
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Count a cycle as done."""
         with self._lock:
-            self._progress.finished(cycle.key)
+            super().finished(cycle, flags)
             self._is_new = True
 
     def ended(self) -> None:
@@ -337,12 +321,12 @@ class LiveFiles(Display):
 
     def _write(self) -> None:
         with self._lock:
-            if not (self._is_new and self._about):
+            if not (self._is_new and self.key):
                 return
             self._is_new = False
-            data = thinned(self._points, SHOWN).astype("<f4").tobytes()
-            about = {**self._about, "done": self._progress.count, "left": self._progress.left}
-            about |= {"samples": self._samples, "columns": COLUMNS, "crc32": crc32(data)}
+            data, progress = thinned(self._points, SHOWN).astype("<f4").tobytes(), self.progress
+            about = {"cycle": self.key, "planned": progress.total, "done": progress.count, "left": progress.left}
+            about |= {"samples": self.samples, "columns": COLUMNS, "crc32": crc32(data)}
         write_whole(self._folder / LIVE_POINTS, data, flush=False)
         write_whole(self._folder / LIVE, json.dumps(about).encode(), flush=False)
 

@@ -23,7 +23,7 @@ from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_json
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
     from pathlib import Path
     from types import FrameType
 
@@ -146,15 +146,9 @@ class Requests:
         if threading.current_thread() is not threading.main_thread():
             yield  # only the main thread may set handlers
             return
-        handlers: dict[signal.Signals, Callable[[int, FrameType | None], None]] = {
-            signal.SIGINT: self._pressed,
-            signal.SIGTERM: self._told,
-            signal.SIGHUP: self._told,
-            signal.SIGTSTP: self._put_away,
-        }
         before = {
-            number: signal.signal(number, handler)
-            for number, handler in handlers.items()
+            number: signal.signal(number, self._signalled)
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
             if signal.getsignal(number) != signal.SIG_IGN
         }
         try:
@@ -163,22 +157,18 @@ class Requests:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def _pressed(self, number: int, frame: FrameType | None) -> None:
-        del number, frame
-        since, self._last_press = time.monotonic() - self._last_press, time.monotonic()
-        if since < BOUNCE_S:
-            return
-        self._presses += 1
-        word = {1: PAUSE, 2: STOP}.get(self._presses, ABORT)
-        self.put(Request(word, CTRL_C, leave=not self._someone_there))
-
-    def _put_away(self, number: int, frame: FrameType | None) -> None:
-        del number, frame
-        self.put(Request(PAUSE, "Ctrl-Z"))
-
-    def _told(self, number: int, frame: FrameType | None) -> None:
+    def _signalled(self, number: int, frame: FrameType | None) -> None:
         del frame
-        self.put(Request(ABORT, signal.Signals(number).name))
+        if number == signal.SIGTSTP:
+            self.put(Request(PAUSE, "Ctrl-Z"))
+        elif number != signal.SIGINT:
+            self.put(Request(ABORT, signal.Signals(number).name))
+        else:
+            since, self._last_press = time.monotonic() - self._last_press, time.monotonic()
+            if since >= BOUNCE_S:
+                self._presses += 1
+                word = {1: PAUSE, 2: STOP}.get(self._presses, ABORT)
+                self.put(Request(word, CTRL_C, leave=not self._someone_there))
 
 
 def ask(folder: Path, word: str, by: str) -> Holder:

@@ -217,22 +217,19 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
     where = str(file.path)
     if isinstance(columns, PneudriveError):
         raise columns
-    channels = {name: _number_column(columns[name], name, where) for name in CHANNELS if name in columns}
-    step = _step_column(columns["step"], where) if "step" in columns else None
+    channels = {name: _column(columns[name], name, where) for name in COLUMNS if name in columns}
+    step = channels.pop("step", None)
     if file.head.sha256 and file.head.sha256 != digest(channels, step):
         raise CampaignError("the samples are damaged: their SHA-256 differs from the one in the header", where=where)
     missing = [name for name in REQUIRED_COLUMNS if name not in channels]
     if missing:
         raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="names have SI units")
-    for name in ("pressure_a_pa", "pressure_b_pa"):
-        if name not in channels:
-            channels[name] = np.full(channels["time_s"].size, getattr(file.head.cycle, name))
-    if "temperature_k" not in channels:
-        channels["temperature_k"] = np.full(channels["time_s"].size, np.nan)
-    if step is None and derive:
-        step = steps_from_motion(channels["time_s"], channels["position_m"], file.head.cycle.stop_s)
-    elif step is None:
-        step = np.full(channels["time_s"].size, -1)
+    cycle, count = file.head.cycle, channels["time_s"].size
+    usual = {"pressure_a_pa": cycle.pressure_a_pa, "pressure_b_pa": cycle.pressure_b_pa, "temperature_k": np.nan}
+    channels = {name: np.full(count, value) for name, value in usual.items()} | channels
+    if step is None:
+        derived = steps_from_motion(channels["time_s"], channels["position_m"], cycle.stop_s) if derive else None
+        step = np.full(count, -1) if derived is None else derived
     return Samples(**channels, step=step)
 
 
@@ -299,13 +296,8 @@ def read_head(path: Path) -> Head:
     CampaignError
         If it cannot be read or is invalid.
     """
-    return read_noted_head(path)[0].head
-
-
-def read_noted_head(path: Path) -> tuple[CycleFile, list[str]]:
-    """Read the header of a cycle's file, and notes on unknown keys; see `read_head`."""
-    (found,) = read_texts([path], HEAD, CampaignError)
-    return _file_of(path, found)
+    (text,) = read_texts([path], HEAD, CampaignError)
+    return _file_of(path, text)[0].head
 
 
 def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[str]]:
@@ -330,16 +322,12 @@ def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[
     return CycleFile(path, head, found.sealed), notes
 
 
-def _number_column(values: NDArray[Any], name: str, where: str) -> NDArray[np.float64]:
-    if values.dtype.kind not in "iuf":
-        raise CampaignError(f"column {name} holds {values.dtype}", where=where, rule="numbers in SI units")
-    return np.array(values, dtype=np.float64)
-
-
-def _step_column(values: NDArray[Any], where: str) -> NDArray[np.int64]:
-    if values.dtype.kind not in "iu":  # whole numbers with missing ones come as floats
-        raise CampaignError(f"column step holds {values.dtype}", where=where, rule="whole numbers, none missing")
-    return np.array(values, dtype=np.int64)
+def _column(values: NDArray[Any], name: str, where: str) -> NDArray[Any]:
+    """Check the type of a column; whole numbers with missing ones come as floats."""
+    kinds, rule = ("iu", "whole numbers, none missing") if name == "step" else ("iuf", "numbers in SI units")
+    if values.dtype.kind not in kinds:
+        raise CampaignError(f"column {name} holds {values.dtype}", where=where, rule=rule)
+    return np.array(values, dtype=np.int64 if name == "step" else np.float64)
 
 
 @dataclass(frozen=True, repr=False)
