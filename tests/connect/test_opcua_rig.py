@@ -48,7 +48,7 @@ def test_same_rig_to_the_bit(served):
     direct.restore(memory)
     for key in ("1", "2"):
         there, here = run_cycle(rig, key), run_cycle(direct, key)
-        assert len(there) > 5 * load_map().chunk
+        assert len(there) > 5 * load_map().handshake.chunk
         assert_same(there, here)
         assert (rig.memory(), rig.truth(), rig.state()) == (direct.memory(), direct.truth(), direct.state())
     rig.restore(memory)

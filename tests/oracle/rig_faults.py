@@ -13,6 +13,7 @@ from pneudrive.rig.interface import CHANNELS, RigState, closed_after
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from pneudrive.rig.description import RigDescription
     from pneudrive.rig.interface import Rig, Samples, Sampling, Step
 
 #: Kind of fault -> its effect on the samples of the interval, or on the state.
@@ -146,3 +147,10 @@ class FaultyRig:
                         values[inside] += (fault.value or 0.0) * (-1.0 if fault.kind == "clock" else 1.0)
                     spoiled = replace(spoiled, **{channel: values})
                 yield spoiled
+
+
+def with_tables(description: RigDescription, **changes: dict[str, Any]) -> RigDescription:
+    """Return the description of a rig with other values in some of its tables."""
+    tables = description.tables
+    changed = {name: getattr(tables, name).model_copy(update=values) for name, values in changes.items()}
+    return replace(description, tables=tables.model_copy(update=changed))

@@ -9,8 +9,7 @@ from typing import Any
 
 from pneudrive.errors import CampaignError, nearest
 from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import Hold, Move, Sampling, Step
-from pneudrive.rig.plain_data import plain, read_fields
+from pneudrive.rig.interface import Hold, Move, Sampling, Step, plain, read_fields
 
 #: Purposes of a cycle. The first three are points of a characteristic; the others prepare or check.
 KINDS = {

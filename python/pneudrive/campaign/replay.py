@@ -17,8 +17,7 @@ from pneudrive.campaign.storage.folder import ABOUT, CYCLES, TRUTH, Campaign
 from pneudrive.describe.marks import Bounds, Percent, Quantity
 from pneudrive.errors import RigError
 from pneudrive.files.content import read_json
-from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
-from pneudrive.rig.plain_data import envelope_of
+from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step, envelope_of
 from pneudrive.rig.rig_file import RigFile
 
 if TYPE_CHECKING:

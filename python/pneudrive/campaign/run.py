@@ -18,7 +18,7 @@ from pneudrive.campaign.storage.files import FolderLock, make_folder, now
 from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
 from pneudrive.errors import CampaignError
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.plain_data import plain
+from pneudrive.rig.interface import plain
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -16,8 +16,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Choice, Force, Position, Reads, Whole
 from pneudrive.errors import nearest
-from pneudrive.rig.description import BELOW_ZERO
-from pneudrive.rig.keys import KEYS, any_sign, not_negative
+from pneudrive.rig.description import BELOW_ZERO, KEYS, any_sign, not_negative
 
 _Kind = TypeVar("_Kind", bound=Described)
 SETUPS = Path(__file__).with_name("setups")

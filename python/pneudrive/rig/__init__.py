@@ -2,7 +2,7 @@
 
 A campaign uses a rig only through the protocols of `pneudrive.rig.interface`: `Rig` (nine verbs), and for simulated
 rigs `Reproducible` (begin_cycle, memory, restore, truth) and `Changeable` (levels, change: mounting, seal, drive).
-Times of samples are those of `pneudrive.rig.sampling.schedule`::
+Times of samples are those of `pneudrive.rig.motion.schedule`::
 
     rig = load_rig("default", seed=7)              # name, TOML file, folder, address, or a class as "module:Name"
     rig = load_rig("my_rig.toml", pace=1.0)        # in real time, for a live display or behind a server
@@ -41,10 +41,9 @@ from pneudrive.rig.interface import (
 )
 
 if TYPE_CHECKING:
+    from pneudrive.rig.description import AnalogSensor, Encoder, EncoderClock, TimeClock
     from pneudrive.rig.loading import load_rig, shipped_rigs
-    from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, uniform_in_position
-    from pneudrive.rig.sampling import schedule
-    from pneudrive.rig.sensors import AnalogSensor, Encoder, EncoderClock, TimeClock
+    from pneudrive.rig.motion import Limits, Motion, cycles, dwell, move, schedule, uniform_in_position
     from pneudrive.rig.simulated import RigSession, SimulatedRig, Trace, sweep
 
 __all__ = [
@@ -81,9 +80,8 @@ __getattr__ = lazy(
     __name__,
     {
         "loading": ["load_rig", "shipped_rigs"],
-        "motion": ["Limits", "Motion", "cycles", "dwell", "move", "uniform_in_position"],
-        "sampling": ["schedule"],
-        "sensors": ["AnalogSensor", "Encoder", "EncoderClock", "TimeClock"],
+        "motion": ["Limits", "Motion", "cycles", "dwell", "move", "schedule", "uniform_in_position"],
+        "description": ["AnalogSensor", "Encoder", "EncoderClock", "TimeClock"],
         "simulated": ["RigSession", "SimulatedRig", "Trace", "sweep"],
     },
 )

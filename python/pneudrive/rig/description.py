@@ -1,29 +1,385 @@
-"""Description of a simulated rig: a TOML file in which each value has a unit and states its source.
+"""Description of a simulated rig: its sensors, and a TOML file in which each value has a unit and states its source.
 
-Only known keys are read. One file can extend another.
+Only known keys are read. One file can extend another. Parameters of components come from the core: the parameters of
+friction are those of the law, and its modifiers are as in a drive file.
 """
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
+import numpy as np
 from pydantic import Field, create_model
 
+from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas.law import law_of
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.kinds import component_kinds
+from pneudrive.describe.marks import Choice
+from pneudrive.describe.parameters import parameter_quantity
+from pneudrive.describe.quantities import Bounds, Mark, Quantity, StatedPressure
 from pneudrive.describe.tables.friction import Friction
-from pneudrive.describe.tables.geometry import piston_areas
+from pneudrive.describe.tables.geometry import KINDS, piston_areas
 from pneudrive.errors import DescriptionError, Problems
 from pneudrive.rig.interface import Sampling
-from pneudrive.rig.keys import KEYS, MOUNTING, NEEDED, RIGID, Key
-from pneudrive.rig.motion import MotionLimits
-from pneudrive.rig.sensors import CLOCKS, AnalogSensor, Encoder, EncoderClock, TimeClock
+from pneudrive.rig.motion import MotionLimits, uniform_in_position
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pneudrive.rig.motion import Motion
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AnalogSensor:
+    """Sensor with an amplifier and a converter: zero, gain, white noise, range, resolution.
+
+    Parameters
+    ----------
+    low, high : float
+        Range in the unit of the signal; signals outside saturate.
+    bits : int
+        Resolution of the converter over the range.
+    noise : float
+        Standard deviation of the white noise of one sample.
+    zero : float
+        Reading at zero, added to every sample.
+    gain_error : float
+        Relative error of the gain.
+    hysteresis : float
+        Error with the sign of the signal, at full size for signals above 1 % of the range.
+    """
+
+    low: float
+    high: float
+    bits: int
+    noise: float
+    zero: float = 0.0
+    gain_error: float = 0.0
+    hysteresis: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check range, resolution, noise and errors."""
+        if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
+            raise DescriptionError(f"a sensor range goes from a lower to a higher value, got {self.low} .. {self.high}")
+        if not 4 <= self.bits <= 32:
+            raise DescriptionError(f"a converter has 4 to 32 bits, got {self.bits}")
+        if not (np.isfinite(self.noise) and self.noise >= 0.0):
+            raise DescriptionError(f"noise is a standard deviation and not negative, got {self.noise}")
+        if not np.isfinite([self.zero, self.gain_error, self.hysteresis]).all():
+            raise DescriptionError(
+                f"errors of a sensor are finite, got {self.zero}, {self.gain_error}, {self.hysteresis}"
+            )
+
+    @property
+    def step(self) -> float:
+        """Smallest step of the converter."""
+        return (self.high - self.low) / (2**self.bits - 1)
+
+    def read(self, signal: Array, rng: np.random.Generator | None, drift: float | Array = 0.0) -> Array:
+        """Return the recorded samples of `signal`, same shape and unit.
+
+        Parameters
+        ----------
+        signal : ndarray
+        rng : numpy.random.Generator or None
+            Generator of the noise; None: a mean of many samples, without noise.
+        drift : float or ndarray
+            Drift of the zero.
+        """
+        seen = (1.0 + self.gain_error) * signal + (self.zero + drift)
+        if self.hysteresis:
+            seen = seen + self.hysteresis * np.clip(signal / (0.01 * (self.high - self.low)), -1.0, 1.0)
+        if rng is not None and self.noise > 0.0:
+            seen = seen + self.noise * rng.standard_normal(np.shape(signal))
+        steps = np.rint((np.clip(seen, self.low, self.high) - self.low) / self.step)
+        return self.low + self.step * steps
+
+
+@dataclass(frozen=True)
+class TimeClock:
+    """Sample clock uniform in time, with the same number of samples for a cycle at any speed.
+
+    Parameters
+    ----------
+    samples_per_cycle : int
+    """
+
+    samples_per_cycle: int
+
+    def times(self, motion: Motion, count: int) -> Array:
+        """Return the sample times over `count` cycles, s, shape (count * samples_per_cycle,)."""
+        return np.linspace(0.0, motion.duration_s, count * self.samples_per_cycle)
+
+
+@dataclass(frozen=True)
+class EncoderClock:
+    """Sample clock triggered by the encoder at equal steps of position; no samples while the carriage is at rest.
+
+    Parameters
+    ----------
+    samples_per_cycle : int
+    """
+
+    samples_per_cycle: int
+
+    def times(self, motion: Motion, count: int) -> Array:
+        """Return the sample times over `count` cycles, s, shape (count * samples_per_cycle,)."""
+        return uniform_in_position(motion, count * self.samples_per_cycle)
+
+
+#: Names of the clocks in a rig file.
+CLOCKS = {"time": TimeClock, "encoder": EncoderClock}
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """Incremental encoder.
+
+    Parameters
+    ----------
+    resolution_m : float
+        Distance between two counts.
+    """
+
+    resolution_m: float
+
+    def __post_init__(self) -> None:
+        """Check that the resolution is positive."""
+        if not (np.isfinite(self.resolution_m) and self.resolution_m > 0.0):
+            raise DescriptionError(f"an encoder resolution is positive, got {self.resolution_m} m")
+
+    def read(self, position_m: Array) -> Array:
+        """Return the counted position: the last full count."""
+        return np.floor(position_m / self.resolution_m) * self.resolution_m
+
+
+class Key(NamedTuple):
+    """Key of a rig file: annotation, meaning, default; ``...`` for a required key."""
+
+    mark: Mark
+    meaning: str
+    default: Any = ...
+
+
+@dataclass(frozen=True)
+class AbsolutePressure(Quantity):
+    """Annotation of a field for an absolute pressure, stored in Pa."""
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        pressure = StatedPressure().read(given)
+        if pressure.gauge:
+            raise WrongValueError(f'"{given}" is not an absolute pressure', remedy='Write "... abs".')
+        return pressure.value_pa
+
+
+@dataclass(frozen=True)
+class Difference(Quantity):
+    """Annotation of a field for a difference of temperatures, in K."""
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        if not str(given).endswith(" K"):
+            raise WrongValueError(f'"{given}" is not a difference of temperatures', rule='in K, e.g. "0.5 K"')
+        return super().read(given)
+
+
+def _mark(unit: str, bounds: Bounds) -> Mark:
+    """Return the annotation of a unit: "1" is a pure number, "abs" an absolute pressure, "delta K" a difference."""
+    if unit == "abs":
+        return AbsolutePressure("Pa", "bar", bounds)
+    return Difference("K", "K", bounds) if unit == "delta K" else Quantity("" if unit == "1" else unit, bounds=bounds)
+
+
+def of(path: str, meaning: str = "", default: Any = ...) -> Key:  # noqa: ANN401
+    """Return a key for a parameter of a component, ``kind.key``, with its unit, bounds and default."""
+    kind, _, name = path.rpartition(".")
+    parameter = next(p for p in component_kinds()[kind]["parameters"] if p["key"] == name)
+    if default is ... and parameter["default"] is not None:
+        default = parameter["default"]
+    said = parameter["meaning"]
+    return Key(parameter_quantity(parameter), meaning or said[0].lower() + said[1:], default)
+
+
+def positive(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Return a key with a positive value."""
+    return Key(_mark(unit, Bounds(above=0.0)), meaning, default)
+
+
+def not_negative(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Return a key with a value of zero or above."""
+    return Key(_mark(unit, Bounds(at_least=0.0)), meaning, default)
+
+
+def any_sign(unit: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Return a key with a value of either sign."""
+    return Key(_mark(unit, Bounds()), meaning, default)
+
+
+def word(*choices: str, meaning: str, default: Any = ...) -> Key:  # noqa: ANN401
+    """Return a key for one of some words."""
+    return Key(Choice(choices), meaning, default)
+
+
+#: table -> its title
+TABLES: dict[str, str] = {
+    "cylinder": "Drive under test.",
+    "ambient": "Room at the beginning.",
+    "servo": "Axis with ideal position control. Its commanded motion has piecewise constant jerk.",
+    "chambers": "Air supply of the chambers.",
+    "sampling": "Sampling of `SimulatedRig.drag` (`clock`, `samples_per_cycle`) and of campaigns by default (others).",
+    "force_sensor": "Force sensor: spring and damper between axis and piston, and errors of its readings.",
+    "pressure_sensor": "Pressure sensors, in each chamber or at each regulator.",
+    "temperature_sensor": "Thermometer on the barrel.",
+    "encoder": "Position encoder on the carriage.",
+    "thermal": "Temperatures of room and seal: Fc and Fs times 1 + coulomb * rise, Fv times exp(viscous * rise).",
+    "run_in": "Friction that a new seal loses with the distance slid.",
+    "repeatability": "Relative standard deviations of the friction scale; the scale is lognormal.",
+    "supply": "Supply of the regulators.",
+    "safety": "Limits of the rig that are tighter than those of axis and sensors.",
+}
+
+KEYS: dict[str, dict[str, Key]] = {
+    "cylinder": {
+        "kind": word(*KINDS, default="rodless", meaning="diameter of the rod, if any; a single rod is in chamber b"),
+        "bore": of("cylinder/rodless.bore"),
+        "rod_diameter": of("cylinder/single-rod.rod_diameter"),
+        "stroke": of("piston.stroke"),
+        "moving_mass": of("piston.moving_mass", "mass beyond the force sensor, including the piston"),
+        "incline": of("piston.incline"),
+    },
+    "ambient": {
+        "pressure": positive("abs", "pressure of the room"),
+        "temperature": positive("K", "temperature of room, air and walls", ANR_TEMPERATURE_K),
+    },
+    "servo": {
+        "acceleration": positive("m/s^2", "largest acceleration"),
+        "jerk": positive("m/s^3", "largest jerk"),
+        "margin": not_negative("m", "distance of the reversals from the ends of the stroke"),
+        "speed": positive("m/s", "largest speed; absent: limited by the stroke", None),
+        "bandwidth": of(
+            "carriage.servo_bandwidth", "natural frequency of the position loop; absent: a rigid axis", None
+        ),
+        "damping_ratio": of(
+            "carriage.servo_damping_ratio", "damping ratio of the position loop, with `bandwidth`", None
+        ),
+        "ripple": of("carriage.ripple_velocity", default=0.0),
+        "pitch": of("carriage.ripple_pitch", default=None),
+        "release_time": of("carriage.release_time", "time constant of the motion of the axis in a released hold"),
+    },
+    "chambers": {
+        "kind": word(
+            "held",
+            "open",
+            "common",
+            "separate",
+            default="held",
+            meaning="pressures independent of the piston; ports to the room; one regulator and a manifold; "
+            "a regulator and a hose for each",
+        ),
+        "dead_volume": of("tank.volume", "volume of each chamber at the end of the stroke", None),
+        "heat_transfer": of("tank.heat_transfer", "heat transfer coefficient to all walls", None),
+        "line_conductance": of("fitting.conductance", "sonic conductance of the line, or port, of each chamber", None),
+        "regulator_conductance": of(
+            "fitting.conductance", "sonic conductance of a regulator, in both directions", None
+        ),
+        "critical_pressure_ratio": of(
+            "fitting.critical_pressure_ratio", "critical pressure ratio of lines, ports and regulators", None
+        ),
+        "manifold_volume": of("tank.volume", "volume between a regulator and the lines", None),
+        "hose_diameter": positive("m", "diameter of the hose of that volume, for the area of its wall", None),
+        "leakage": of("cylinder/rodless.leakage", "leakage of each chamber to the room"),
+        "piston_leakage": of("cylinder/rodless.leakage"),
+    },
+    "sampling": {
+        "clock": word(*CLOCKS, meaning="uniform in time, or in position"),
+        "samples_per_cycle": positive("1", "samples of a cycle, out and back"),
+        "samples_per_stroke": positive("1", "samples of each move", 5000.0),
+        "burst_rate": not_negative("1/s", "lowest sampling rate around each reversal, stop and restart", 5000.0),
+        "burst_before": not_negative("s", "duration of the fast sampling before a reversal, stop or restart", 0.05),
+        "burst_after": not_negative("s", "duration of the fast sampling after a reversal, stop or restart", 0.2),
+        "hold_rate": positive("1/s", "rate while the axis is at rest", 20.0),
+    },
+    "force_sensor": {
+        "stiffness": of("force-sensor.stiffness"),
+        "damping": of("force-sensor.damping"),
+        "range": positive("N", "range in both directions"),
+        "bits": positive("1", "resolution of the converter"),
+        "noise": not_negative("N", "standard deviation of one sample"),
+        "zero": any_sign("N", "reading without force"),
+        "accuracy": not_negative("N", "standard uncertainty, stated in recordings; errors are drawn from it"),
+        "zero_drift_temperature": any_sign("N/K", "drift of the zero with the temperature of the room", 0.0),
+        "zero_drift_time": any_sign("N/s", "drift of the zero with time", 0.0),
+    },
+    "pressure_sensor": {
+        "at": word("chamber", "regulator", default="chamber", meaning="location of the sensor"),
+        "range": positive("Pa", "range above ambient"),
+        "bits": positive("1", "resolution of the converter"),
+        "noise": not_negative("Pa", "standard deviation of one sample"),
+        "zero": any_sign("Pa", "reading at ambient pressure"),
+        "accuracy": not_negative("Pa", "standard uncertainty, stated in recordings; errors are drawn from it"),
+    },
+    "temperature_sensor": {
+        "noise": not_negative("delta K", "standard deviation of one sample", 0.02),
+        "accuracy": not_negative(
+            "delta K", "standard uncertainty, stated in recordings; errors are drawn from it", 0.1
+        ),
+        "share": not_negative("1", "fraction of the seal's temperature rise at the thermometer", 0.5),
+    },
+    "encoder": {"resolution": positive("m", "distance of two counts")},
+    "thermal": {
+        "room_amplitude": not_negative("delta K", "amplitude of the room's temperature", 0.0),
+        "room_period": positive("s", "period of the room's temperature", 86400.0),
+        "seal_rise": not_negative("K/W", "rise of the seal's temperature per power of friction", 0.0),
+        "seal_time": positive("s", "time constant of this temperature rise", 600.0),
+        "viscous": any_sign("1/K", "change of viscous friction with the seal's temperature", 0.0),
+        "coulomb": any_sign("1/K", "change of dry friction with the seal's temperature", 0.0),
+    },
+    "run_in": {
+        "excess": not_negative("1", "relative excess of friction of a new seal", 0.0),
+        "distance": positive("m", "distance after which the additional friction has fallen to 37 %", 100.0),
+    },
+    "repeatability": {
+        "cycle": not_negative("1", "between cycles", 0.0),
+        "day": not_negative("1", "between days", 0.0),
+        "mounting": not_negative("1", "between mountings of the drive", 0.0),
+        "seal": not_negative("1", "between seals", 0.0),
+    },
+    "supply": {"pressure": positive("abs", "pressure before the regulators", None)},
+    "safety": {
+        "force": positive("N", "largest force on the sensor", None),
+        "pressure": positive("abs", "highest pressure in a chamber", None),
+        "least_supply": positive("abs", "supply pressure below which measuring pauses", None),
+        "least_temperature": positive("K", "temperature below which measuring pauses", None),
+        "greatest_temperature": positive("K", "temperature above which measuring pauses", None),
+    },
+}
+
+#: Keys of a table [mounting.NAME]: a mounting other than `RIGID`.
+MOUNTING: dict[str, Key] = {
+    "side_load": not_negative("N", "force across the axis on the guide", 0.0),
+    "coefficient": not_negative("1", "coefficient of friction of the guide", 0.0),
+}
+#: Mounting of every rig, without side load.
+RIGID = "rigid"
+
+_SUPPLIED = tuple(key for key in KEYS["chambers"] if key not in ("kind", "leakage", "piston_leakage"))
+#: Required keys of each kind of chambers.
+NEEDED: dict[str, tuple[str, ...]] = {
+    "held": (),
+    "open": ("dead_volume", "heat_transfer", "line_conductance", "critical_pressure_ratio"),
+    "common": _SUPPLIED,
+    "separate": _SUPPLIED,
+}
 
 SCHEMA = 1
 #: Top-level keys of a rig file that are not tables.
@@ -194,14 +550,6 @@ THERMOMETER_K, THERMOMETER_BITS = (253.15, 353.15), 16
 
 
 @dataclass(frozen=True)
-class RigMounting:
-    """Mounting of the drive: force across the axis, and coefficient of friction of the guide that carries it."""
-
-    side_load_n: float = 0.0
-    coefficient: float = 0.0
-
-
-@dataclass(frozen=True)
 class RigDescription:
     """Description of a simulated rig in SI.
 
@@ -212,23 +560,9 @@ class RigDescription:
         Friction of the piston as in a drive file; `pressure` in N/Pa per chamber.
     dependences : dict
         Other friction modifiers (dwell, relaxation, position, direction), in the core's form.
-    mountings : dict of RigMounting
-    cylinder, rod_diameter_m, bore_m, stroke_m, moving_mass_kg, incline_rad, ambient_pressure_pa, ambient_temperature_k
-    limits, margin_m
-        Servo axis, and the distance of its reversals from the ends of the stroke.
-    clock
-        Sample clock of `SimulatedRig.drag`.
-    sampling : Sampling
-        Usual sampling of a session.
-    stiffness_n_m, damping_n_s_m : float
-        Stiffness and damping of the force sensor.
-    force_sensor, pressure_sensor, thermometer, encoder
-    force_accuracy_n, pressure_accuracy_pa, temperature_accuracy_k : float
-        Standard uncertainties stated in recordings.
-    barrel_share : float
-        Share of the seal's rise of temperature that reaches the thermometer on the barrel.
-    servo, chambers, drift, thermal, run_in, repeatability, supply, safety : dict
-        The tables of the file in SI, None if a key is absent.
+    tables : Described
+        The tables of `KEYS` in SI, such as ``tables.servo.margin``; None if a key is absent. ``tables.mounting`` has
+        each mounting other than `RIGID`, by its name.
     sources : dict
         ``table.key`` -> `Source`.
     """
@@ -238,49 +572,66 @@ class RigDescription:
     parameters: dict[str, float]
     pressure: dict[str, float] | None
     dependences: dict[str, Any]
-    mountings: dict[str, RigMounting]
-    cylinder: str
-    bore_m: float
-    rod_diameter_m: float
-    stroke_m: float
-    moving_mass_kg: float
-    incline_rad: float
-    ambient_pressure_pa: float
-    ambient_temperature_k: float
-    limits: MotionLimits
-    margin_m: float
-    clock: TimeClock | EncoderClock
-    sampling: Sampling
-    stiffness_n_m: float
-    damping_n_s_m: float
-    force_sensor: AnalogSensor
-    pressure_sensor: AnalogSensor
-    thermometer: AnalogSensor
-    encoder: Encoder
-    force_accuracy_n: float
-    pressure_accuracy_pa: float
-    temperature_accuracy_k: float
-    barrel_share: float
-    servo: dict[str, Any]
-    chambers: dict[str, Any]
-    pressure_measured_at: str
-    drift: dict[str, float]
-    thermal: dict[str, float]
-    run_in: dict[str, float]
-    repeatability: dict[str, float]
-    supply_pressure_pa: float | None
-    safety: dict[str, float | None]
+    tables: Any
     sources: dict[str, Source] = field(repr=False)
 
-    @property
+    @cached_property
     def areas_m2(self) -> tuple[float, float]:
         """Piston areas in chambers a and b."""
-        return piston_areas(self.cylinder, self.bore_m, self.rod_diameter_m)
+        return piston_areas(self.tables.cylinder.kind, self.tables.cylinder.bore, self.tables.cylinder.rod_diameter)
 
     @property
     def area_m2(self) -> float:
         """Piston area in chamber a."""
         return self.areas_m2[0]
+
+    @property
+    def ambient_pressure_pa(self) -> float:
+        """Absolute pressure of the room."""
+        return self.tables.ambient.pressure
+
+    @property
+    def stroke_m(self) -> float:
+        """Stroke of the cylinder."""
+        return self.tables.cylinder.stroke
+
+    @cached_property
+    def limits(self) -> MotionLimits:
+        """Limits of the servo axis."""
+        return MotionLimits(self.tables.servo.acceleration, self.tables.servo.jerk)
+
+    @cached_property
+    def clock(self) -> TimeClock | EncoderClock:
+        """Sample clock of `SimulatedRig.drag`."""
+        return CLOCKS[self.tables.sampling.clock](int(self.tables.sampling.samples_per_cycle))
+
+    @cached_property
+    def sampling(self) -> Sampling:
+        """Usual sampling of a session."""
+        s = self.tables.sampling
+        return Sampling(int(s.samples_per_stroke), s.burst_rate, s.burst_before, s.burst_after, s.hold_rate)
+
+    @cached_property
+    def force_sensor(self) -> AnalogSensor:
+        """Force sensor without calibration errors."""
+        s = self.tables.force_sensor
+        return AnalogSensor(-s.range, s.range, int(s.bits), s.noise, s.zero)
+
+    @cached_property
+    def pressure_sensor(self) -> AnalogSensor:
+        """Pressure sensor without calibration errors; absolute pressures."""
+        s, ambient = self.tables.pressure_sensor, self.ambient_pressure_pa
+        return AnalogSensor(ambient - BELOW_ZERO * s.range, ambient + s.range, int(s.bits), s.noise, s.zero)
+
+    @cached_property
+    def thermometer(self) -> AnalogSensor:
+        """Thermometer without calibration errors."""
+        return AnalogSensor(*THERMOMETER_K, THERMOMETER_BITS, self.tables.temperature_sensor.noise)
+
+    @cached_property
+    def encoder(self) -> Encoder:
+        """Encoder of the carriage."""
+        return Encoder(self.tables.encoder.resolution)
 
 
 def read_description(path: str | Path = DEFAULT) -> RigDescription:
@@ -294,8 +645,12 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
     name, tables, friction, sources = read_tables(Path(path))
     with toml.locating(path, toml.read(path)[1]):
         _check(tables)
-    values = {table: dict(vars(getattr(tables, table))) for table in KEYS}
-    return _build(name, values, friction, tables.mounting, sources)
+    core = friction.core()
+    law, parameters, pressure = (core.pop(key) for key in ("law", "parameters", "pressure"))
+    description = RigDescription(name, law, parameters, pressure, core, tables, sources)
+    for sensor in ("force_sensor", "pressure_sensor", "thermometer", "encoder"):
+        getattr(description, sensor)  # a range or resolution that is not possible is an error of the file
+    return description
 
 
 def _check(tables: Any) -> None:  # noqa: ANN401 - of a class that is made of the keys
@@ -318,62 +673,3 @@ def _check(tables: Any) -> None:  # noqa: ANN401 - of a class that is made of th
         if getattr(chambers, key) is None:
             refuse("chambers", f"chambers.{key} is missing", f'chambers of kind "{chambers.kind}" need this value')
     problems.tell()
-
-
-def _build(
-    name: str,
-    values: dict[str, dict[str, Any]],
-    friction: Friction,
-    mountings: dict[str, Any],
-    sources: dict[str, Source],
-) -> RigDescription:
-    cylinder, servo, force, air = (values[t] for t in ("cylinder", "servo", "force_sensor", "pressure_sensor"))
-    ambient, sampling, warm = values["ambient"], values["sampling"], values["temperature_sensor"]
-    core = friction.core()
-    low, high = ambient["pressure"] - BELOW_ZERO * air["range"], ambient["pressure"] + air["range"]
-    return RigDescription(
-        name=name,
-        law=core.pop("law"),
-        parameters=core.pop("parameters"),
-        pressure=core.pop("pressure"),
-        dependences=core,
-        mountings={RIGID: RigMounting()} | {key: RigMounting(*vars(one).values()) for key, one in mountings.items()},
-        cylinder=cylinder["kind"],
-        bore_m=cylinder["bore"],
-        rod_diameter_m=cylinder["rod_diameter"],
-        stroke_m=cylinder["stroke"],
-        moving_mass_kg=cylinder["moving_mass"],
-        incline_rad=cylinder["incline"],
-        ambient_pressure_pa=ambient["pressure"],
-        ambient_temperature_k=ambient["temperature"],
-        limits=MotionLimits(servo["acceleration"], servo["jerk"]),
-        margin_m=servo["margin"],
-        clock=CLOCKS[sampling["clock"]](int(sampling["samples_per_cycle"])),
-        sampling=Sampling(
-            int(sampling["samples_per_stroke"]),
-            sampling["burst_rate"],
-            sampling["burst_before"],
-            sampling["burst_after"],
-            sampling["hold_rate"],
-        ),
-        stiffness_n_m=force["stiffness"],
-        damping_n_s_m=force["damping"],
-        force_sensor=AnalogSensor(-force["range"], force["range"], int(force["bits"]), force["noise"], force["zero"]),
-        pressure_sensor=AnalogSensor(low, high, int(air["bits"]), air["noise"], air["zero"]),
-        thermometer=AnalogSensor(*THERMOMETER_K, THERMOMETER_BITS, warm["noise"]),
-        encoder=Encoder(values["encoder"]["resolution"]),
-        force_accuracy_n=force["accuracy"],
-        pressure_accuracy_pa=air["accuracy"],
-        temperature_accuracy_k=warm["accuracy"],
-        barrel_share=warm["share"],
-        servo=servo,
-        chambers=values["chambers"],
-        pressure_measured_at=air["at"],
-        drift={"per_k": force["zero_drift_temperature"], "per_s": force["zero_drift_time"]},
-        thermal=values["thermal"],
-        run_in=values["run_in"],
-        repeatability=values["repeatability"],
-        supply_pressure_pa=values["supply"]["pressure"],
-        safety=values["safety"],
-        sources=sources,
-    )

@@ -16,10 +16,9 @@ import numpy as np
 
 from pneudrive.constants import LEAK_CRITICAL_RATIO, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RigError, SimulationError
-from pneudrive.rig.interface import Hold, Move, Step
-from pneudrive.rig.keys import RIGID
+from pneudrive.rig.description import RIGID
+from pneudrive.rig.interface import Hold, Move, Step, is_number, plain, read_fields
 from pneudrive.rig.motion import Motion, brake, dwell, move
-from pneudrive.rig.plain_data import is_number, plain, read_fields
 from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
 
 if TYPE_CHECKING:
@@ -27,17 +26,18 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.rig.description import RigDescription, RigMounting
+    from pneudrive.rig.description import RigDescription
 
     Array = NDArray[np.float64]
     Numbers = float | Array
 
 
-def core_friction(d: RigDescription, mounting: RigMounting | None = None) -> dict[str, Any]:
+def core_friction(d: RigDescription, mounting: str = RIGID) -> dict[str, Any]:
     """Return the friction of the piston, including that of the guide under a side load of the mounting."""
     table = {"law": d.law, "parameters": d.parameters, "pressure": d.pressure, **d.dependences}
-    if mounting is not None and mounting.side_load_n > 0.0:
-        table["side_load"] = {"force_n": mounting.side_load_n, "coefficient": mounting.coefficient}
+    guide = d.tables.mounting.get(mounting)
+    if guide is not None and guide.side_load > 0.0:
+        table["side_load"] = {"force_n": guide.side_load, "coefficient": guide.coefficient}
     return table
 
 
@@ -90,14 +90,14 @@ def core_rig(
     temperature_k : float, optional
         Temperature of the room, K; the default is that of the rig file.
     """
-    (area_a, area_b), servo = d.areas_m2, d.servo
-    rods = {"rodless": (0, 0), "single-rod": (0, 1), "through-rod": (1, 1)}[d.cylinder]
-    perimeter_a, perimeter_b = (math.pi * (d.bore_m + rod * d.rod_diameter_m) for rod in rods)
-    carriage = {"release_time": servo["release_time"]}
-    if servo["bandwidth"] is not None:
-        carriage |= {"servo_bandwidth": servo["bandwidth"], "servo_damping_ratio": servo["damping_ratio"]}
-    if servo["ripple"] > 0.0:
-        carriage |= {"ripple_velocity": servo["ripple"], "ripple_pitch": servo["pitch"]}
+    (area_a, area_b), servo, cylinder, sensor = d.areas_m2, d.tables.servo, d.tables.cylinder, d.tables.force_sensor
+    rods = {"rodless": (0, 0), "single-rod": (0, 1), "through-rod": (1, 1)}[cylinder.kind]
+    perimeter_a, perimeter_b = (math.pi * (cylinder.bore + rod * cylinder.rod_diameter) for rod in rods)
+    carriage = {"release_time": servo.release_time}
+    if servo.bandwidth is not None:
+        carriage |= {"servo_bandwidth": servo.bandwidth, "servo_damping_ratio": servo.damping_ratio}
+    if servo.ripple > 0.0:
+        carriage |= {"ripple_velocity": servo.ripple, "ripple_pitch": servo.pitch}
     rig = Dragged(
         friction or core_friction(d),
         {
@@ -105,16 +105,16 @@ def core_rig(
             "area_b": area_b,
             "perimeter_a": perimeter_a,
             "perimeter_b": perimeter_b,
-            "stroke": d.stroke_m,
-            "moving_mass": d.moving_mass_kg,
-            "incline": d.incline_rad,
+            "stroke": cylinder.stroke,
+            "moving_mass": cylinder.moving_mass,
+            "incline": cylinder.incline,
         },
-        {"stiffness": d.stiffness_n_m, "damping": d.damping_n_s_m},
+        {"stiffness": sensor.stiffness, "damping": sensor.damping},
         carriage,
         d.ambient_pressure_pa,
-        temperature_k or d.ambient_temperature_k,
+        temperature_k or d.tables.ambient.temperature,
     )
-    if d.chambers["kind"] == "held":
+    if d.tables.chambers.kind == "held":
         for name, pressure in zip("ab", pressures_pa, strict=True):
             rig.hold(name, pressure)
     else:
@@ -124,8 +124,8 @@ def core_rig(
 
 def _supply(rig: Dragged, d: RigDescription, pressures_pa: tuple[float, float]) -> None:
     """Add the air supply of the chambers: ports to the room, or regulators with shut-off, a volume and lines."""
-    c = d.chambers
-    kind, ratio, heat = c["kind"], c["critical_pressure_ratio"], c["heat_transfer"]
+    c = d.tables.chambers
+    kind, ratio, heat = c.kind, c.critical_pressure_ratio, c.heat_transfer
     if kind == "common" and pressures_pa[0] != pressures_pa[1]:
         raise SimulationError(
             f"one regulator cannot set both {pressures_pa[0]:g} Pa and {pressures_pa[1]:g} Pa",
@@ -136,14 +136,14 @@ def _supply(rig: Dragged, d: RigDescription, pressures_pa: tuple[float, float]) 
         source = f"source_{volume}"
         rig.hold(source, pressure)
         # A hose of this volume and diameter has 4 V/d of wall.
-        wall = 4.0 * c["manifold_volume"] / c["hose_diameter"]
-        rig.volume(volume, pressure, volume=c["manifold_volume"], wall_area=wall, heat_transfer=heat)
-        rig.path(f"regulator_{volume}", c["regulator_conductance"], ratio, (source, volume))
+        wall = 4.0 * c.manifold_volume / c.hose_diameter
+        rig.volume(volume, pressure, volume=c.manifold_volume, wall_area=wall, heat_transfer=heat)
+        rig.path(f"regulator_{volume}", c.regulator_conductance, ratio, (source, volume))
         rig.shutters.append(f"regulator_{volume}")
 
     for side, pressure in zip("ab", pressures_pa, strict=True):
         rest = d.ambient_pressure_pa if kind == "open" else pressure
-        rig.volume(side, rest, volume=c["dead_volume"], heat_transfer=heat)
+        rig.volume(side, rest, volume=c.dead_volume, heat_transfer=heat)
     if kind == "common":
         regulator("manifold", pressures_pa[0])
     for side, pressure in zip("ab", pressures_pa, strict=True):
@@ -151,10 +151,10 @@ def _supply(rig: Dragged, d: RigDescription, pressures_pa: tuple[float, float]) 
         rig.sources[side] = source
         if kind == "separate":
             regulator(source, pressure)
-        rig.path(f"line_{side}", c["line_conductance"], ratio, (source, side))
+        rig.path(f"line_{side}", c.line_conductance, ratio, (source, side))
         if kind == "open":
             rig.shutters.append(f"line_{side}")
-    leaks = {("a", "b"): c["piston_leakage"], ("a", AMBIENT): c["leakage"], ("b", AMBIENT): c["leakage"]}
+    leaks = {("a", "b"): c.piston_leakage, ("a", AMBIENT): c.leakage, ("b", AMBIENT): c.leakage}
     for ends, conductance in leaks.items():
         if conductance > 0.0:
             rig.path("leak_" + "_".join(ends), conductance, LEAK_CRITICAL_RATIO, ends)
@@ -238,26 +238,23 @@ class Past:
         """Advance the time, with this power of friction heating the seal."""
         from pneudrive import _core
 
-        thermal = d.thermal
-        self.seal_rise_k = _core.seal_warming(
-            thermal["seal_rise"], thermal["seal_time"], self.seal_rise_k, power_w, duration_s
-        )
+        rise, time_s = d.tables.thermal.seal_rise, d.tables.thermal.seal_time
+        self.seal_rise_k = _core.seal_warming(rise, time_s, self.seal_rise_k, power_w, duration_s)
         self.clock_s += duration_s
 
     def room_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
         """Return the temperature of the room, K, now or some seconds later."""
-        thermal = d.thermal
-        turn = 2.0 * np.pi * (self.clock_s + after_s) / thermal["room_period"]
-        return d.ambient_temperature_k + thermal["room_amplitude"] * np.sin(turn)
+        turn = 2.0 * np.pi * (self.clock_s + after_s) / d.tables.thermal.room_period
+        return d.tables.ambient.temperature + d.tables.thermal.room_amplitude * np.sin(turn)
 
     def barrel_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
         """Return the temperature of the barrel, K, at the thermometer."""
-        return self.room_k(d, after_s) + d.barrel_share * self.seal_rise_k
+        return self.room_k(d, after_s) + d.tables.temperature_sensor.share * self.seal_rise_k
 
     def force_drift_n(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
         """Return the drift of the force sensor's zero, N, with temperature and time."""
-        warmer = self.room_k(d, after_s) - d.ambient_temperature_k
-        return d.drift["per_k"] * warmer + d.drift["per_s"] * (self.clock_s + after_s)
+        warmer, sensor = self.room_k(d, after_s) - d.tables.ambient.temperature, d.tables.force_sensor
+        return sensor.zero_drift_temperature * warmer + sensor.zero_drift_time * (self.clock_s + after_s)
 
 
 def stream(seed: int, *words: str) -> np.random.Generator:
@@ -280,8 +277,9 @@ def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
     }
     exponent = 0.0
     for factor, words in drawn.items():
-        if d.repeatability[factor] > 0.0:
-            exponent += d.repeatability[factor] * float(stream(seed, factor, words).standard_normal())
+        deviation = getattr(d.tables.repeatability, factor)
+        if deviation > 0.0:
+            exponent += deviation * float(stream(seed, factor, words).standard_normal())
     return math.exp(exponent)
 
 
@@ -293,11 +291,10 @@ def friction_in_force(d: RigDescription, past: Past, seed: int) -> dict[str, Any
     """
     from pneudrive import _core
 
-    table, thermal, run_in = core_friction(d, d.mountings[past.levels.get("mounting", RIGID)]), d.thermal, d.run_in
-    warmer = float(past.room_k(d)) - d.ambient_temperature_k + past.seal_rise_k
-    levels, viscous = _core.seal_factors(
-        thermal["coulomb"], -thermal["viscous"], warmer, run_in["excess"], run_in["distance"], past.travel_m
-    )
+    table, thermal = core_friction(d, past.levels.get("mounting", RIGID)), d.tables.thermal
+    excess, distance = d.tables.run_in.excess, d.tables.run_in.distance
+    warmer = float(past.room_k(d)) - d.tables.ambient.temperature + past.seal_rise_k
+    levels, viscous = _core.seal_factors(thermal.coulomb, -thermal.viscous, warmer, excess, distance, past.travel_m)
     scale = friction_scale(d, past, seed)
     factor = {"coulomb": scale * levels, "breakaway": scale * levels, "viscous": scale * viscous}
     out = dict(table)
@@ -333,7 +330,7 @@ class Machine:
     def __init__(self, d: RigDescription, seed: int) -> None:
         self.d, self.seed = d, seed
         ambient = d.ambient_pressure_pa
-        self.past = Past(commanded_m=d.margin_m, pressure_a_pa=ambient, pressure_b_pa=ambient)
+        self.past = Past(commanded_m=d.tables.servo.margin, pressure_a_pa=ambient, pressure_b_pa=ambient)
 
     def motion(self, step: Step) -> Motion | None:
         """Plan the motion of a step from the present position; None without a motion."""
@@ -443,7 +440,7 @@ class Machine:
         area_a, area_b = d.areas_m2
         ambient = d.ambient_pressure_pa
         push = (past.pressure_a_pa - ambient) * area_a - (past.pressure_b_pa - ambient) * area_b
-        push -= d.moving_mass_kg * STANDARD_GRAVITY_M_S2 * np.sin(d.incline_rad)
+        push -= d.tables.cylinder.moving_mass * STANDARD_GRAVITY_M_S2 * np.sin(d.tables.cylinder.incline)
         holds = self.steady_n(friction, CREEP_M_S)
         if abs(push) > holds:
             raise RigError(

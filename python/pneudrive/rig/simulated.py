@@ -13,7 +13,7 @@ import numpy as np
 
 from pneudrive.errors import CommandError, RigError, SimulationError, nearest
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.description import DEFAULT, RigDescription, read_description
+from pneudrive.rig.description import DEFAULT, RIGID, RigDescription, read_description
 from pneudrive.rig.interface import CHANNELS, Envelope, Hold, Identity, Move, RigState, Samples, Step
 from pneudrive.rig.machine import (
     CREEP_M_S,
@@ -25,8 +25,7 @@ from pneudrive.rig.machine import (
     steady_friction_n,
     stream,
 )
-from pneudrive.rig.motion import Limits, Motion, cycles
-from pneudrive.rig.sampling import step_times
+from pneudrive.rig.motion import Limits, Motion, cycles, step_times
 from pneudrive.rig.truth import truth_of_cycle, truth_of_step
 from pneudrive.signals.recording import Recording
 
@@ -35,8 +34,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.rig.description import AnalogSensor, EncoderClock, TimeClock
     from pneudrive.rig.interface import Sampling
-    from pneudrive.rig.sensors import AnalogSensor, EncoderClock, TimeClock
 
     Array = NDArray[np.float64]
 
@@ -148,7 +147,12 @@ class SimulatedRig:
         """
         d = self.description
         motion = cycles(
-            d.margin_m, d.stroke_m - d.margin_m, speed_m_s, limits or d.limits, count=count, dwell_s=dwell_s
+            d.tables.servo.margin,
+            d.stroke_m - d.tables.servo.margin,
+            speed_m_s,
+            limits or d.limits,
+            count=count,
+            dwell_s=dwell_s,
         )
         pressure_a, pressure_b = self._absolute(gauge_pa)
         times = (clock or d.clock).times(motion, count)
@@ -193,13 +197,13 @@ class SimulatedRig:
             area_a_m2=area_a,
             area_b_m2=area_b,
             ambient_pressure_pa=d.ambient_pressure_pa,
-            mass_beyond_sensor_kg=d.moving_mass_kg,
-            incline_rad=d.incline_rad,
+            mass_beyond_sensor_kg=d.tables.cylinder.moving_mass,
+            incline_rad=d.tables.cylinder.incline,
             accuracy={
                 "position_m": d.encoder.resolution_m / 12.0**0.5,
-                "force_n": d.force_accuracy_n,
-                "pressure_a_pa": d.pressure_accuracy_pa,
-                "pressure_b_pa": d.pressure_accuracy_pa,
+                "force_n": d.tables.force_sensor.accuracy,
+                "pressure_a_pa": d.tables.pressure_sensor.accuracy,
+                "pressure_b_pa": d.tables.pressure_sensor.accuracy,
             },
             labels={"rig": d.name, "speed": f"{1e3 * trace.speed_m_s:.4g} mm/s", "pressure": f"{shown} gauge"},
             synthetic=True,
@@ -213,7 +217,7 @@ class SimulatedRig:
                 "force_zero_n": d.force_sensor.zero,
                 "friction_n": float(self.true_friction(trace.speed_m_s, trace.pressure_a_pa, trace.pressure_b_pa)),
             },
-            stiffness_n_m=d.stiffness_n_m,
+            stiffness_n_m=d.tables.force_sensor.stiffness,
             limits={"force_n": (d.force_sensor.low, d.force_sensor.high)},
         )
 
@@ -317,7 +321,11 @@ class Instruments:
     def __init__(self, d: RigDescription, seed: int) -> None:
         self.d = d
         draw = stream(seed, "calibration").standard_normal(7)
-        force, air, warm = d.force_accuracy_n, d.pressure_accuracy_pa, d.temperature_accuracy_k
+        force, air, warm = (
+            d.tables.force_sensor.accuracy,
+            d.tables.pressure_sensor.accuracy,
+            d.tables.temperature_sensor.accuracy,
+        )
         self.force = replace(
             d.force_sensor,
             gain_error=force / d.force_sensor.high * draw[0],
@@ -356,7 +364,7 @@ class Instruments:
             position_m, force_n, pressure_a_pa, pressure_b_pa, temperature_k.
         """
         d, t = self.d, true["time_s"]
-        where = "supply_pressure" if d.pressure_measured_at == "regulator" else "pressure"
+        where = "supply_pressure" if d.tables.pressure_sensor.at == "regulator" else "pressure"
         force = true["sensor_force_n"] if weight_n == 0.0 else np.full(t.shape, -weight_n)
         return {
             "position_m": d.encoder.read(true["carriage_position_m"]),
@@ -429,10 +437,10 @@ class RigSession:
         """Return the identity of the rig."""
         d, sensors = self.rig.description, self._instruments
         channels = {
-            "force_n": (sensors.force, d.force_accuracy_n),
-            "pressure_a_pa": (sensors.pressure_a, d.pressure_accuracy_pa),
-            "pressure_b_pa": (sensors.pressure_b, d.pressure_accuracy_pa),
-            "temperature_k": (sensors.thermometer, d.temperature_accuracy_k),
+            "force_n": (sensors.force, d.tables.force_sensor.accuracy),
+            "pressure_a_pa": (sensors.pressure_a, d.tables.pressure_sensor.accuracy),
+            "pressure_b_pa": (sensors.pressure_b, d.tables.pressure_sensor.accuracy),
+            "temperature_k": (sensors.thermometer, d.tables.temperature_sensor.accuracy),
         }
         area_a, area_b = d.areas_m2
         return Identity(
@@ -440,9 +448,9 @@ class RigSession:
             area_a_m2=area_a,
             area_b_m2=area_b,
             ambient_pressure_pa=d.ambient_pressure_pa,
-            mass_beyond_sensor_kg=d.moving_mass_kg,
-            incline_rad=d.incline_rad,
-            stiffness_n_m=d.stiffness_n_m,
+            mass_beyond_sensor_kg=d.tables.cylinder.moving_mass,
+            incline_rad=d.tables.cylinder.incline,
+            stiffness_n_m=d.tables.force_sensor.stiffness,
             accuracy={name: accuracy for name, (_, accuracy) in channels.items()}
             | {"position_m": d.encoder.resolution_m / 12.0**0.5},
             limits={name: (sensor.low, sensor.high) for name, (sensor, _) in channels.items()},
@@ -450,44 +458,44 @@ class RigSession:
             | {"position_m": d.encoder.resolution_m},
             calibration=dict.fromkeys(channels, ERROR_MODEL) | {"force_n": FORCE_ERROR_MODEL},
             labels={"rig": d.name},
-            chambers=d.chambers["kind"],
-            pressure_measured_at=d.pressure_measured_at,
+            chambers=d.tables.chambers.kind,
+            pressure_measured_at=d.tables.pressure_sensor.at,
             synthetic=True,
         )
 
     def limits(self) -> Envelope:
         """Return the limits of the rig."""
         d = self.rig.description
-        ambient, safety, kind = d.ambient_pressure_pa, d.safety, d.chambers["kind"]
+        ambient, safety, kind = d.ambient_pressure_pa, d.tables.safety, d.tables.chambers.kind
         highest = ambient if kind == "open" else min(
-            safety["pressure"] or d.pressure_sensor.high, d.supply_pressure_pa or np.inf
+            safety.pressure or d.pressure_sensor.high, d.tables.supply.pressure or np.inf
         )  # fmt: skip
-        speed = d.servo["speed"] or d.limits.top_speed_m_s(d.stroke_m - 2.0 * d.margin_m)
-        room = d.ambient_temperature_k
+        speed = d.tables.servo.speed or d.limits.top_speed_m_s(d.stroke_m - 2.0 * d.tables.servo.margin)
+        room = d.tables.ambient.temperature
         least, greatest = (
-            safety[f"{which}_temperature"] or room + usual
+            getattr(safety, f"{which}_temperature") or room + usual
             for which, usual in zip(("least", "greatest"), USUAL_TEMPERATURES_K, strict=True)
         )
         friction = self.rig.true_friction(np.array([CREEP_M_S, speed]), highest, highest)
         return Envelope(
-            position_m=(d.margin_m, d.stroke_m - d.margin_m),
+            position_m=(d.tables.servo.margin, d.stroke_m - d.tables.servo.margin),
             speed_m_s=speed,
             acceleration_m_s2=d.limits.acceleration_m_s2,
             jerk_m_s3=d.limits.jerk_m_s3,
-            force_n=safety["force"] or d.force_sensor.high,
+            force_n=safety.force or d.force_sensor.high,
             pressure_pa=(ambient, highest),
             separate_pressures=kind in ("held", "separate"),
             temperature_k=(least, greatest),
-            supply_pressure_pa=safety["least_supply"] or 0.0,
+            supply_pressure_pa=safety.least_supply or 0.0,
             expected_friction_n=float(np.max(friction)),
-            home_m=d.margin_m,
+            home_m=d.tables.servo.margin,
         )
 
     def state(self) -> RigState:
         """Return the state of the rig, with readings without noise."""
         with self._lock:
             past, run = self.past, self._running
-            supply = self.rig.description.supply_pressure_pa or max(past.pressure_a_pa, past.pressure_b_pa)
+            supply = self.rig.description.tables.supply.pressure or max(past.pressure_a_pa, past.pressure_b_pa)
             began = past if run is None or run.before is None else run.before
             clock = began.clock_s + (0.0 if run is None else run.reached_s)
             seen = self._at_rest(began) if run is None or run.seen is None else run.seen
@@ -578,7 +586,7 @@ class RigSession:
 
         For seal and drive any name is possible.
         """
-        return {"mounting": tuple(self.rig.description.mountings)}
+        return {"mounting": tuple({RIGID: None, **self.rig.description.tables.mounting})}
 
     def change(self, levels: dict[str, str]) -> None:
         """Set mounted factor levels; a new seal or drive starts without run-in."""

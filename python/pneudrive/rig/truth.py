@@ -25,10 +25,10 @@ from pneudrive.rig.interface import Hold, Move
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.rig.description import AnalogSensor
     from pneudrive.rig.interface import Step
     from pneudrive.rig.machine import Machine, Past
     from pneudrive.rig.motion import Motion
-    from pneudrive.rig.sensors import AnalogSensor
 
     Array = NDArray[np.float64]
 

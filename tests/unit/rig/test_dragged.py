@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from oracle.rig_faults import with_tables
 from pneudrive.rig.loading import shipped_rigs
 from pneudrive.rig.machine import core_rig
 from pneudrive.rig.motion import Limits, Motion, dwell, move
@@ -24,8 +23,8 @@ def run(rig, motion, begin, **how):
 
 @pytest.mark.parametrize("bandwidth", [None, 50.0])
 def test_released_it_shows_no_force_and_goes_on_from_where_it_stands(bandwidth):
-    servo = LUGRE.servo | {"bandwidth": bandwidth, "damping_ratio": bandwidth and 0.7}
-    rig = core_rig(replace(LUGRE, servo=servo), (2e5, 2e5))
+    servo = {"bandwidth": bandwidth, "damping_ratio": bandwidth and 0.7}
+    rig = core_rig(with_tables(LUGRE, servo=servo), (2e5, 2e5))
     moved = run(rig, move(0.1, 0.05, Limits(2.0, 80.0), 0.02), 0.02)
     wait = dwell(2.0, moved.commanded_m)
     kept, freed = run(rig, wait, moved.state), run(rig, wait, moved.state, released=True)

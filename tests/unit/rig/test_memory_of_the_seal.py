@@ -39,7 +39,7 @@ def test_the_held_force_relaxes_by_what_the_springs_in_series_let_it(rig):
 
     # A share rho of the bristles lets go; the sensor and the bristles that are left share its force by stiffness.
     rho, bristles = d.dependences["relaxation"]["share"], d.parameters["bristle_stiffness"]
-    lost = rho * d.stiffness_n_m / (d.stiffness_n_m + (1.0 - rho) * bristles)
+    lost = rho * d.tables.force_sensor.stiffness / (d.tables.force_sensor.stiffness + (1.0 - rho) * bristles)
     settled = at(0.1, 0.05)  # the axis has come to rest
     assert at(59.0, 0.9) == pytest.approx(settled * (1.0 - lost), abs=0.1)
     assert settled - 0.2 > at(4.0, 0.5) > at(12.0, 0.5) > at(59.0, 0.9)

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from oracle.rig_faults import with_tables
 from pneudrive.errors import RigError
 from pneudrive.rig import (
     Changeable,
@@ -24,6 +25,7 @@ from pneudrive.rig import (
     schedule,
     shipped_rigs,
 )
+from pneudrive.rig.description import KEYS
 
 SPARSE = Sampling(samples_per_stroke=200, burst_rate_hz=0.0)
 NAMES = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa", "temperature_k", "step")
@@ -209,8 +211,7 @@ def test_released_the_sensor_shows_its_zero_and_the_axis_has_given_way():
 
 def test_the_air_of_open_chambers_is_in_the_force_and_in_the_pressures():
     d = SimulatedRig.load(shipped_rigs()["open-chambers"]).description
-    narrow = d.chambers | {"line_conductance": 0.8e-8}
-    rig = SimulatedRig(replace(d, chambers=narrow)).session(seed=4)
+    rig = SimulatedRig(with_tables(d, chambers={"line_conductance": 0.8e-8})).session(seed=4)
     rig.move(0.02, 0.1)
     samples = cycle(rig, "1", out_and_back(0.45), Sampling())
     air, left = [], []
@@ -237,7 +238,7 @@ def test_the_leak_check_finds_the_leak_and_nothing_else():
         return [part.pressure_a_pa[:50].mean() - part.pressure_a_pa[-50:].mean() for part in (held, shut)]
 
     description = SimulatedRig.load(shipped_rigs()["common-manifold"]).description
-    tight = replace(description, chambers=description.chambers | {"leakage": 0.0, "piston_leakage": 0.0})
+    tight = with_tables(description, chambers={"leakage": 0.0, "piston_leakage": 0.0})
     held, shut = fall(load_rig("common-manifold"))
     assert abs(held) < 100.0
     assert shut > 2000.0
@@ -246,8 +247,8 @@ def test_the_leak_check_finds_the_leak_and_nothing_else():
 
 def test_slow_changes_follow_from_what_was_done():
     d = SimulatedRig.load(shipped_rigs()["open-chambers"]).description
-    calm = dict.fromkeys(d.repeatability, 0.0)
-    rig = SimulatedRig(replace(d, repeatability=calm)).session(seed=1)
+    calm = dict.fromkeys(KEYS["repeatability"], 0.0)
+    rig = SimulatedRig(with_tables(d, repeatability=calm)).session(seed=1)
 
     def point(key):
         rig.move(0.02, 0.3)
@@ -280,9 +281,7 @@ def test_slow_changes_follow_from_what_was_done():
 
 def test_levels_vary_between_cycles_days_and_mountings_as_the_file_says():
     d = SimulatedRig.load(shipped_rigs()["open-chambers"]).description
-    quiet = replace(
-        d, run_in=d.run_in | {"excess": 0.0}, thermal=d.thermal | {"seal_rise": 0.0, "coulomb": 0.0, "viscous": 0.0}
-    )
+    quiet = with_tables(d, run_in={"excess": 0.0}, thermal={"seal_rise": 0.0, "coulomb": 0.0, "viscous": 0.0})
 
     def levels(change, count=300):
         rig = SimulatedRig(quiet).session(seed=9)
@@ -307,16 +306,18 @@ def test_calibration_errors_are_as_large_as_the_stated_accuracy():
     rigs = [rig.session(seed) for seed in range(300)]
     d = rigs[0].rig.description
     sensors = [rig._instruments for rig in rigs]
-    full = d.force_sensor.high
-    assert np.std([s.force.gain_error * full for s in sensors]) == pytest.approx(d.force_accuracy_n, rel=0.15)
+    full, accuracy = d.force_sensor.high, d.tables.force_sensor.accuracy
+    assert np.std([s.force.gain_error * full for s in sensors]) == pytest.approx(
+        d.tables.force_sensor.accuracy, rel=0.15
+    )
     shown = [s.pressure_a.zero + s.pressure_a.gain_error * d.ambient_pressure_pa for s in sensors]
-    assert np.std(shown) == pytest.approx(d.pressure_accuracy_pa, rel=0.15)
+    assert np.std(shown) == pytest.approx(d.tables.pressure_sensor.accuracy, rel=0.15)
     assert np.mean(shown) == pytest.approx(d.pressure_sensor.zero, abs=100.0)
     warm = np.std([s.thermometer.zero for s in sensors])
-    assert warm == pytest.approx(d.temperature_accuracy_k, rel=0.15)
+    assert warm == pytest.approx(d.tables.temperature_sensor.accuracy, rel=0.15)
     accuracy = rigs[0].identity().accuracy
-    assert accuracy["force_n"] == d.force_accuracy_n
-    assert accuracy["temperature_k"] == d.temperature_accuracy_k
+    assert accuracy["force_n"] == d.tables.force_sensor.accuracy
+    assert accuracy["temperature_k"] == d.tables.temperature_sensor.accuracy
 
 
 def test_paced_it_keeps_the_time_of_the_wall_and_gives_the_same_samples():

@@ -22,7 +22,9 @@ def test_force_balance_closes_sample_by_sample(law, gauge):
     trace = rig.drag(0.05, gauge)
     c = trace.columns
     pressure = D.area_m2 * (trace.pressure_a_pa - trace.pressure_b_pa)
-    left = c["sensor_force_n"] + pressure - c["friction_force_n"] - D.moving_mass_kg * c["acceleration_m_s2"]
+    left = (
+        c["sensor_force_n"] + pressure - c["friction_force_n"] - D.tables.cylinder.moving_mass * c["acceleration_m_s2"]
+    )
     assert np.max(np.abs(left)) < 1e-6 * np.max(np.abs(c["sensor_force_n"]))
 
 
@@ -32,7 +34,7 @@ def test_carriage_follows_the_motion():
     np.testing.assert_allclose(trace.columns["carriage_position_m"], position, atol=1e-9)
     np.testing.assert_allclose(trace.columns["carriage_velocity_m_s"], velocity, atol=1e-8)
     bend = np.abs(trace.columns["position_m"] - position)
-    assert bend.max() < 20.0 / D.stiffness_n_m + 1e-5
+    assert bend.max() < 20.0 / D.tables.force_sensor.stiffness + 1e-5
 
 
 @pytest.mark.parametrize("speed", [0.001, 0.01, 0.05, 0.45])
@@ -55,8 +57,8 @@ def test_recording_is_of_the_form_of_a_real_one():
     assert recording.source is None
     assert recording.truth["parameters"] == D.parameters
     assert recording.truth["friction_n"] == pytest.approx(float(RIG.true_friction(0.05, 151300.0, 151300.0)))
-    assert recording.stiffness_n_m == D.stiffness_n_m
-    assert recording.mass_beyond_sensor_kg == D.moving_mass_kg
+    assert recording.stiffness_n_m == D.tables.force_sensor.stiffness
+    assert recording.mass_beyond_sensor_kg == D.tables.cylinder.moving_mass
     still = recording.pressure_a_pa - 151300.0
     assert still.mean() == pytest.approx(D.pressure_sensor.zero, abs=20.0)
     assert np.all(np.abs(recording.position_m / 1e-6 - np.round(recording.position_m / 1e-6)) < 1e-3)

@@ -30,8 +30,7 @@ from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.files.bounds import within
 from pneudrive.repr_tables import aligned
-from pneudrive.rig.interface import Hold, Move, Sampling
-from pneudrive.rig.plain_data import identity_of, plain
+from pneudrive.rig.interface import Hold, Move, Sampling, identity_of, plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Hold, Move, Sampling
-from pneudrive.rig.motion import Limits, move
-from pneudrive.rig.sampling import step_samples
+from pneudrive.rig.motion import Limits, move, step_samples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -139,7 +138,7 @@ class Way:
 
 @lru_cache(maxsize=4096)
 def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: Sampling) -> tuple[float, int]:
-    """Return time, s, and samples of a step from rest to rest, as `pneudrive.rig.sampling.schedule` spaces them."""
+    """Return time, s, and samples of a step from rest to rest, as `pneudrive.rig.motion.schedule` spaces them."""
     if isinstance(step, Hold):
         time_s = step.duration_s
     else:

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, cast
 from pneudrive.campaign.cycle import Head
 from pneudrive.campaign.storage.files import now
 from pneudrive.errors import PneudriveError, RigError
-from pneudrive.rig.interface import Changeable, Reproducible, Samples, closed_after, has_verbs
+from pneudrive.rig.interface import Changeable, Reproducible, Samples, closed_after, has_verbs, plain
 from pneudrive.rig.job_thread import JobThread
-from pneudrive.rig.plain_data import plain
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -32,8 +32,7 @@ from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.files.tables import read_columns, read_texts
 from pneudrive.repr_tables import Card, Shown
-from pneudrive.rig.interface import CHANNELS, Identity, Samples
-from pneudrive.rig.plain_data import envelope_of, identity_of, plain
+from pneudrive.rig.interface import CHANNELS, Identity, Samples, envelope_of, identity_of, plain
 from pneudrive.signals.motion import noise_level, turning_points
 
 if TYPE_CHECKING:

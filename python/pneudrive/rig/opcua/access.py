@@ -41,6 +41,16 @@ def opcua(module: str = "asyncua") -> Any:  # noqa: ANN401 - a module
         raise RigError(what, remedy="pip install 'pneudrive[rig]'") from None
 
 
+class _Types:
+    """Types of the library, which is imported at their first use."""
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - a type of asyncua
+        return getattr(opcua("asyncua.ua"), name)
+
+
+ua: Any = _Types()
+
+
 @dataclass(frozen=True)
 class Access:
     """Credentials of a client, and the server that it trusts.
@@ -226,7 +236,6 @@ class Protection:
 
 async def protect(server: Any, protection: Protection) -> None:  # noqa: ANN401 - asyncua's server
     """Set the protection of a server before it starts."""
-    ua = opcua("asyncua.ua")
     server.iserver.set_user_manager(protection)
     if protection.certificate is None or protection.key is None:
         server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
@@ -388,7 +397,7 @@ def _properties(content: bytes) -> Any:  # noqa: ANN401 - asyncua's form of a fi
 
 def _validator(peer: str, trusted: tuple[bytes, ...] | None = None) -> Any:  # noqa: ANN401 - asyncua's
     """Return a validator of a certificate's dates, application and trust."""
-    module, utils, ua = opcua("asyncua.crypto.validator"), opcua("asyncua.common.utils"), opcua("asyncua.ua")
+    module, utils = opcua("asyncua.crypto.validator"), opcua("asyncua.common.utils")
     options = module.CertificateValidatorOptions
     usual = module.CertificateValidator(options.BASIC_VALIDATION | options[peer])
     encoding = opcua("cryptography.hazmat.primitives.serialization").Encoding.DER

@@ -18,7 +18,18 @@ from pneudrive.describe.keys import WrongValueError
 from pneudrive.describe.marks import Bounds, Quantity, Reads
 from pneudrive.errors import ConnectionLostError, RigError, warn
 from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step
+from pneudrive.rig.interface import (
+    Envelope,
+    Hold,
+    Identity,
+    Move,
+    RigState,
+    Samples,
+    Sampling,
+    Step,
+    envelope_of,
+    identity_of,
+)
 from pneudrive.rig.opcua.access import Access, AccessFile
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
 from pneudrive.rig.opcua.nodes import (
@@ -32,7 +43,6 @@ from pneudrive.rig.opcua.nodes import (
     Verb,
     load_map,
 )
-from pneudrive.rig.plain_data import envelope_of, identity_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -128,7 +138,7 @@ class OpcUaRig:
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive."""
         self._check_back()
-        patience = SLACK * self._expected_s(steps) + self._link.nodes.patience_s
+        patience = SLACK * self._expected_s(steps) + self._link.nodes.handshake.patience_s
         running = True
         try:
             with self._one_connection("the acquisition") as same:
@@ -139,7 +149,7 @@ class OpcUaRig:
                 while running:
                     running = not self._ended(identity)
                     (written,) = self._link.read("samples.written")
-                    look = FIRST_LOOK_S if written != taken else min(2.0 * look, self._link.nodes.poll_s)
+                    look = FIRST_LOOK_S if written != taken else min(2.0 * look, self._link.nodes.handshake.poll_s)
                     while taken < written:
                         same()
                         taken += 1
@@ -169,7 +179,7 @@ class OpcUaRig:
         except LinkError:
             pass
         if not self._back_within(min(STOP_S, self.reconnect_s)):  # connecting stops the axis
-            beat = self._link.nodes.heartbeat_s
+            beat = self._link.nodes.handshake.heartbeat_s
             what = f"the stop did not reach the rig: {self._link.lost}"
             rule = f"without a heartbeat of its client, the server brings the axis to rest within {beat:g} s"
             raise RigError(what, where=self._link.url, rule=rule, remedy="Check the rig on site.") from None
@@ -193,10 +203,10 @@ class OpcUaRig:
 
     def _await(self, identity: int, expected_s: float, verb: Verb) -> None:
         nodes, look = self._link.nodes, FIRST_LOOK_S
-        deadline = time.monotonic() + SLACK * expected_s + nodes.patience_s
+        deadline = time.monotonic() + SLACK * expected_s + nodes.handshake.patience_s
         while not self._ended(identity):
             self._wait(look, deadline, verb)
-            look = min(2.0 * look, nodes.poll_s)
+            look = min(2.0 * look, nodes.handshake.poll_s)
         self._check_fault(verb)
 
     def _ended(self, identity: int) -> bool:
@@ -241,7 +251,7 @@ class OpcUaRig:
     def _program(self, steps: Sequence[Step]) -> dict[str, Any]:
         """Write steps as arrays, within the limits of the rig."""
         nodes = self._link.nodes
-        most = self._link.places["step.kind"].length or nodes.steps
+        most = self._link.served["step.kind"].length or nodes.handshake.steps
         moves = [step if isinstance(step, Move) else Move(0.0, 0.0) for step in steps]
         holds = [step if isinstance(step, Hold) else Hold(0.0) for step in steps]
         is_hold = [HOLD * isinstance(step, Hold) for step in steps]
@@ -321,7 +331,7 @@ class OpcUaRig:
         if self._back_within(self.reconnect_s):
             return
         what = f"the connection to the rig was lost and could not be reopened within {self.reconnect_s:g} s"
-        beat = self._link.nodes.heartbeat_s
+        beat = self._link.nodes.handshake.heartbeat_s
         raise RigError(
             f"{what}: {reason}",
             where=self._link.url,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from pneudrive.errors import RigError
-from pneudrive.rig.opcua.access import Access, opcua, secure
+from pneudrive.rig.opcua.access import Access, opcua, secure, ua
 from pneudrive.rig.opcua.nodes import IN_RING, Node, NodeMap
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class HungUpError(LinkError):
 
 
 @dataclass(frozen=True)
-class NodePlace:
+class ServedNode:
     """Node on this server: ids (one, or one for each slot), type, length of an array (0: any)."""
 
     node: Node
@@ -105,8 +105,8 @@ class Link:
         quieten()
         self.url, self.nodes, self.access = url, nodes, access
         self.ambient_pa = 0.0
-        self.timeout_s = max(2.0 * nodes.heartbeat_s, LEAST_TIMEOUT_S)
-        self.places: dict[str, NodePlace] = {}
+        self.timeout_s = max(2.0 * nodes.handshake.heartbeat_s, LEAST_TIMEOUT_S)
+        self.served: dict[str, ServedNode] = {}
         self.lost: str | None = "there is no connection yet"
         self.number = 0  # number of the connection
         self._loop = LoopThread()
@@ -167,8 +167,7 @@ class Link:
             raise
 
     async def _log_in(self) -> Any:  # noqa: ANN401 - asyncua's client
-        ua = opcua("asyncua.ua")
-        client = opcua().Client(self.url, timeout=self.timeout_s, watchdog_intervall=self.nodes.heartbeat_s)
+        client = opcua().Client(self.url, timeout=self.timeout_s, watchdog_intervall=self.nodes.handshake.heartbeat_s)
         client.name = client.description = "pneudrive"
         try:
             await secure(client, self.access)
@@ -203,14 +202,12 @@ class Link:
 
     async def _find_nodes(self) -> None:
         """Read the type of each node, and the length of an array."""
-        ua = opcua("asyncua.ua")
         uris = await self._request(self._client.get_namespace_array())
-        found: dict[str, tuple[Any, ...]] = {}
-        for name in self.nodes.nodes:
-            found[name] = tuple(
-                _node_id(text, self.nodes.namespace, uris, self.url) for text in self.nodes.node_ids(name)
-            )
-        flat = [(name, node_id) for name, ids in found.items() for node_id in ids]
+        ids = {
+            name: tuple(_node_id(text, self.nodes.namespace, uris, self.url) for text in self.nodes.node_ids(name))
+            for name in self.nodes.nodes
+        }
+        flat = [(name, node_id) for name in ids for node_id in ids[name]]
         values: dict[str, Any] = {}
         for start in range(0, len(flat), NODES_A_REQUEST):
             part = flat[start : start + NODES_A_REQUEST]
@@ -218,15 +215,11 @@ class Link:
                 self._good(value.StatusCode, name, node_id)
                 values[name] = value.Value
         for name, node in self.nodes.nodes.items():
-            if not found[name]:
-                self.places[name] = NodePlace(node, (), None, 0)
-                continue
-            variant = values[name]
-            if variant is None or variant.VariantType is ua.VariantType.Null:
+            variant = values.get(name)
+            if variant is None or variant.VariantType is ua.VariantType.Null:  # also of a constant
                 variant = ua.Variant(None, ua.VariantType[node.type])
-            kind = variant.VariantType
             length = len(variant.Value) if isinstance(variant.Value, list) else 0
-            self.places[name] = NodePlace(node, found[name], kind, length)
+            self.served[name] = ServedNode(node, ids[name], variant.VariantType, length)
 
     async def _start_heart(self) -> None:
         (self._stops,) = await self._read(("heartbeat.stops",))
@@ -239,7 +232,7 @@ class Link:
         seen, since = None, time.monotonic()
         try:
             while True:
-                await asyncio.sleep(self.nodes.heartbeat_s / BEATS)
+                await asyncio.sleep(self.nodes.handshake.heartbeat_s / BEATS)
                 beat = (beat + 1) % COUNTER
                 await self._write({"heartbeat.client": beat})
                 theirs, stops = await self._read(("heartbeat.server", "heartbeat.stops"))
@@ -247,7 +240,7 @@ class Link:
                 now = time.monotonic()
                 if theirs != seen:
                     seen, since = theirs, now
-                elif now - since > 2.0 * self.nodes.heartbeat_s:
+                elif now - since > 2.0 * self.nodes.handshake.heartbeat_s:
                     raise LinkError("the server's heartbeat has stopped")
         except (LinkError, RigError) as error:
             if self._client is client:
@@ -255,32 +248,28 @@ class Link:
                 await _hang_up(client)
 
     async def _read(self, names: tuple[str, ...], slot: int = 0) -> list[Any]:
-        places = [self.places[name] for name in names]
-        ids = [
-            place.ids[slot if name in IN_RING else 0] for name, place in zip(names, places, strict=True) if place.ids
-        ]
+        nodes = {name: self.served[name] for name in names}
+        ids = [node.ids[slot if name in IN_RING else 0] for name, node in nodes.items() if node.ids]
         raw = iter(await self._values(ids) if ids else [])
         answers = []
-        for name, place in zip(names, places, strict=True):
-            if not place.ids:
-                answers.append(place.node.constant)
+        for name, served in nodes.items():
+            if not served.ids:
+                answers.append(served.node.constant)
                 continue
             value = next(raw)
-            self._good(value.StatusCode, name, place.ids[0])
-            answers.append(self._to_si(place, value.Value.Value))
+            self._good(value.StatusCode, name, served.ids[0])
+            answers.append(self._to_si(served, value.Value.Value))
         return answers
 
     async def _values(self, ids: list[Any]) -> list[Any]:
-        ua = opcua("asyncua.ua")
         return await self._request(self._connected().uaclient.read_attributes(ids, ua.AttributeIds.Value))
 
     async def _write(self, values: dict[str, Any]) -> None:
-        ua = opcua("asyncua.ua")
         ids, data = [], []
         for name, value in values.items():
-            place = self.places[name]
-            variant = ua.Variant(self._to_raw(place, value), place.type)
-            ids.append(place.ids[0])
+            served = self.served[name]
+            variant = ua.Variant(self._to_raw(served, value), served.type)
+            ids.append(served.ids[0])
             data.append(ua.DataValue(variant, StatusCode=None))  # PLCs reject writing of status or time stamp
         results = await self._request(self._connected().uaclient.write_attributes(ids, data, ua.AttributeIds.Value))
         for name, node_id, status in zip(values, ids, results, strict=True):
@@ -298,7 +287,7 @@ class Link:
             raise LinkError(self.lost or "the connection is closed")
         try:
             return await request
-        except (OSError, TimeoutError, asyncio.TimeoutError, opcua("asyncua.ua").UaError) as error:
+        except (OSError, TimeoutError, asyncio.TimeoutError, ua.UaError) as error:
             self.lost = self.lost or _reason(error)
             raise HungUpError(self.lost) from None
 
@@ -310,24 +299,23 @@ class Link:
             what, where=self.url, rule=status.doc, remedy="Check the node map and the server's access rights."
         )
 
-    def _to_si(self, place: NodePlace, raw: Any) -> Any:  # noqa: ANN401
-        kind = place.node.kind
+    def _to_si(self, served: ServedNode, raw: Any) -> Any:  # noqa: ANN401
+        kind = served.node.kind
         if kind.type == "Double":
             numbers = np.asarray(raw, dtype=np.float64) if kind.array else float(raw)
-            return place.node.scale.to_si(numbers, self.ambient_pa)
+            return served.node.scale.to_si(numbers, self.ambient_pa)
         return np.asarray(raw, dtype=np.int64) if kind.array else raw
 
-    def _to_raw(self, place: NodePlace, value: Any) -> Any:  # noqa: ANN401
-        kind = place.node.kind
+    def _to_raw(self, served: ServedNode, value: Any) -> Any:  # noqa: ANN401
+        kind = served.node.kind
         if kind.type == "Double":
-            value = place.node.scale.from_si(np.asarray(value, dtype=np.float64), self.ambient_pa).tolist()
-        if kind.array and place.length:
-            value = [*value, *[type(value[0])(0) if value else 0] * (place.length - len(value))]
+            value = served.node.scale.from_si(np.asarray(value, dtype=np.float64), self.ambient_pa).tolist()
+        if kind.array and served.length:
+            value = [*value, *[type(value[0])(0) if value else 0] * (served.length - len(value))]
         return value
 
 
 def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # noqa: ANN401 - asyncua's node id
-    ua = opcua("asyncua.ua")
     if not text.startswith("ns="):
         if namespace not in uris:
             what = f"the server has no namespace {namespace}"

@@ -178,9 +178,22 @@ class Node:
     constant: float | None = None
 
 
+class Handshake(Described):
+    """``[handshake]``: times, the ring of slots, and sizes."""
+
+    table_name: ClassVar[str] = "handshake"
+    heartbeat_s: Duration = 1.0
+    poll_s: Duration = 0.02
+    patience_s: Duration = 120.0
+    slots: Annotated[int, Whole(at_least=2, bound=None)] = 8
+    first_slot: Annotated[int, Whole(at_least=0, bound=None)] = 0
+    chunk: Annotated[int, Whole(bound=None)] = 1000
+    steps: Annotated[int, Whole(bound=None)] = 256
+
+
 @dataclass(frozen=True)
 class NodeMap:
-    """All nodes by name, and the times of the handshake.
+    """All nodes by name, and the times and sizes of the handshake.
 
     Attributes
     ----------
@@ -188,19 +201,12 @@ class NodeMap:
         Optional nodes may be absent. Ids of the ring contain ``{slot}``.
     namespace : str
         URI of the namespace of ids without ``ns=``.
-    heartbeat_s, poll_s, patience_s : float
-    slots, first_slot, chunk, steps : int
+    handshake : Handshake
     """
 
     nodes: dict[str, Node]
     namespace: str
-    heartbeat_s: float
-    poll_s: float
-    patience_s: float
-    slots: int
-    first_slot: int
-    chunk: int
-    steps: int
+    handshake: Handshake
 
     def __contains__(self, name: str) -> bool:
         """Return whether the map has a node."""
@@ -208,7 +214,7 @@ class NodeMap:
 
     def slot_of(self, sequence: int) -> int:
         """Return the slot of chunk number ``sequence`` = 1, 2, ..."""
-        return (sequence - 1) % self.slots
+        return (sequence - 1) % self.handshake.slots
 
     def node_ids(self, name: str) -> list[str]:
         """Return the ids of a node: one id, or one for each slot of the ring."""
@@ -217,7 +223,8 @@ class NodeMap:
             return []
         if name not in IN_RING:
             return [node_id]
-        return [node_id.replace("{slot}", str(self.first_slot + slot)) for slot in range(self.slots)]
+        ring = self.handshake
+        return [node_id.replace("{slot}", str(ring.first_slot + slot)) for slot in range(ring.slots)]
 
 
 def load_map(path: str | Path | None = None) -> NodeMap:
@@ -232,25 +239,13 @@ def load_map(path: str | Path | None = None) -> NodeMap:
     tables, text = toml.read(path, RigError, "The default map, nodes.toml, is an example.")
     with toml.locating(path, text, RigError):
         file = _map_file().model_validate(tables)
-        nodes = {f"{name}.{key}": node for name in _tables() for key, node in getattr(file, name).stored().items()}
+        tables = dict.fromkeys(name.partition(".")[0] for name in KINDS)
+        nodes = {f"{table}.{key}": node for table in tables for key, node in getattr(file, table).stored().items()}
         for name, node in nodes.items():
             if node.id is not None and not node.id.startswith("ns=") and not file.namespace:
                 remedy = 'namespace = "urn:..." at the top, or ns=4;...'
                 raise wrong(name, f"the id of {name} has no namespace", remedy=remedy)
-    return NodeMap(nodes=nodes, namespace=file.namespace, **file.handshake.stored())
-
-
-class Handshake(Described):
-    """``[handshake]``: times, the ring of slots, and sizes."""
-
-    table_name: ClassVar[str] = "handshake"
-    heartbeat_s: Duration = 1.0
-    poll_s: Duration = 0.02
-    patience_s: Duration = 120.0
-    slots: Annotated[int, Whole(at_least=2, bound=None)] = 8
-    first_slot: Annotated[int, Whole(at_least=0, bound=None)] = 0
-    chunk: Annotated[int, Whole(bound=None)] = 1000
-    steps: Annotated[int, Whole(bound=None)] = 256
+    return NodeMap(nodes, file.namespace, file.handshake)
 
 
 class MapFile(Described):
@@ -286,23 +281,19 @@ class NodeOf(Mark):
         return Node(name, _node_id(name, table["node"]), kind, node_type, _scale(kind, table))
 
 
-def _tables() -> list[str]:
-    return list(dict.fromkeys(name.partition(".")[0] for name in KINDS))
-
-
 @cache
 def _map_file() -> type[MapFile]:
     """Return the class of a map file, with a table for each group of nodes."""
-    tables: dict[str, Any] = {}
-    for table in _tables():
-        nodes: dict[str, Any] = {}
-        for name, kind in KINDS.items():
-            of, _, key = name.partition(".")
-            if of == table:
-                nodes[key] = (Annotated[Node | None, NodeOf(name)], None if kind.optional else ...)
-        made = create_model(f"{table.title()}Nodes", __base__=Described, **nodes)
-        tables[table] = (made, ... if any(default is ... for _, default in nodes.values()) else made())
-    return create_model("WholeMapFile", __base__=MapFile, **tables)
+    tables: dict[str, dict[str, Any]] = {}
+    for name, kind in KINDS.items():
+        table, _, key = name.partition(".")
+        annotated = Annotated[Node | None, NodeOf(name)]
+        tables.setdefault(table, {})[key] = (annotated, None if kind.optional else ...)
+    made: dict[str, Any] = {}
+    for table, nodes in tables.items():
+        model = create_model(f"{table.title()}Nodes", __base__=Described, **nodes)
+        made[table] = (model, ... if any(default is ... for _, default in nodes.values()) else model())
+    return create_model("WholeMapFile", __base__=MapFile, **made)
 
 
 def _node_id(name: str, text: object) -> str:

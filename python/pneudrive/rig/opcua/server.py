@@ -18,7 +18,7 @@ from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Hold, Move, Samples, Sampling, Step, closed_after
 from pneudrive.rig.job_thread import JobThread
-from pneudrive.rig.opcua.access import Protection, opcua, protect
+from pneudrive.rig.opcua.access import Protection, opcua, protect, ua
 from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
 from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, NodeMap, Verb
 
@@ -91,7 +91,7 @@ class RigServer:
         quieten()
         self.rig, self.nodes, self.host, self.port = rig, nodes, host, port
         self.protection = protection or Protection()
-        self.heartbeat_s = heartbeat_s or nodes.heartbeat_s
+        self.heartbeat_s = heartbeat_s or nodes.handshake.heartbeat_s
         self.url = ""
         #: Why the server has brought the rig to rest; empty for a new client and after an accepted command.
         self.fault = ""
@@ -176,7 +176,7 @@ class RigServer:
 
     async def _add_nodes(self) -> None:
         """Add every node of the map with its initial value."""
-        ua, server = opcua("asyncua.ua"), self._server
+        server = self._server
         space = await server.register_namespace(self.nodes.namespace) if self.nodes.namespace else 0
         folder = await server.nodes.objects.add_object(max(space, 1), "Rig")
         for name, node in self.nodes.nodes.items():
@@ -201,11 +201,14 @@ class RigServer:
         if name in texts:
             return texts[name]()
         first = {"Double": 0.0, "Boolean": False, "String": ""}.get(kind.type, 0)
-        return [first] * (self.nodes.chunk if name in IN_RING else self.nodes.steps) if kind.array else first
+        return (
+            [first] * (self.nodes.handshake.chunk if name in IN_RING else self.nodes.handshake.steps)
+            if kind.array
+            else first
+        )
 
     async def _show(self, values: dict[str, Any], slot: int = 0) -> None:
         """Publish values in SI."""
-        ua = opcua("asyncua.ua")
         for name, value in values.items():
             if name not in self._ids:
                 continue  # a constant
@@ -218,7 +221,7 @@ class RigServer:
 
     async def write(self, node_id: Any, value: Any) -> Any:  # noqa: ANN401 - asyncua's types
         """Take a value that the client writes; return the status."""
-        ua, name = opcua("asyncua.ua"), self._writable.get(node_id)
+        name = self._writable.get(node_id)
         if name is None:
             return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
         node, variant = self.nodes.nodes[name], value.Value
@@ -229,7 +232,7 @@ class RigServer:
         if raw is None or variant.VariantType is not ua.VariantType[node.type] or is_list != node.kind.array:
             return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
         numbers: Any = raw if is_list or is_text else [raw]
-        too_long = len(numbers) > (LONGEST_TEXT if is_text else self.nodes.steps)
+        too_long = len(numbers) > (LONGEST_TEXT if is_text else self.nodes.handshake.steps)
         if too_long or not (is_text or all(map(math.isfinite, numbers))):
             return ua.StatusCode(ua.StatusCodes.BadOutOfRange)
         si = (
@@ -445,12 +448,12 @@ class RigServer:
         sampling = Sampling(**{field: arguments[name] for name, field in SAMPLING.items() if name in arguments})
         with closed_after(self.rig.acquire(self._steps(arguments), sampling)) as parts:
             for part in map(Samples.of, parts):
-                for start in range(0, len(part), self.nodes.chunk):
-                    self._loop.run(self._put(part.rows(slice(start, start + self.nodes.chunk))))
+                for start in range(0, len(part), self.nodes.handshake.chunk):
+                    self._loop.run(self._put(part.rows(slice(start, start + self.nodes.handshake.chunk))))
 
     async def _put(self, chunk: Samples) -> None:
         """Wait for a free slot of the ring and write samples there."""
-        while self._samples_written - self._samples_taken >= self.nodes.slots and not self._interrupted:
+        while self._samples_written - self._samples_taken >= self.nodes.handshake.slots and not self._interrupted:
             self._room.clear()
             await self._room.wait()
         if self._interrupted:

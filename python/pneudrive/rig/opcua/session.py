@@ -8,9 +8,8 @@ from asyncua.common.connection import TransportLimits
 from asyncua.common.utils import ServiceError
 from asyncua.server.internal_session import InternalSession
 
-from pneudrive.rig.opcua.access import opcua
+from pneudrive.rig.opcua.access import ua
 
-ua: Any = opcua("asyncua.ua")
 CODES = ua.StatusCodes
 BUFFER = 65535  # bytes of a chunk, in both directions
 LARGEST_MESSAGE = 1 << 22  # bytes of a request or an answer
