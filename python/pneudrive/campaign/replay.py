@@ -42,59 +42,39 @@ class Tolerance:
     speed: float = 0.05
     pressure_pa: float = 2000.0
 
+    def as_fast(self, asked_m_s: float, recorded_m_s: float) -> bool:
+        """Return whether two speeds are equal."""
+        return abs(asked_m_s - recorded_m_s) <= self.speed * asked_m_s
 
-@dataclass(frozen=True)
-class RecordedCycle:
-    """Cycle of a campaign folder; ``true`` is the file of its ground truth."""
+    def alike(self, asked: Step, recorded: Step) -> bool:
+        """Return whether a recorded step matches the requested step."""
+        if isinstance(asked, Move) and isinstance(recorded, Move):
+            near = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
+            return near and self.as_fast(asked.speed_m_s, recorded.speed_m_s)
+        if isinstance(asked, Hold) and isinstance(recorded, Hold):
+            same = (asked.released, asked.shut) == (recorded.released, recorded.shut)
+            return same and abs(asked.duration_s - recorded.duration_s) <= self.speed * asked.duration_s
+        return False
 
-    file: CycleFile
-    true: Path
+    def matches(self, steps: Sequence[Step], cycle: Cycle) -> bool:
+        """Return whether the steps are those of a recorded cycle.
 
-    @property
-    def cycle(self) -> Cycle:
-        """The cycle of the header. Its steps are empty if the file does not contain them."""
-        return self.file.head.cycle
-
-    def matches(self, steps: Sequence[Step], tolerance: Tolerance) -> bool:
-        """Return whether the steps are those of the cycle."""
-        own = self.cycle.steps
-        if not own:
-            return self._was_for(steps, tolerance)
-        return len(steps) == len(own) and all(map(_like, steps, own, [tolerance] * len(steps)))
-
-    def _was_for(self, steps: Sequence[Step], tolerance: Tolerance) -> bool:
-        """Return whether a cycle without steps matches by its purpose: longest stop, and speed after it."""
-        cycle = self.cycle
+        A cycle without steps matches by its purpose: longest stop, and speed after it.
+        """
+        if cycle.steps:
+            return len(steps) == len(cycle.steps) and all(map(self.alike, steps, cycle.steps))
         holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
         stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
         moves = [step.speed_m_s for step in steps[at:] if isinstance(step, Move)]
-        if not moves or cycle.speed_m_s is None or not _as_fast(moves[0], cycle.speed_m_s, tolerance):
+        if not moves or cycle.speed_m_s is None or not self.as_fast(moves[0], cycle.speed_m_s):
             return False
-        return bool(cycle.stop_s) == bool(holds) and abs(stop - (cycle.stop_s or 0.0)) <= tolerance.speed * stop
+        return bool(cycle.stop_s) == bool(holds) and abs(stop - (cycle.stop_s or 0.0)) <= self.speed * stop
 
-    def range_m(self) -> tuple[float, float] | None:
-        """Return the range of the moves, m; without moves in the header, the range of the samples."""
-        if self.cycle.steps:
-            ends = [step.to_m for step in self.cycle.steps if isinstance(step, Move)]
-            return (min(ends), max(ends)) if len(ends) > 1 else None
-        position = self.file.samples().position_m
-        return float(np.nanmin(position)), float(np.nanmax(position))
 
-    @property
-    def speeds_m_s(self) -> list[float]:
-        """Speeds of the moves; without moves in the header, the speed of the cycle."""
-        speed = self.cycle.speed_m_s
-        return [step.speed_m_s for step in self.cycle.steps if isinstance(step, Move)] or ([speed] if speed else [])
-
-    def truth(self) -> dict[str, Any]:
-        """Read the ground truth of the cycle, if it was stored."""
-        return read_json(self.true, RigError) if self.true.is_file() else {}
-
-    def __str__(self) -> str:
-        """Return a description in words."""
-        speed = f"{1e3 * np.median(self.speeds_m_s):.4g} mm/s" if self.speeds_m_s else "no move"
-        pressures = f"{self.cycle.pressure_a_pa / 1e5:.4g} and {self.cycle.pressure_b_pa / 1e5:.4g} bar abs"
-        return f"{self.file.name} ({speed}, {pressures})"
+def speeds_of(cycle: Cycle) -> list[float]:
+    """Return the speeds of the moves of a cycle, m/s; without moves in the header, the speed of the cycle."""
+    moves = [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]
+    return moves or ([cycle.speed_m_s] if cycle.speed_m_s else [])
 
 
 class ReplayRig:
@@ -102,7 +82,8 @@ class ReplayRig:
 
     Parameters
     ----------
-    sources : sequence of RecordedCycle
+    files : sequence of CycleFile
+        Recorded cycles of a campaign.
     identity : Identity
     limits : Envelope
     pace : float, optional
@@ -117,20 +98,18 @@ class ReplayRig:
 
     def __init__(
         self,
-        sources: Sequence[RecordedCycle],
+        files: Sequence[CycleFile],
         identity: Identity,
         limits: Envelope,
         pace: float | None = None,
         tolerance: Tolerance | None = None,
     ) -> None:
-        if not sources:
-            raise RigError("there is no recording to play")
-        self.sources, self.pace, self.tolerance = tuple(sources), pace, tolerance or Tolerance()
+        self.files, self.pace, self.tolerance = tuple(files), pace, tolerance or Tolerance()
         self._identity, self._limits = identity, limits
-        self._played = dict.fromkeys((source.file.name for source in sources), 0)
+        self._played = dict.fromkeys((file.name for file in files), 0)
         self._key = ""
         self._levels: dict[str, str] = {}
-        self._last: RecordedCycle | None = None
+        self._last: CycleFile | None = None
         self._halted = threading.Event()
         ambient = identity.ambient_pressure_pa
         supply = max(limits.supply_pressure_pa, ambient)
@@ -169,11 +148,10 @@ class ReplayRig:
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Play the recording that matches these steps, with its recorded sample times."""
-        source = self._find(steps)
-        self._played[source.file.name] += 1
-        self._last = source
+        self._last = file = self._find(steps)
+        self._played[file.name] += 1
         self._halted.clear()
-        return self._play(source, source.file.samples())
+        return self._play(file, file.samples())
 
     def stop(self) -> None:
         """Stop the playback; the next request is for ambient pressure."""
@@ -184,9 +162,9 @@ class ReplayRig:
     def begin_cycle(self, key: str) -> None:
         """Prefer the recording with this key; the key has priority over the time."""
         self._key = key
-        for source in self.sources:
-            if source.cycle.key == key:
-                self._state = replace(self._state, time_s=source.file.head.began_s)
+        for file in self.files:
+            if file.head.cycle.key == key:
+                self._state = replace(self._state, time_s=file.head.began_s)
 
     def memory(self) -> dict[str, Any]:
         """Return how often each recording was played."""
@@ -198,64 +176,62 @@ class ReplayRig:
 
     def truth(self) -> dict[str, Any]:
         """Return the ground truth of the last recording, if it was kept."""
-        return {} if self._last is None else self._last.truth()
+        path = None if self._last is None else self._last.path.parents[1] / TRUTH / f"{self._last.name}.json"
+        return {} if path is None or not path.is_file() else read_json(path, RigError)
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the mountings of the recordings."""
-        factors = dict.fromkeys(factor for source in self.sources for factor in source.cycle.levels)
-        return {
-            f: tuple(dict.fromkeys(t.cycle.levels[f] for t in self.sources if f in t.cycle.levels)) for f in factors
-        }
+        levels = [file.head.cycle.levels for file in self.files]
+        factors = dict.fromkeys(factor for mounted in levels for factor in mounted)
+        return {f: tuple(dict.fromkeys(mounted[f] for mounted in levels if f in mounted)) for f in factors}
 
     def change(self, levels: dict[str, str]) -> None:
         """Select recordings with this mounting."""
         self._levels.update(levels)
 
-    def _find(self, steps: Sequence[Step]) -> RecordedCycle:
-        state, found = self._state, []
-        for source in self.sources:
-            own = source.cycle
-            asked = ((state.pressure_a_pa, own.pressure_a_pa), (state.pressure_b_pa, own.pressure_b_pa))
-            if any(abs(want - have) > self.tolerance.pressure_pa for want, have in asked):
-                continue
-            if any(source.cycle.levels.get(factor, level) != level for factor, level in self._levels.items()):
-                continue
-            if source.matches(steps, self.tolerance):
-                found.append(source)
-        if not found:
+    def _apart_pa(self, cycle: Cycle) -> tuple[float, float]:
+        """Return the differences between the pressures of a recorded cycle and the requested ones."""
+        state = self._state
+        return abs(cycle.pressure_a_pa - state.pressure_a_pa), abs(cycle.pressure_b_pa - state.pressure_b_pa)
+
+    def _find(self, steps: Sequence[Step]) -> CycleFile:
+        matching = []
+        for file in self.files:
+            cycle, wanted = file.head.cycle, self._levels.items()
+            mounted = all(cycle.levels.get(factor, level) == level for factor, level in wanted)
+            if mounted and max(self._apart_pa(cycle)) <= self.tolerance.pressure_pa:
+                matching += [file] if self.tolerance.matches(steps, cycle) else []
+        if not matching:
             raise self._none_like(steps)
-        return min(found, key=lambda source: (source.cycle.key != self._key, self._played[source.file.name]))
+        return min(matching, key=lambda file: (file.head.cycle.key != self._key, self._played[file.name]))
 
     def _none_like(self, steps: Sequence[Step]) -> RigError:
-        pressures = f"{self._state.pressure_a_pa / 1e5:.4g} and {self._state.pressure_b_pa / 1e5:.4g} bar abs"
         moves = [step for step in steps if isinstance(step, Move)]
         stop = max((step.duration_s for step in steps if isinstance(step, Hold)), default=0.0)
         wanted = moves[-1].speed_m_s if moves else 0.0
 
-        def distance(source: RecordedCycle) -> float:
-            own, state = source.cycle, self._state
-            a, b = own.pressure_a_pa - state.pressure_a_pa, own.pressure_b_pa - state.pressure_b_pa
-            apart = (abs(np.log(speed / wanted)) for speed in source.speeds_m_s if wanted)
-            return (abs(a) + abs(b)) / self.tolerance.pressure_pa + min(apart, default=9)
+        def distance(file: CycleFile) -> float:
+            apart = (abs(np.log(speed / wanted)) for speed in speeds_of(file.head.cycle) if wanted)
+            return sum(self._apart_pa(file.head.cycle)) / self.tolerance.pressure_pa + min(apart, default=9)
 
-        near = sorted(self.sources, key=distance)[:SHOWN]
+        near = sorted(self.files, key=distance)[:SHOWN]
         return RigError(
             f"no recording matches the cycle: {len(moves)} moves at {1e3 * wanted:.4g} mm/s, "
-            f"longest stop {stop:.4g} s, chambers at {pressures}",
+            f"longest stop {stop:.4g} s, chambers at {_bar(self._state)}",
             where=self._key or None,
-            value="nearest: " + "; ".join(map(str, near)),
+            value="nearest: " + "; ".join(map(_described, near)),
             rule=f"the same steps, speeds within {100 * self.tolerance.speed:g} %, "
             f"pressures within {self.tolerance.pressure_pa / 100:g} mbar",
             remedy="Ask for a recorded cycle, or allow more in the rig file (speed_tolerance, pressure_tolerance)",
         )
 
-    def _play(self, source: RecordedCycle, samples: Samples) -> Iterator[Samples]:
+    def _play(self, file: CycleFile, samples: Samples) -> Iterator[Samples]:
         if not len(samples):
             return
-        began, start = time.monotonic(), samples.time_s[0]
+        began, start, began_s = time.monotonic(), samples.time_s[0], file.head.began_s
         duration = float(np.nanmax(samples.time_s) - start)
         count = max(1, round(duration / PART_S / self.pace)) if self.pace else max(1, len(samples) // 1000)
-        self._state = replace(self._state, moving=True, time_s=source.file.head.began_s)
+        self._state = replace(self._state, moving=True, time_s=began_s)
         try:
             for rows in np.array_split(np.arange(len(samples)), count):
                 if not rows.size:
@@ -263,25 +239,29 @@ class ReplayRig:
                 part = samples.rows(rows)
                 self._wait(began, float(part.time_s[-1] - start))
                 if self._halted.is_set():
-                    raise RigError("the playback was stopped", where=source.file.name)
-                self._show(source, part)
+                    raise RigError("the playback was stopped", where=file.name)
+                shown = {name: float(getattr(part, name)[-1]) for name in ("position_m", "force_n", "temperature_k")}
+                if not np.isfinite(shown["temperature_k"]):
+                    shown["temperature_k"] = self._state.temperature_k
+                self._state = replace(self._state, **shown, time_s=began_s + float(part.time_s[-1]))
                 yield part
         finally:
             self._state = replace(self._state, moving=False)
 
-    def _show(self, source: RecordedCycle, part: Samples) -> None:
-        temperature = float(part.temperature_k[-1])
-        self._state = replace(
-            self._state,
-            position_m=float(part.position_m[-1]),
-            force_n=float(part.force_n[-1]),
-            temperature_k=temperature if np.isfinite(temperature) else self._state.temperature_k,
-            time_s=source.file.head.began_s + float(part.time_s[-1]),
-        )
-
     def _wait(self, began: float, until_s: float) -> None:
         if self.pace is not None:
             self._halted.wait(max(0.0, began + until_s / self.pace - time.monotonic()))
+
+
+def _bar(pressures: Cycle | RigState) -> str:
+    return f"{pressures.pressure_a_pa / 1e5:.4g} and {pressures.pressure_b_pa / 1e5:.4g} bar abs"
+
+
+def _described(file: CycleFile) -> str:
+    """Describe a recorded cycle in words."""
+    speeds = speeds_of(file.head.cycle)
+    speed = f"{1e3 * np.median(speeds):.4g} mm/s" if speeds else "no move"
+    return f"{file.name} ({speed}, {_bar(file.head.cycle)})"
 
 
 class ReplayFile(RigFile):
@@ -312,47 +292,37 @@ def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) ->
         remedy = "Run a campaign on a rig. Recordings of another program are characterised without a campaign."
         raise RigError(f"{folder} is not a campaign folder", rule=f"it has {ABOUT} and {CYCLES}/", remedy=remedy)
     campaign = Campaign.open(folder)
-    cycles = (file for file in campaign.cycles() if file.head.cycle.kind != "operator")
-    sources = [RecordedCycle(file, campaign.path / TRUTH / f"{file.name}.json") for file in cycles]
-    if not sources:
+    files = [file for file in campaign.cycles() if file.head.cycle.kind != "operator"]
+    if not files:
         raise RigError("the campaign has no finished cycle to play", where=str(folder))
     identity, envelope = identity or campaign.identity, campaign.about.get("envelope")
-    limits = limits or (envelope_of(envelope, str(folder / ABOUT)) if envelope else _envelope(sources, identity))
-    return ReplayRig(sources, identity, limits, pace, tolerance)
+    limits = limits or (envelope_of(envelope, str(folder / ABOUT)) if envelope else _envelope(files, identity))
+    return ReplayRig(files, identity, limits, pace, tolerance)
 
 
-def _envelope(sources: Sequence[RecordedCycle], identity: Identity) -> Envelope:
+def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
     """Return the limits of a rig that is known only from recordings: the range that all recordings cover."""
-    spans = [span for source in sources if (span := source.range_m()) is not None]
-    speeds = [speed for source in sources for speed in source.speeds_m_s]
-    if not spans:
+    ends: list[float] = []
+    for file in files:
+        moves = [step.to_m for step in file.head.cycle.steps if isinstance(step, Move)]
+        if not file.head.cycle.steps:  # without steps in the header, the range of the samples
+            position = file.samples().position_m
+            ends += [float(np.nanmin(position)), float(np.nanmax(position))]
+        elif len(moves) > 1:
+            ends += moves
+    if not ends:
         raise RigError("no recording moves in both directions", rule="the range of the axis is unknown then")
-    low, high = min(span[0] for span in spans), max(span[1] for span in spans)
-    pressures = [pressure for one in sources for pressure in (one.cycle.pressure_a_pa, one.cycle.pressure_b_pa)]
+    cycles = [file.head.cycle for file in files]
+    pressures = [pressure for cycle in cycles for pressure in (cycle.pressure_a_pa, cycle.pressure_b_pa)]
     force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))
     return Envelope(
-        position_m=(low, high),
-        speed_m_s=max(speeds, default=0.0) * (1.0 + Tolerance.speed),
+        position_m=(min(ends), max(ends)),
+        speed_m_s=max((speed for cycle in cycles for speed in speeds_of(cycle)), default=0.0) * (1.0 + Tolerance.speed),
         acceleration_m_s2=ASSUMED_ACCELERATION_M_S2,
         jerk_m_s3=ASSUMED_JERK_M_S3,
         force_n=min(map(abs, force)),
         pressure_pa=(min(*pressures, identity.ambient_pressure_pa), max(pressures) + Tolerance.pressure_pa),
         separate_pressures=True,
         temperature_k=ANY_TEMPERATURE_K,
-        home_m=low,
+        home_m=min(ends),
     )
-
-
-def _like(asked: Step, recorded: Step, tolerance: Tolerance) -> bool:
-    """Return whether a recorded step matches the requested step."""
-    if isinstance(asked, Move) and isinstance(recorded, Move):
-        near = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
-        return near and _as_fast(asked.speed_m_s, recorded.speed_m_s, tolerance)
-    if isinstance(asked, Hold) and isinstance(recorded, Hold):
-        same = (asked.released, asked.shut) == (recorded.released, recorded.shut)
-        return same and abs(asked.duration_s - recorded.duration_s) <= tolerance.speed * asked.duration_s
-    return False
-
-
-def _as_fast(asked_m_s: float, recorded_m_s: float, tolerance: Tolerance) -> bool:
-    return abs(asked_m_s - recorded_m_s) <= tolerance.speed * asked_m_s

@@ -14,9 +14,9 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
-from pneudrive.describe.marks import Choice, Force, Position, Reads, Whole
+from pneudrive.describe.marks import Choice, Force, Position, Quantity, Reads, Whole
 from pneudrive.errors import nearest
-from pneudrive.rig.description import BELOW_ZERO, KEYS, any_sign, not_negative
+from pneudrive.rig.description import BELOW_ZERO, BOUNDS, KEYS
 
 _Kind = TypeVar("_Kind", bound=Described)
 SETUPS = Path(__file__).with_name("setups")
@@ -33,7 +33,8 @@ def _bits(given: object) -> int:
 
 
 Bits = Annotated[int | None, Reads(_bits)]
-Seconds = Annotated[float, not_negative("s", "").mark]
+NOT_NEGATIVE = BOUNDS["not_negative"]
+Seconds = Annotated[float, Quantity("s", bounds=NOT_NEGATIVE)]
 
 
 class PositionSensor(Described):
@@ -43,7 +44,7 @@ class PositionSensor(Described):
     resolution_m: Annotated[float | None, _ENCODER["resolution"].mark] = Field(
         default=None, description="distance of two counts; absent: it shows the position itself"
     )
-    noise_m: Annotated[float, not_negative("m", "").mark] = Field(default=0.0, description="standard deviation")
+    noise_m: Annotated[float, Quantity("m", bounds=NOT_NEGATIVE)] = Field(default=0.0, description="standard deviation")
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
     def core(self) -> dict[str, float]:
@@ -58,7 +59,7 @@ class PressureSensor(Described):
     bits: Bits = Field(default=None, description="resolution of the converter; absent: none")
     noise_pa: Annotated[float, _PRESSURE["noise"].mark] = Field(default=0.0, description="standard deviation")
     zero_pa: Annotated[float, _PRESSURE["zero"].mark] = Field(default=0.0, description="error of the zero")
-    gain_error: Annotated[float, any_sign("1", "").mark] = Field(default=0.0, description="relative")
+    gain_error: Annotated[float, Quantity("")] = Field(default=0.0, description="relative")
     lag_s: Seconds = Field(default=0.0, description="time constant of the amplifier")
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
@@ -143,7 +144,7 @@ class ControlFault(Described):
     kind: Annotated[str, Choice(tuple(FAULTS))]
     channel: Annotated[str | None, Choice(tuple(CHANNEL_UNITS))] = None
     at_s: Seconds
-    until_s: Annotated[float | None, not_negative("s", "").mark] = None
+    until_s: Annotated[float | None, Quantity("s", bounds=NOT_NEGATIVE)] = None
     value: Annotated[str | None, Reads(str)] = Field(default=None, description="quantity with its unit; see the kinds")
 
     @model_validator(mode="after")

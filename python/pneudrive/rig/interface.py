@@ -516,7 +516,8 @@ def envelope_of(data: Any, where: str, kind: type[PneudriveError] = RigError) ->
     if not isinstance(data, dict):
         raise kind("the rig's envelope is not valid", where=where, value=data, rule="a table")
     known, _ = read_fields(data, Envelope, where, kind)
+    values: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in known.items()}
     try:
-        return Envelope(**{name: tuple(value) if isinstance(value, list) else value for name, value in known.items()})
+        return Envelope(**values)
     except TypeError as error:
         raise kind("the rig's envelope is not valid", where=where, value=str(error)) from None

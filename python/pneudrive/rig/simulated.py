@@ -498,7 +498,7 @@ class RigSession:
             supply = self.rig.description.tables.supply.pressure or max(past.pressure_a_pa, past.pressure_b_pa)
             began = past if run is None or run.before is None else run.before
             clock = began.clock_s + (0.0 if run is None else run.reached_s)
-            seen = self._at_rest(began) if run is None or run.seen is None else run.seen
+            seen: dict[str, Any] = self._at_rest(began) if run is None or run.seen is None else run.seen
             return RigState(**seen, supply_pressure_pa=supply, time_s=clock, moving=run is not None)
 
     def _at_rest(self, past: Past) -> dict[str, float]:

@@ -315,7 +315,7 @@ def _measured_badly(plan: Plan) -> Iterator[str]:
             f"sampling.burst_rate is {burst:g} Hz: breakaway and restart need {BURST_RATE_HZ:g} Hz or more, "
             "or their peaks are too low"
         )
-    swept = () if speeds is None else speeds.levels_m_s
+    swept: tuple[float, ...] = () if speeds is None else speeds.levels_m_s
     slowest = min(*swept, *(protocol.stop.restart_speed_m_s if protocol.stop else ()), math.inf)
     rate = samples.samples_per_stroke / (way.length_m / slowest)
     if rate < BASE_RATE_HZ:

@@ -216,10 +216,10 @@ class Link:
                 values[name] = value.Value
         for name, node in self.nodes.nodes.items():
             variant = values.get(name)
-            if variant is None or variant.VariantType is ua.VariantType.Null:  # also of a constant
-                variant = ua.Variant(None, ua.VariantType[node.type])
-            length = len(variant.Value) if isinstance(variant.Value, list) else 0
-            self.served[name] = ServedNode(node, ids[name], variant.VariantType, length)
+            is_null = variant is None or variant.VariantType is ua.VariantType.Null  # None: a constant
+            kind = ua.VariantType[node.type] if is_null else variant.VariantType
+            length = len(variant.Value) if not is_null and isinstance(variant.Value, list) else 0
+            self.served[name] = ServedNode(node, ids[name], kind, length)
 
     async def _start_heart(self) -> None:
         (self._stops,) = await self._read(("heartbeat.stops",))

@@ -17,7 +17,7 @@ The handshake uses only variables, so that every PLC can implement it:
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
@@ -56,85 +56,24 @@ class Verb(IntEnum):
 
 @dataclass(frozen=True)
 class Kind:
-    """Kind of a node: OPC UA type, SI unit ("" for no quantity), scalar or array, and the side that writes the node."""
+    """Kind of a node, as ``kinds.toml`` lists it; its unit and field may be empty."""
 
     type: str
     unit: str = ""
     array: bool = False
+    field: str = ""
     client: bool = False
     optional: bool = False
 
 
-_CHANNEL_UNITS = {"position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa", "temperature": "K"}
-
-
-def _kinds() -> dict[str, Kind]:
-    counter, number, text = Kind("UInt32"), Kind("Int32"), Kind("String")
-    writes: dict[str, Kind] = {
-        "command.verb": number,
-        "command.pressure_a": Kind("Double", "Pa"),
-        "command.pressure_b": Kind("Double", "Pa"),
-        "command.id": counter,
-        "step.count": number,
-        "step.kind": Kind("Int32", array=True),
-        "step.position": Kind("Double", "m", array=True),
-        "step.speed": Kind("Double", "m/s", array=True),
-        "step.duration": Kind("Double", "s", array=True),
-        "step.weight": Kind("Double", "N", array=True, optional=True),
-        "sampling.samples_per_stroke": replace(number, optional=True),  # optional: a PLC may choose its sampling
-        "sampling.burst_rate": Kind("Double", "1/s", optional=True),
-        "sampling.burst_before": Kind("Double", "s", optional=True),
-        "sampling.burst_after": Kind("Double", "s", optional=True),
-        "sampling.hold_rate": Kind("Double", "1/s", optional=True),
-        "samples.acknowledged": counter,
-        "heartbeat.client": counter,
-        "simulation.text": replace(text, optional=True),
-    }
-    reads: dict[str, Kind] = {
-        "heartbeat.server": counter,
-        "heartbeat.stops": counter,
-        "answer.fault": text,
-        "answer.done": counter,
-        "samples.written": counter,
-        "samples.sequence": counter,
-        "samples.count": number,
-        "samples.time": Kind("Double", "s", array=True),
-        **{f"samples.{name}": Kind("Double", unit, array=True) for name, unit in _CHANNEL_UNITS.items()},
-        "samples.step": Kind("Int32", array=True),
-        **{f"state.{name}": Kind("Double", unit) for name, unit in _CHANNEL_UNITS.items()},
-        "state.supply_pressure": Kind("Double", "Pa"),
-        "state.time": Kind("Double", "s"),
-        "state.moving": Kind("Boolean"),
-        "state.fault": text,
-        **{
-            name: replace(text, optional=True)
-            for name in ("rig.identity", "rig.limits", "simulation.abilities", "simulation.answer")
-        },
-    }
-    return {**{name: replace(kind, client=True) for name, kind in writes.items()}, **reads}
-
-
-KINDS = _kinds()
+_TABLES = toml.tomllib.loads(Path(__file__).with_name("kinds.toml").read_text("utf-8"))
+KINDS = {f"{table}.{key}": Kind(**row) for table, rows in _TABLES.items() for key, row in rows.items()}
 IN_RING = {name for name in KINDS if name.startswith("samples.")} - {"samples.written", "samples.acknowledged"}
 #: Nodes -> fields of `RigState`, `Samples` and `Sampling`.
-STATE = {
-    "state.position": "position_m",
-    "state.force": "force_n",
-    "state.pressure_a": "pressure_a_pa",
-    "state.pressure_b": "pressure_b_pa",
-    "state.supply_pressure": "supply_pressure_pa",
-    "state.temperature": "temperature_k",
-    "state.time": "time_s",
-    "state.moving": "moving",
-}
-SAMPLES = {f"samples.{name}": STATE[f"state.{name}"] for name in ("time", *_CHANNEL_UNITS)} | {"samples.step": "step"}
-SAMPLING = {
-    "sampling.samples_per_stroke": "samples_per_stroke",
-    "sampling.burst_rate": "burst_rate_hz",
-    "sampling.burst_before": "burst_before_s",
-    "sampling.burst_after": "burst_after_s",
-    "sampling.hold_rate": "hold_rate_hz",
-}
+STATE, SAMPLES, SAMPLING = (
+    {f"{table}.{key}": row["field"] for key, row in _TABLES[table].items() if "field" in row}
+    for table in ("state", "samples", "sampling")
+)
 TYPES = {
     "Double": ("Double", "Float"),
     "UInt32": ("UInt32", "UInt16", "UInt64", "Int32", "Int64"),
@@ -239,8 +178,7 @@ def load_map(path: str | Path | None = None) -> NodeMap:
     tables, text = toml.read(path, RigError, "The default map, nodes.toml, is an example.")
     with toml.locating(path, text, RigError):
         file = _map_file().model_validate(tables)
-        tables = dict.fromkeys(name.partition(".")[0] for name in KINDS)
-        nodes = {f"{table}.{key}": node for table in tables for key, node in getattr(file, table).stored().items()}
+        nodes = {f"{table}.{key}": node for table in _TABLES for key, node in getattr(file, table).stored().items()}
         for name, node in nodes.items():
             if node.id is not None and not node.id.startswith("ns=") and not file.namespace:
                 remedy = 'namespace = "urn:..." at the top, or ns=4;...'
@@ -284,15 +222,14 @@ class NodeOf(Mark):
 @cache
 def _map_file() -> type[MapFile]:
     """Return the class of a map file, with a table for each group of nodes."""
-    tables: dict[str, dict[str, Any]] = {}
-    for name, kind in KINDS.items():
-        table, _, key = name.partition(".")
-        annotated = Annotated[Node | None, NodeOf(name)]
-        tables.setdefault(table, {})[key] = (annotated, None if kind.optional else ...)
     made: dict[str, Any] = {}
-    for table, nodes in tables.items():
+    for table, rows in _TABLES.items():
+        nodes: dict[str, Any] = {
+            key: (Annotated[Node | None, NodeOf(f"{table}.{key}")], None if "optional" in row else ...)
+            for key, row in rows.items()
+        }
         model = create_model(f"{table.title()}Nodes", __base__=Described, **nodes)
-        made[table] = (model, ... if any(default is ... for _, default in nodes.values()) else model())
+        made[table] = (model, model() if all("optional" in row for row in rows.values()) else ...)
     return create_model("WholeMapFile", __base__=MapFile, **made)
 
 
