@@ -217,9 +217,9 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
     if isinstance(columns, PneudriveError):
         raise columns
     channels = {name: _column(columns[name], name, where) for name in COLUMNS if name in columns}
-    step = channels.pop("step", None)
-    if file.head.sha256 and file.head.sha256 != digest(channels, step):
+    if file.head.sha256 and file.head.sha256 != digest(channels):
         raise CampaignError("the samples are damaged: their SHA-256 differs from the one in the header", where=where)
+    step = channels.pop("step", None)
     missing = [name for name in REQUIRED_COLUMNS if name not in channels]
     if missing:
         raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="names have SI units")
@@ -232,14 +232,12 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
     return Samples(**channels, step=step)
 
 
-def digest(channels: dict[str, NDArray[np.float64]], step: NDArray[np.int64] | None) -> str:
+def digest(columns: dict[str, NDArray[Any]]) -> str:
     """Return the SHA-256 of the present columns: little-endian bytes, in the order of `COLUMNS`."""
     total = hashlib.sha256()
-    for name in CHANNELS:
-        if name in channels:
-            total.update(np.ascontiguousarray(channels[name], dtype="<f8").tobytes())
-    if step is not None:
-        total.update(np.ascontiguousarray(step, dtype="<i8").tobytes())
+    for name in COLUMNS:
+        if name in columns:
+            total.update(np.ascontiguousarray(columns[name], dtype="<i8" if name == "step" else "<f8").tobytes())
     return total.hexdigest()
 
 
@@ -272,10 +270,10 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
         raise CampaignError("the cycle exists already and is not written again", where=str(target))
     make_folder(target.parent)
     given = samples if samples is not None else Samples.join([])
-    channels = {name: np.asarray(getattr(given, name), dtype=np.float64) for name in CHANNELS}
-    step = np.asarray(given.step, dtype=np.int64)
-    head = replace(head, sha256=digest(channels, step))
-    write_whole(target, sealed_parquet(pl.DataFrame({**channels, "step": step}), {HEAD: head.to_json()}))
+    types = {name: np.int64 if name == "step" else np.float64 for name in COLUMNS}
+    columns = {name: np.asarray(getattr(given, name), dtype=kind) for name, kind in types.items()}
+    head = replace(head, sha256=digest(columns))
+    write_whole(target, sealed_parquet(pl.DataFrame(columns), {HEAD: head.to_json()}))
     return target
 
 

@@ -442,29 +442,24 @@ def open_rig(
             rule="an address is opc.tcp://HOST:PORT",
             remedy="Check the address.",
         ) from None
-    asked = url, nodes or load_map(), access or Access(), identity, limits, reconnect_s
+    link = Link(url, nodes or load_map(), access or Access())
     try:
-        for wait_s in AGAIN_S:
-            with contextlib.suppress(HungUpError):
-                return _opened(*asked)
-            time.sleep(wait_s)
-        return _opened(*asked)
-    except LinkError as error:
-        remedy = "Check the address, and whether the server is running; pneudrive rig serve starts a server."
-        raise RigError(f"the rig cannot be reached: {error}", where=url, remedy=remedy) from None
-
-
-def _opened(
-    url: str, nodes: NodeMap, access: Access, identity: Identity | None, limits: Envelope | None, reconnect_s: float
-) -> OpcUaRig:
-    link = Link(url, nodes, access)
-    try:
-        link.connect()
+        for wait_s in (*AGAIN_S, 0.0):
+            try:
+                link.connect()
+                break
+            except HungUpError:
+                if not wait_s:
+                    raise
+                time.sleep(wait_s)
         simulated = "simulation.abilities" in link.nodes and link.read("simulation.abilities")[0]
         return (SimulatedOpcUaRig if simulated else OpcUaRig)(link, identity, limits, reconnect_s)
-    except BaseException:
+    except BaseException as error:
         link.close()
-        raise
+        if not isinstance(error, LinkError):
+            raise
+        remedy = "Check the address, and whether the server is running; pneudrive rig serve starts a server."
+        raise RigError(f"the rig cannot be reached: {error}", where=url, remedy=remedy) from None
 
 
 def _address(given: object) -> str:
