@@ -14,7 +14,7 @@ import numpy as np
 from pneudrive.errors import CommandError, RigError, SimulationError, nearest
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.description import DEFAULT, RIGID, RigDescription, read_description
-from pneudrive.rig.interface import CHANNELS, Envelope, Hold, Identity, Move, RigState, Samples, Step
+from pneudrive.rig.interface import CHANNELS, SHARED, Envelope, Hold, Identity, Move, RigState, Samples, Step
 from pneudrive.rig.machine import (
     CREEP_M_S,
     RTOL,
@@ -98,6 +98,36 @@ class SimulatedRig:
         """Start a session with the verbs of a campaign; see `RigSession`."""
         return RigSession(self, seed, pace)
 
+    def identity(self) -> Identity:
+        """Return the identity of the rig, with the stated accuracies."""
+        d = self.description
+        channels = {
+            "force_n": (d.force_sensor, d.tables.force_sensor.accuracy),
+            "pressure_a_pa": (d.pressure_sensor, d.tables.pressure_sensor.accuracy),
+            "pressure_b_pa": (d.pressure_sensor, d.tables.pressure_sensor.accuracy),
+            "temperature_k": (d.thermometer, d.tables.temperature_sensor.accuracy),
+        }
+        area_a, area_b = d.areas_m2
+        return Identity(
+            name=d.name,
+            area_a_m2=area_a,
+            area_b_m2=area_b,
+            ambient_pressure_pa=d.ambient_pressure_pa,
+            mass_beyond_sensor_kg=d.tables.cylinder.moving_mass,
+            incline_rad=d.tables.cylinder.incline,
+            stiffness_n_m=d.tables.force_sensor.stiffness,
+            accuracy={name: accuracy for name, (_, accuracy) in channels.items()}
+            | {"position_m": d.encoder.resolution_m / 12.0**0.5},
+            limits={name: (sensor.low, sensor.high) for name, (sensor, _) in channels.items()},
+            resolution={name: sensor.step for name, (sensor, _) in channels.items()}
+            | {"position_m": d.encoder.resolution_m},
+            calibration=dict.fromkeys(channels, ERROR_MODEL) | {"force_n": FORCE_ERROR_MODEL},
+            labels={"rig": d.name},
+            chambers=d.tables.chambers.kind,
+            pressure_measured_at=d.tables.pressure_sensor.at,
+            synthetic=True,
+        )
+
     def with_friction(self, law: str | None = None, **parameters: float) -> SimulatedRig:
         """Return a rig with another friction law or other parameters (SI, names as in the drive file)."""
         known = dict(self.description.parameters)
@@ -179,33 +209,23 @@ class SimulatedRig:
         Recording
             ``synthetic`` with its ``truth``: friction law and parameters, zeros of the sensors, speed, true pressures.
         """
-        d = self.description
+        d, identity = self.description, self.identity()
         rng = np.random.default_rng(seed)
         true = trace.columns
-        force = d.force_sensor.read(true["sensor_force_n"], rng)
-        pressures = [d.pressure_sensor.read(true[f"pressure_{side}_pa"], rng) for side in "ab"]
-        area_a, area_b = d.areas_m2
         gauges = [1e-5 * (p - d.ambient_pressure_pa) for p in (trace.pressure_a_pa, trace.pressure_b_pa)]
         shown = f"{gauges[0]:.3g} bar" if gauges[0] == gauges[1] else f"{gauges[0]:.3g} and {gauges[1]:.3g} bar"
+        speed = f"{1e3 * trace.speed_m_s:.4g} mm/s"
+        accurate = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
         return Recording(
-            name=name or f"{1e3 * trace.speed_m_s:.4g} mm/s, {shown}",
+            name=name or f"{speed}, {shown}",
             time_s=true["time_s"],
             position_m=d.encoder.read(true["carriage_position_m"]),
-            force_n=force,
-            pressure_a_pa=pressures[0],
-            pressure_b_pa=pressures[1],
-            area_a_m2=area_a,
-            area_b_m2=area_b,
-            ambient_pressure_pa=d.ambient_pressure_pa,
-            mass_beyond_sensor_kg=d.tables.cylinder.moving_mass,
-            incline_rad=d.tables.cylinder.incline,
-            accuracy={
-                "position_m": d.encoder.resolution_m / 12.0**0.5,
-                "force_n": d.tables.force_sensor.accuracy,
-                "pressure_a_pa": d.tables.pressure_sensor.accuracy,
-                "pressure_b_pa": d.tables.pressure_sensor.accuracy,
-            },
-            labels={"rig": d.name, "speed": f"{1e3 * trace.speed_m_s:.4g} mm/s", "pressure": f"{shown} gauge"},
+            force_n=d.force_sensor.read(true["sensor_force_n"], rng),
+            pressure_a_pa=d.pressure_sensor.read(true["pressure_a_pa"], rng),
+            pressure_b_pa=d.pressure_sensor.read(true["pressure_b_pa"], rng),
+            **{shared: getattr(identity, shared) for shared in SHARED},
+            accuracy={channel: identity.accuracy[channel] for channel in accurate},
+            labels={"rig": d.name, "speed": speed, "pressure": f"{shown} gauge"},
             synthetic=True,
             truth={
                 "law": d.law,
@@ -217,8 +237,8 @@ class SimulatedRig:
                 "force_zero_n": d.force_sensor.zero,
                 "friction_n": float(self.true_friction(trace.speed_m_s, trace.pressure_a_pa, trace.pressure_b_pa)),
             },
-            stiffness_n_m=d.tables.force_sensor.stiffness,
-            limits={"force_n": (d.force_sensor.low, d.force_sensor.high)},
+            stiffness_n_m=identity.stiffness_n_m,
+            limits={"force_n": identity.limits["force_n"]},
         )
 
     def measure(
@@ -435,33 +455,7 @@ class RigSession:
 
     def identity(self) -> Identity:
         """Return the identity of the rig."""
-        d, sensors = self.rig.description, self._instruments
-        channels = {
-            "force_n": (sensors.force, d.tables.force_sensor.accuracy),
-            "pressure_a_pa": (sensors.pressure_a, d.tables.pressure_sensor.accuracy),
-            "pressure_b_pa": (sensors.pressure_b, d.tables.pressure_sensor.accuracy),
-            "temperature_k": (sensors.thermometer, d.tables.temperature_sensor.accuracy),
-        }
-        area_a, area_b = d.areas_m2
-        return Identity(
-            name=d.name,
-            area_a_m2=area_a,
-            area_b_m2=area_b,
-            ambient_pressure_pa=d.ambient_pressure_pa,
-            mass_beyond_sensor_kg=d.tables.cylinder.moving_mass,
-            incline_rad=d.tables.cylinder.incline,
-            stiffness_n_m=d.tables.force_sensor.stiffness,
-            accuracy={name: accuracy for name, (_, accuracy) in channels.items()}
-            | {"position_m": d.encoder.resolution_m / 12.0**0.5},
-            limits={name: (sensor.low, sensor.high) for name, (sensor, _) in channels.items()},
-            resolution={name: sensor.step for name, (sensor, _) in channels.items()}
-            | {"position_m": d.encoder.resolution_m},
-            calibration=dict.fromkeys(channels, ERROR_MODEL) | {"force_n": FORCE_ERROR_MODEL},
-            labels={"rig": d.name},
-            chambers=d.tables.chambers.kind,
-            pressure_measured_at=d.tables.pressure_sensor.at,
-            synthetic=True,
-        )
+        return self.rig.identity()
 
     def limits(self) -> Envelope:
         """Return the limits of the rig."""

@@ -247,21 +247,12 @@ def _sensors(table: Array, step: NDArray[np.int64], cycle: Cycle, identity: Iden
             full = clipped(values, runs)
         saturated |= full
         if name == "position_m":
-            stuck |= _constant_in_a_move(values, step, moves)
             stuck |= stuck_position(position, runs) & travels
+            for members in (step == number for number in moves):  # constant over a whole move
+                stuck |= members & (members.any() and np.ptp(values[members]) == 0.0)
         elif travels and (name == "force_n" or np.ptp(values) > 0.0):  # an unmeasured pressure never changes
             stuck |= stuck_runs(position, runs) & moving & ~full
     return int(saturated.sum()), int(stuck.sum())
-
-
-def _constant_in_a_move(values: Array, step: NDArray[np.int64], moves: list[int]) -> NDArray[np.bool_]:
-    """Mark the moves over which a value stayed constant."""
-    mask = np.zeros(step.size, dtype=bool)
-    for number in moves:
-        members = step == number
-        if members.any() and np.ptp(values[members]) == 0.0:
-            mask |= members
-    return mask
 
 
 def _steps(table: Array, step: NDArray[np.int64], cycle: Cycle) -> dict[str, int]:
