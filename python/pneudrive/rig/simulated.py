@@ -407,8 +407,8 @@ USUAL_TEMPERATURES_K = (-10.0, 15.0)
 class _Run:
     """Running motion of the axis, for threads that end or display it.
 
-    ``before`` is the history at the start of the present step, ``reached_s`` the time reached in it, and ``seen`` the
-    last readings of the sensors.
+    ``before`` is the history at the start of the present step, and ``reached_s`` the time reached in it. ``seen`` holds
+    the last readings of the sensors.
     """
 
     alive: bool = True
