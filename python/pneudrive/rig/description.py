@@ -22,7 +22,6 @@ from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure
 from pneudrive.describe.parameters import parameter_quantity
-
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import DescriptionError, Problems
