@@ -65,7 +65,7 @@ def types() -> str:
     from pneudrive.errors import SEVERE
     from pneudrive.report.circuit.shapes import PistonShapes, Shape
     from pneudrive.sizing.checks import MachineCheck
-    from pneudrive.web.drive.platforms import SentLine, SentOutput, SentPlatform
+    from pneudrive.web.drive.beside import SentLine, SentOutput, SentPlatform
     from pneudrive.web.results import SentCurve, SentValue, SentView
     from pneudrive.web.signatures import CommandInput
     from pneudrive.web.workspace import Listed
@@ -101,12 +101,10 @@ def types() -> str:
     lines += [f"export const SEVERE = {json.dumps(SEVERE)};"]
     drawn = (MachineCheck, Shape, PistonShapes, SentLine, SentOutput, SentPlatform)
     for one in (Listed, SentValue, SentCurve, SentView, *drawn, CommandInput):
-        own = {"choices": "[value: string, title: string][]"} if one is CommandInput else {}
         lines.append(f"\nexport interface {one.__name__} {{")
         for name, form in one.__annotations__.items():
             text = form.__forward_arg__ if hasattr(form, "__forward_arg__") else str(form)
-            if not (one is CommandInput and name == "titles"):
-                lines.append(f"  {name}: {own.get(name) or of(ast.parse(text, mode='eval').body)};")
+            lines.append(f"  {name}: {of(ast.parse(text, mode='eval').body)};")
         lines.append("}")
     return "\n".join([*lines, ""])
 

@@ -21,8 +21,7 @@ from starlette.responses import PlainTextResponse
 from pneudrive.cli.main import run
 from pneudrive.errors import CommandError
 from pneudrive.web import serve as served
-from pneudrive.web.guard import Guard
-from pneudrive.web.pages import BuiltPage, Opening
+from pneudrive.web.guard import BuiltPage, Guard, Opening
 from pneudrive.web.workspace import built_page
 
 #: Gives the modules that are loaded when the address is there, then answers its first request.

@@ -42,7 +42,7 @@ def test_each_kind_can_be_added_with_the_values_it_begins_with(workspace: Worksp
     )
     text = text.replace('"fc_la", "fc_lb", "fc_ra", "fc_rb"', '"fc_la", "fc_lb", "fc_rb"')
     before = circuit(workspace, text)
-    for one in kinds(workspace)["kinds"]:
+    for one in kinds()["kinds"]:
         after = circuit(
             workspace, changed(workspace, text, "add", "valve_r.4" if one["gas"] else "left.rod", kind=one["kind"])
         )

@@ -101,7 +101,7 @@ export interface CommandInput {
   kind: string;
   option: string;
   start: unknown;
-  choices: [value: string, title: string][];
+  choices: [string, string][];
   most: number;
   hint: string;
   suffix: string;

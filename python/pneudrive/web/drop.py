@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
 from pneudrive.files.writing import alone_in
-from pneudrive.web.workspace import TABLES
+from pneudrive.web.workspace import TABLES, Workspace
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
-
-    from pneudrive.web.workspace import Workspace
 
 #: What stays free on the disk, bytes.
 RESERVE = 1 << 30
@@ -27,7 +25,7 @@ LOOK_BYTES = 1 << 26
 SHIPPED, EXAMPLE = Path(__file__).parents[1] / "data" / "demo", "example"
 
 
-async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncIterator[bytes]) -> int:
+async def take(workspace: Workspace, name: str, expected: int | None, pieces: AsyncIterator[bytes]) -> int:
     """Write a file of a known kind into the workspace and return its size in bytes.
 
     Parameters
@@ -35,7 +33,7 @@ async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncI
     workspace : Workspace
     name : str
         A name without folders.
-    said : int or None
+    expected : int or None
         Size reported by the browser.
     pieces : async iterator of bytes
 
@@ -51,7 +49,7 @@ async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncI
     if target.exists():
         raise CommandError(f"{name} is there already", remedy="Rename one of the two.")
     folder = workspace.root
-    _check_room(folder, name, said or 0)
+    _check_room(folder, name, expected or 0)
     part, size, looked = folder / f".pneudrive-{secrets.token_hex(8)}.part", 0, 0
     try:
         with part.open("xb") as file:
@@ -61,8 +59,10 @@ async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncI
                 if size - looked > LOOK_BYTES:
                     _check_room(folder, name, 0)
                     looked = size
-        if said is not None and size != said:
-            raise CommandError(f"{name} did not arrive whole", value=f"{size} of {said} bytes", remedy="Drop it again.")
+        if expected is not None and size != expected:
+            raise CommandError(
+                f"{name} did not arrive whole", value=f"{size} of {expected} bytes", remedy="Drop it again."
+            )
         _place(part, target)
     except OSError as error:
         raise CommandError(f"{name} cannot be written: {error.strerror}") from None
@@ -72,7 +72,7 @@ async def take(workspace: Workspace, name: str, said: int | None, pieces: AsyncI
     return size
 
 
-def rename(workspace: Workspace, name: str, to: str) -> None:
+def rename(workspace: Workspace, path: str, to: str) -> None:
     """Give a file another name in an existing folder.
 
     Raises
@@ -80,11 +80,11 @@ def rename(workspace: Workspace, name: str, to: str) -> None:
     CommandError
         There is no such file or folder, the ending changes, or the new name is taken.
     """
-    place, target = workspace.path(name), workspace.path(to)
+    place, target = workspace.path(path), workspace.path(to)
     if place.suffix.lower() != target.suffix.lower():
         raise CommandError(f"{to} has another ending", rule=place.suffix)
     if not place.is_file():
-        raise CommandError(f"there is no file {name}")
+        raise CommandError(f"there is no file {path}")
     if not target.parent.is_dir():
         raise CommandError(f"there is no folder {target.parent.name}", remedy="Make it first.")
     with alone_in(workspace.root):
@@ -92,7 +92,7 @@ def rename(workspace: Workspace, name: str, to: str) -> None:
         place.unlink(missing_ok=True)
 
 
-def with_own_layout(workspace: Workspace, name: str, text: str) -> dict[str, str]:
+def with_own_layout(workspace: Workspace, path: str, text: str) -> dict[str, str]:
     """Move a recording and its layout into a separate folder. Return its new name.
 
     A layout holds for all recordings of its folder, so that a recording of another rig needs another folder.
@@ -105,10 +105,10 @@ def with_own_layout(workspace: Workspace, name: str, text: str) -> dict[str, str
     from pneudrive.signals.layout import Layout, stem
 
     Layout.loads(text, "layout.toml")
-    place = workspace.path(name, TABLES)
+    place = workspace.path(path, TABLES)
     if not place.is_file():
-        raise CommandError(f"there is no file {name}", remedy="Reload the page.")
-    own = posixpath.join(posixpath.dirname(name), stem(place))
+        raise CommandError(f"there is no file {path}", remedy="Reload the page.")
+    own = posixpath.join(posixpath.dirname(path), stem(place))
     folder = workspace.folder(own)
     with alone_in(workspace.root):
         try:
@@ -123,7 +123,7 @@ def with_own_layout(workspace: Workspace, name: str, text: str) -> dict[str, str
     return {"path": f"{own}/{place.name}"}
 
 
-def add_example(workspace: Workspace, _given: object = None) -> dict[str, str]:
+def add_example(workspace: Workspace) -> dict[str, str]:
     """Copy the shipped recordings with their layout into a new folder; return the name of the first one."""
     folder = workspace.folder(EXAMPLE)
     files = [SHIPPED / "layout.toml", *sorted((SHIPPED / "friction").glob("*.xz"))]

@@ -15,11 +15,10 @@ from pneudrive.sizing.result import SUMMARY, answer_of
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.results import SHOWN, view_at
+from pneudrive.web.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from pneudrive.web.workspace import Workspace
 
 MOST_FILES, MOST_VALUES = 200, 3  # newest files with a line; values in a line
 VALUE = "value"  # column of the values of a fit

@@ -17,14 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
 from pneudrive.files import child
-from pneudrive.web.cache import log_folder
-from pneudrive.web.workspace import DESCRIPTIONS, safe
+from pneudrive.web.requests import words
+from pneudrive.web.workspace import DESCRIPTIONS, Workspace, log_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from pathlib import Path
-
-    from pneudrive.web.workspace import Workspace
 
 RESULTS, CAMPAIGNS = "results", "campaigns"
 READY = ("quick-look", "stops-pressure", "paper-speed", "paper-pressure", "paper-stops", "asymmetric-pressures")
@@ -43,7 +41,7 @@ class JobRequest:
 
     Attributes
     ----------
-    arguments : tuple of str
+    arguments : list of str
         Arguments of ``pneudrive``.
     out : str
         The folder.
@@ -53,7 +51,7 @@ class JobRequest:
         Python lines that give the same numbers. Empty if there are none.
     """
 
-    arguments: tuple[str, ...]
+    arguments: list[str]
     out: str
     is_new: bool = True
     python: str = ""
@@ -66,8 +64,8 @@ class JobRequest:
         return f"{shlex.join(['mkdir', '-p', folder])}\n{line}" if self.is_new and folder else line
 
 
-def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
-    """Return the job that runs a protocol on the simulated rig into a new folder, or continues in a folder.
+def started_campaign(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Run a protocol on the simulated rig into a new folder, or continue in a folder.
 
     Raises
     ------
@@ -77,13 +75,22 @@ def campaign_job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
     folder, pace = given.get("resume"), given.get("pace")
     if not (pace is None or (isinstance(pace, int | float) and 1.0 <= pace <= FASTEST)):
         raise CommandError(f"pace = {pace} is out of bounds", rule=f"1 to {FASTEST:.0e}, or none")
-    options = ("--yes", *(() if pace is None else ("--speed", f"{pace:g}")))
+    speed = None if pace is None else f"{pace:g}"
     if isinstance(folder, str):
-        if not workspace.folder(folder).is_dir():
-            raise CommandError(f"there is no folder {folder}")
-        return JobRequest(("campaign", "resume", safe(folder), *options), folder, is_new=False)
-    protocol, out = protocol_named(given, workspace), f"{CAMPAIGNS}/{folder_name(given.get('name'))}"
-    return JobRequest(("campaign", "run", safe(protocol), "--rig", RIG, "--out", out, *options), out)
+        existing_folder(workspace, folder)
+        job = JobRequest(words("campaign resume", folder, yes=True, speed=speed), folder, is_new=False)
+    else:
+        protocol, out = protocol_named(given, workspace), f"{CAMPAIGNS}/{folder_name(given.get('name'))}"
+        job = JobRequest(words("campaign run", protocol, rig=RIG, out=out, yes=True, speed=speed), out)
+    return workspace.state(PageJobs).start(job)
+
+
+def existing_folder(workspace: Workspace, name: str, kind: str = "folder") -> Path:
+    """Return the path of a folder that exists."""
+    folder = workspace.folder(name)
+    if not folder.is_dir():
+        raise CommandError(f"there is no {kind} {name}")
+    return folder
 
 
 def protocol_named(given: Mapping[str, Any], workspace: Workspace) -> str:
@@ -102,17 +109,25 @@ def folder_name(given: object) -> str:
     return given
 
 
+def design_python(fit: str, points: int | None) -> str:
+    """Return the lines of Python that propose the next points to measure for a fit."""
+    return (
+        "from pneudrive.campaign.planning.next_points import limits_of\n"
+        "from pneudrive.identify.static.result import FrictionFit\nfrom pneudrive.rig import load_rig\n\n"
+        f"fit, rig = FrictionFit.from_toml({fit!r}), load_rig({RIG!r})\n"
+        f"plan = pn.next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points={points})\nprint(plan)"
+    )
+
+
 @dataclass
 class PageJob:
     """A running or finished job."""
 
     number: int
-    kind: str
-    command: str
-    out: str
+    request: JobRequest
     process: subprocess.Popen[bytes]
     log: Path
-    place: Path
+    folder: Path
     cancelled: bool = field(default=False)
 
     @property
@@ -124,40 +139,35 @@ class PageJob:
         return "done" if status == 0 else "cancelled" if self.cancelled else "failed"
 
     def about(self) -> dict[str, Any]:
-        """Return the displayed data."""
-        about = {
+        """Return the displayed data, with the last lines of the output and the last reported progress."""
+        state = self.state
+        try:
+            with self.log.open("rb") as file:
+                size = file.seek(0, os.SEEK_END)
+                file.seek(max(size - LAST_BYTES, 0))
+                lines = file.read().decode("utf-8", "replace").splitlines()[size > LAST_BYTES :]  # the first is cut
+        except OSError:
+            lines = []
+        reports = [line for line in lines if line.startswith(REPORT)]
+        progress = None
+        for line in reports[-2:]:  # the last line may be incomplete
+            with suppress(ValueError):
+                progress = json.loads(line)
+        tail = "\n".join([line for line in lines if line not in reports][-LAST_LINES:])
+        return {
             "number": self.number,
-            "kind": self.kind,
-            "command": self.command,
-            "out": self.out,
-            "state": self.state,
+            "kind": self.request.arguments[0],
+            "command": self.request.command,
+            "out": self.request.out,
+            "state": state,
             "ends": self.cancelled,
+            "tail": NOTHING_BEGUN if state == "cancelled" and not self.folder.exists() else tail,
+            "progress": progress,
         }
-        said = _said(self.log)
-        if self.state == "cancelled" and not self.place.exists():
-            said["tail"] = NOTHING_BEGUN
-        return {**about, **said}
-
-
-def _said(log: Path) -> dict[str, Any]:
-    """Return the last lines of a job's output, and its last reported progress."""
-    try:
-        with log.open("rb") as file:
-            size = file.seek(0, os.SEEK_END)
-            file.seek(max(size - LAST_BYTES, 0))
-            lines = file.read().decode("utf-8", "replace").splitlines()[size > LAST_BYTES :]  # the first is cut
-    except OSError:
-        lines = []
-    reports = [line for line in lines if line.startswith(REPORT)]
-    progress = None
-    for line in reports[-2:]:  # the last line may be incomplete
-        with suppress(ValueError):
-            progress = json.loads(line)
-    return {"tail": "\n".join([line for line in lines if line not in reports][-LAST_LINES:]), "progress": progress}
 
 
 class PageJobs:
-    """Jobs of this server: at most one for each processor."""
+    """Jobs of a workspace: at most one for each processor."""
 
     def __init__(self, workspace: Workspace) -> None:
         self.workspace = workspace
@@ -165,8 +175,8 @@ class PageJobs:
         self._numbers = count(1)
         self.all: list[PageJob] = []
 
-    def start(self, work: JobRequest) -> PageJob:
-        """Start a job.
+    def start(self, request: JobRequest) -> dict[str, Any]:
+        """Start a job and return its displayed data.
 
         Raises
         ------
@@ -174,38 +184,40 @@ class PageJobs:
             The folder exists, leads out of the workspace or cannot be made, or all processors are busy.
         """
         with self._lock:
-            running = [one.out for one in self.all if one.state == "running"]
+            running = [job.request.out for job in self.all if job.state == "running"]
             if len(running) >= (os.cpu_count() or 1):
                 raise CommandError(f"{len(running)} jobs are running", remedy="Wait until a job ends, or cancel one.")
-            out = self.workspace.folder(work.out)
-            if (work.is_new and out.exists()) or work.out in running:
-                raise CommandError(f"{work.out} is there already", remedy="Choose another name.")
+            out = self.workspace.folder(request.out)
+            if (request.is_new and out.exists()) or request.out in running:
+                raise CommandError(f"{request.out} is there already", remedy="Choose another name.")
             try:
                 out.parent.mkdir(parents=True, exist_ok=True)
             except OSError as error:
-                raise CommandError(f"the folder of {work.out} cannot be made", value=error.strerror) from None
+                raise CommandError(f"the folder of {request.out} cannot be made", value=error.strerror) from None
             number = next(self._numbers)
             log = log_folder() / f"{number}-{secrets.token_hex(8)}.log"
             with log.open("xb") as file:
                 process = subprocess.Popen(
-                    child.command("pneudrive.cli.main", *work.arguments),
+                    child.command("pneudrive.cli.main", *request.arguments),
                     cwd=self.workspace.root,
                     env={**os.environ, "PNEUDRIVE_PROGRESS": "json"},
                     stdin=subprocess.DEVNULL,
                     stdout=file,
                     stderr=subprocess.STDOUT,
                 )
-            job = PageJob(number, work.arguments[0], work.command, work.out, process, log, out)
-            self.all.append(job)
-            return job
+            self.all.append(PageJob(number, request, process, log, out))
+            return self.all[-1].about()
 
-    def cancel(self, number: object) -> None:
-        """Cancel a job, like Ctrl-C. Finished parts are kept."""
-        for one in self.all:
-            if one.number == number and one.state == "running":
-                one.cancelled = True
-                one.process.send_signal(signal.SIGINT)
 
-    def about(self) -> Sequence[dict[str, Any]]:
-        """Return all jobs, the newest first."""
-        return [one.about() for one in reversed(self.all)]
+def cancelled_job(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Cancel a job, like Ctrl-C. Finished parts are kept."""
+    for job in workspace.state(PageJobs).all:
+        if job.number == given.get("number") and job.state == "running":
+            job.cancelled = True
+            job.process.send_signal(signal.SIGINT)
+    return listed_jobs(workspace)
+
+
+def listed_jobs(workspace: Workspace) -> dict[str, Any]:
+    """Return all jobs, the newest first."""
+    return {"jobs": [job.about() for job in reversed(workspace.state(PageJobs).all)]}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -35,26 +36,20 @@ from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, rea
 from pneudrive.signals.layout import stem
 from pneudrive.signals.load import hashes_of
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
-from pneudrive.web.drive.drives import drive_at, hash_at
 from pneudrive.web.drive.run_request import described_at, kept
 from pneudrive.web.jobs import RESULTS
 from pneudrive.web.measured.recordings import by_stem, layout_in
-from pneudrive.web.workspace import is_in_catalogue
+from pneudrive.web.workspace import Listed, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     import xarray as xr
 
     from pneudrive.identify.files import AnyFit
-    from pneudrive.identify.static.model import Observations
-    from pneudrive.web.workspace import Listed, Workspace
 
 MOST_CHECKED, MOST_TRACED = 300, 3000  # newest files of a kind that are searched: for all results, for one result
+MOST_DRIVES = 500  # files that are searched for the requested drive
 MOST_INPUTS = 100  # of one result
 MOST_BYTES = 200_000_000  # largest recording whose samples are hashed for a page
-#: Results that can have inputs.
-KINDS = ("drive", "fit", "validation", "friction map", "recording", "comparison", "campaign")
 SAME, CHANGED, DIFFERS, MISSING, NAMED, UNREAD = "same", "changed", "differs", "missing", "named", "unread"
 
 
@@ -101,121 +96,104 @@ class Lineage:
 
     @cached_property
     def files(self) -> dict[str, Listed]:
-        """All files, by name."""
-        return {one.path: one for one in self.workspace.files()}
-
-    @cached_property
-    def _newest(self) -> list[Listed]:
-        return sorted(self.files.values(), key=lambda one: -one.changed)
+        """All files by name, the newest first."""
+        return {file.path: file for file in sorted(self.workspace.files(), key=lambda file: -file.changed)}
 
     def _of_kind(self, *kinds: str) -> list[Listed]:
-        return [one for one in self._newest if one.kind in kinds][: self.most]
+        return [file for file in self.files.values() if file.kind in kinds][: self.most]
+
+    def _of(self, read: Callable[..., Any], path: str) -> Any:  # noqa: ANN401 - content of the file, or its hash
+        """Return what a kept function reads from a file."""
+        return read(self.workspace, path, self.files[path].changed)
 
     @cached_property
     def _drives(self) -> tuple[dict[str, str], dict[tuple[str, str], list[str]]]:
         """Files by hash, and by name and `Input.part`: drives, then fits of drives, then the catalogue."""
         by_hash: dict[str, str] = {}
         by_name: dict[tuple[str, str], list[str]] = {}
-        for one in [*self._of_kind("drive", "circuit"), *self._of_kind("fit")]:
-            digest, name = _described(self.workspace, one.path, one.kind, one.changed)
+        for file in [*self._of_kind("drive", "circuit"), *self._of_kind("fit")]:
+            digest, name = _described(self.workspace, file.path, file.kind, file.changed)
             if digest:
-                by_hash.setdefault(digest, one.path)
-            if digest and one.kind != "fit":
-                by_name.setdefault((name, "identified" if self._named(one.path) else ""), []).append(one.path)
-        return _catalogue() | by_hash, by_name
+                by_hash.setdefault(digest, file.path)
+            if digest and file.kind != "fit":
+                part = "identified" if self._named(file.path) else ""
+                by_name.setdefault((name, part), []).append(file.path)
+        return {drive.description_hash: path for path, drive in _catalogue().items()} | by_hash, by_name
 
     @cached_property
-    def _fits(self) -> dict[str, str]:
-        return {_hash_at(self.workspace, one.path, one.changed): one.path for one in reversed(self._of_kind("fit"))}
+    def _circuits(self) -> dict[str, str]:
+        """Files of drives by the hash of their circuit, which controllers refer to."""
+        known = {drive.circuit.description_hash: path for path, drive in _catalogue().items()}
+        return known | {self._of(_circuit_hash, file.path): file.path for file in self._of_kind("drive")}
 
     @cached_property
     def _recordings(self) -> dict[str, list[str]]:
-        return by_stem(self._newest)
+        return by_stem(self.files.values())
 
     def edges(self, path: str) -> list[Edge]:
         """Return the inputs of a file, each with its present file."""
-        one = self.files.get(path)
-        if one is None or one.kind not in KINDS:
-            return []
         if path not in self._edges:
-            self._edges[path] = [self._resolved(each, path) for each in self._named(path)]
+            named = self._named(path) if path in self.files else ()
+            self._edges[path] = [Edge(each, *getattr(self, f"_{each.kind}")(each, path)) for each in named]
         return self._edges[path]
 
     def _named(self, path: str) -> tuple[Input, ...]:
-        one = self.files[path]
-        return _inputs(self.workspace, path, one.kind, one.changed)
-
-    def _resolved(self, each: Input, of: str) -> Edge:
-        path, state = getattr(self, f"_{each.kind}")(each, of)
-        return Edge(each, path, state)
+        return _inputs(self.workspace, path, self.files[path].kind, self.files[path].changed)
 
     def _drive(self, each: Input, of: str) -> tuple[str, str]:
         by_hash, by_name = self._drives
         path = by_hash.get(each.digest, "") or self._circuits.get(each.digest, "")
         if path and path != of:
             return path, SAME
-        alike = [one for one in by_name.get((each.name, each.part), []) if one != of]
+        alike = [other for other in by_name.get((each.name, each.part), []) if other != of]
         if len(alike) != 1:
             return "", MISSING
         return alike[0], DIFFERS if self.files[of].kind == "recording" else CHANGED
 
-    @cached_property
-    def _circuits(self) -> dict[str, str]:
-        """Files of drives by the hash of their circuit, which controllers refer to."""
-        found = {_circuit_hash(self.workspace, one.path, one.changed): one.path for one in self._of_kind("drive")}
-        return _catalogue_circuits() | found
-
     def _fit(self, each: Input, _of: str) -> tuple[str, str]:
-        if each.digest in self._fits:
-            return self._fits[each.digest], SAME
-        for one in self._of_kind("fit"):
-            fit = _fit_at(self.workspace, one.path, one.changed)
-            if fit is not None and each.part in fit.values and set(each.name.split(", ")) <= set(fit.recordings):
-                return one.path, CHANGED
-        return "", MISSING
+        fits = [file.path for file in self._of_kind("fit")]
+        same = [path for path in fits if self._of(hash_at, path) == each.digest]
+        alike = (
+            path
+            for path in fits
+            if (fit := self._of(_fit_at, path)) is not None
+            and each.part in fit.values
+            and set(each.name.split(", ")) <= set(fit.recordings)
+        )
+        path = same[0] if same else next(alike, "")
+        return path, SAME if same else CHANGED if path else MISSING
 
     def _map(self, each: Input, of: str) -> tuple[str, str]:
-        folder = of.rpartition("/")[0]
-        maps = self._of_kind("friction map")  # the file next to the fit comes first
-        maps.sort(key=lambda one: (one.path.rpartition("/")[0] != folder, not one.path.endswith(".parquet")))
-        known, beside = json.loads(each.part), ""
-        for one in maps:
-            values = self._values(one, known)
-            if values is not None and fingerprint(values) == each.digest:
-                return one.path, SAME
-            if values is not None and one.path.rpartition("/")[0] == folder:
-                beside = beside or one.path
-        return beside, CHANGED if beside else MISSING
+        def is_beside(path: str) -> bool:
+            return path.rpartition("/")[0] == of.rpartition("/")[0]
 
-    def _values(self, one: Listed, known: dict[str, Any]) -> Observations | None:
-        found = map_at(self.workspace, one.path, one.changed)
-        with suppress(FitError):
-            return None if found is None else values_of_fit(found, known)
-        return None
+        maps = [file.path for file in self._of_kind("friction map")]
+        maps.sort(key=lambda path: (not is_beside(path), not path.endswith(".parquet")))
+        known, beside = json.loads(each.part), ""
+        for path in maps:
+            with suppress(FitError):
+                table = self._of(map_at, path)
+                values = None if table is None else values_of_fit(table, known)
+                if values is not None and fingerprint(values) == each.digest:
+                    return path, SAME
+                beside = beside or (path if values is not None and is_beside(path) else "")
+        return beside, CHANGED if beside else MISSING
 
     def _recording(self, each: Input, _of: str) -> tuple[str, str]:
         """Return the file of a recording: by name, and among several also by hash; None without one."""
         own, alike = each.name in self.files, self._recordings.get(stem(Path(each.name)), [])
         paths = list(dict.fromkeys([each.name, *alike])) if own else alike
         path = paths[0] if own or len(paths) == 1 else ""
-        if not paths:
-            return "", MISSING
-        if not each.digest:
-            return path, NAMED
-        states = {one: self._state(each, one) for one in paths}
-        same = next((one for one, state in states.items() if state == SAME), "")
-        if same or path:
-            return same or path, states[same or path]
-        return "", UNREAD if UNREAD in states.values() else CHANGED
+        if not paths or not each.digest:
+            return path, NAMED if paths else MISSING
+        states = {other: self._state(each, other) for other in paths}
+        path = next((other for other, state in states.items() if state == SAME), "") or path
+        return path, states[path] if path else UNREAD if UNREAD in states.values() else CHANGED
 
     def _state(self, each: Input, path: str) -> str:
-        one = self.files[path]
-        if one.size > MOST_BYTES:
+        if self.files[path].size > MOST_BYTES:
             return UNREAD
-        if each.part == "file":
-            digests = _contents(self.workspace, path, one.changed)
-        else:
-            digests = _samples(self.workspace, path, one.changed, is_volume=each.part == "volume")
+        digests = _digests(self.workspace, path, each.part, self.files[path].changed)
         return SAME if each.digest in digests else CHANGED if digests else UNREAD
 
     def file_of(self, each: Input) -> str:
@@ -224,22 +202,22 @@ class Lineage:
         return alike[0] if len(alike) == 1 else self._recording(each, "")[0]
 
     def _rig(self, each: Input, _of: str) -> tuple[str, str]:
-        paths = [one for one in self.files if Path(one).name == Path(each.name).name]
+        paths = sorted(path for path in self.files if Path(path).name == Path(each.name).name)
         for path in paths:
             if hashlib.sha256(self.workspace.path(path).read_bytes()).hexdigest() == each.digest:
                 return path, SAME
-        own = paths if len(paths) == 1 else [one for one in paths if one == each.name]
+        own = paths if len(paths) == 1 else [path for path in paths if path == each.name]
         return (own[0] if own else ""), CHANGED if paths else MISSING
 
     def why_stale(self, path: str, seen: tuple[str, ...] = ()) -> list[str]:
         """Return the names of changed inputs, of the result or of its inputs."""
-        said = []
+        names: list[str] = []
         for edge in self.edges(path):
             if edge.state == CHANGED:
-                said.append(edge.path or edge.input.name)
+                names.append(edge.path or edge.input.name)
             elif edge.path not in ("", *seen):
-                said += self.why_stale(edge.path, (*seen, path))
-        return list(dict.fromkeys(said))
+                names += self.why_stale(edge.path, (*seen, path))
+        return list(dict.fromkeys(names))
 
     def tree(self, path: str, seen: tuple[str, ...] = ()) -> list[dict[str, Any]]:
         """Return the inputs of a file, and their inputs, as plain tables."""
@@ -258,37 +236,34 @@ class Lineage:
     @cached_property
     def results(self) -> list[str]:
         """Return all files that can have inputs, the newest first, with recordings in Parquet only."""
-        runs = (one for one in self._newest if one.kind != "recording" or one.path.endswith(".parquet"))
-        return [one.path for one in runs if one.kind in KINDS]
+        runs = (file for file in self.files.values() if file.kind != "recording" or file.path.endswith(".parquet"))
+        return [file.path for file in runs if file.kind in INPUTS]
 
     def again(self, path: str) -> dict[str, Any] | None:
         """Return the request that makes a result again from the present inputs, or None if this is not possible."""
-        one = self.files[path]
-        edges = [edge for edge in self.edges(path) if edge.input.kind != "recording"]
-        recordings = [edge.path for edge in self.edges(path) if edge.input.kind == "recording"]
-        if not all([*recordings, *(edge.path for edge in edges)]):
-            return None
+        kind, edges = self.files[path].kind, self.edges(path)
+        recordings = [edge.path for edge in edges if edge.input.kind == "recording"]
+        others = [edge.path for edge in edges if edge.input.kind != "recording"]
         drive = next((edge.path for edge in edges if edge.input.kind == "drive"), "")
-        results = f"{RESULTS}/{Path(path).parent.name or Path(path).stem}"
-        if one.kind == "validation" and drive and recordings:
-            return {"kind": "validate", "drive": drive, "recordings": recordings, "name": self._new(results)}
-        if one.kind == "friction map" and recordings:
-            return {"kind": "characterise", "recordings": recordings, "name": self._new(results)}
-        if one.kind == "drive" and len(fits := {edge.path for edge in edges}) == 1:
-            of_fit = next((edge.path for edge in self.edges(*fits) if edge.input.kind == "drive"), "")
-            out = f"{self._new(path.removesuffix('.toml'), '.toml')}.toml"
-            return (
-                {"kind": "apply", "fit": edges[0].path, "drive": of_fit, "out": _beside(path, out)} if of_fit else None
-            )
-        fit = _fit_at(self.workspace, path, one.changed) if one.kind == "fit" else None
+        if not all([*recordings, *others]):
+            return None
+        folder, base = Path(path).parent, path.removesuffix(".toml")
+        given: dict[str, Any] = {"drive": drive} if drive else {}
+        given |= {"recordings": recordings} if recordings else {}
+        if recordings and (kind == "friction map" or (kind == "validation" and drive)):
+            name = self._new(f"{RESULTS}/{folder.name or Path(path).stem}")
+            return {"kind": "validate" if kind == "validation" else "characterise", **given, "name": name}
+        out = (folder / f"{self._new(base, '.toml')}.toml").as_posix()
+        if kind == "drive" and len(set(others)) == 1:
+            start = next((edge.path for edge in self.edges(others[0]) if edge.input.kind == "drive"), "")
+            return {"kind": "apply", "fit": others[0], "drive": start, "out": out} if start else None
+        fit = self._of(_fit_at, path) if kind == "fit" else None
         if isinstance(fit, DriveFit) and drive and recordings:
             free = ", ".join(name for name in fit.values if name in fit.free)
-            out = _beside(path, f"{self._new(path.removesuffix('.toml'), '.toml')}.toml")
-            return {"kind": "identify", "drive": drive, "recordings": recordings, "free": free, "out": out}
+            return {"kind": "identify", **given, "free": free, "out": out}
         if isinstance(fit, FrictionFit) and (law := _law(fit)):
             form = fit.model.pressure if fit.provenance["pressure_dependence"] else "none"
-            name = self._new(path.removesuffix(".toml"), ".toml")
-            return {"kind": "fit", "map": edges[0].path, "law": law, "pressure": form, "name": name}
+            return {"kind": "fit", "map": others[0], "law": law, "pressure": form, "name": self._new(base, ".toml")}
         return None
 
     def _new(self, path: str, suffix: str = "") -> str:
@@ -297,20 +272,9 @@ class Lineage:
         return f"{Path(path).name}-{next(number for number, place in places if not place.exists())}"
 
 
-def _beside(path: str, name: str) -> str:
-    """Return the path of a file in another file's folder."""
-    return (Path(path).parent / name).as_posix()
-
-
 @lru_cache(maxsize=1)
-def _catalogue() -> dict[str, str]:
-    drives = [f"catalogue:{one.name}" for one in entries().values() if one.is_drive]
-    return {Drive.load(name).description_hash: name for name in drives}
-
-
-@lru_cache(maxsize=1)
-def _catalogue_circuits() -> dict[str, str]:
-    return {Drive.load(name).circuit.description_hash: name for name in _catalogue().values()}
+def _catalogue() -> dict[str, Drive]:
+    return {name: Drive.load(name) for name in (f"catalogue:{one.name}" for one in entries().values() if one.is_drive)}
 
 
 @kept(2 * MOST_TRACED)
@@ -329,9 +293,48 @@ def _described(workspace: Workspace, path: str, kind: str, changed: float) -> tu
     return ("", "") if found is None else (found.description_hash, found.name)
 
 
+def is_fit(path: Path) -> bool:
+    """Return whether a file is the fit of a drive."""
+    tables, _ = toml.read(path)
+    return tables.get("kind") == DriveFit.KIND and "values" in tables
+
+
+@kept(MOST_DRIVES)
+def drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
+    """Return the drive of a file, or of a fit. None for another file, or one that is not valid."""
+    try:
+        path = workspace.path(name)
+        if is_fit(path):
+            fit = read_fit(path)
+            return fit.apply() if isinstance(fit, DriveFit) and fit.converged else None
+        found = described_at(workspace, name)
+    except PneudriveError:
+        return None
+    return found if isinstance(found, Drive) else None
+
+
 @lru_cache(maxsize=2 * MOST_TRACED)
-def _hash_at(workspace: Workspace, path: str, changed: float) -> str:
-    return hash_at(workspace.path(path), changed)
+def hash_at(workspace: Workspace, path: str, changed: float) -> str:
+    """Return the hash of a fit in the form that identified values carry. Empty for another file."""
+    fit = _fit_at(workspace, path, changed)
+    with suppress(PneudriveError):
+        return "" if fit is None else fit.identified_as({}).fit
+    return ""
+
+
+@lru_cache(maxsize=2 * MOST_TRACED)
+def _fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
+    with suppress(PneudriveError):
+        return read_fit(workspace.path(path))
+    return None
+
+
+@lru_cache(maxsize=64)
+def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | None:
+    """Return a friction map, or None for another file."""
+    with suppress(PneudriveError):
+        return read_map(workspace.path(path))
+    return None
 
 
 def _law(fit: FrictionFit) -> str:
@@ -346,36 +349,26 @@ def _law(fit: FrictionFit) -> str:
 def _inputs(workspace: Workspace, path: str, kind: str, _changed: float) -> tuple[Input, ...]:
     """Return the inputs that a file names."""
     try:
-        found = {
-            "fit": _of_fit,
-            "drive": _of_drive,
-            "validation": _of_validation,
-            "friction map": _of_map,
-            "recording": _of_run,
-            "comparison": _of_comparison,
-            "campaign": _of_campaign,
-        }[kind](workspace, path)
-        return tuple(dict.fromkeys(found))[:MOST_INPUTS]
+        return tuple(dict.fromkeys(INPUTS[kind](workspace, path)))[:MOST_INPUTS] if kind in INPUTS else ()
     except (PneudriveError, KeyError, TypeError, ValueError, AttributeError):
         return ()  # a file that is not a result has no inputs
 
 
 def _of_fit(workspace: Workspace, path: str) -> Iterator[Input]:
     fit = read_fit(workspace.path(path))
-    said = fit.provenance
+    about = fit.provenance
     if isinstance(fit, SlidingFit):
         names = ("direction", "ambient_pressure_pa", "exclude_flags", "recordings")
-        yield Input("map", "friction map", said["map_sha256"], json.dumps({name: said.get(name, []) for name in names}))
+        part = json.dumps({name: about.get(name, []) for name in names})
+        yield Input("map", "friction map", about["map_sha256"], part)
         return
-    if "description_hash" in said:
+    if "description_hash" in about:
         part = "identified" if isinstance(fit, DriveFit) and fit.start.provenance else ""
-        yield Input("drive", said["drive"], said["description_hash"], part)
+        yield Input("drive", about["drive"], about["description_hash"], part)
     part = "volume" if isinstance(fit, VolumeFit) else ""
-    for one in said["recordings"]:
-        if isinstance(one, dict):
-            yield Input("recording", one["file"] or one["name"], one["sha256"], part)
-        else:
-            yield Input("recording", str(one))
+    for one in about["recordings"]:
+        known = (one["file"] or one["name"], one["sha256"], part) if isinstance(one, dict) else (str(one),)
+        yield Input("recording", *known)
 
 
 def _of_drive(workspace: Workspace, path: str) -> Iterator[Input]:
@@ -387,8 +380,8 @@ def _of_drive(workspace: Workspace, path: str) -> Iterator[Input]:
 
 def _of_validation(workspace: Workspace, path: str) -> Iterator[Input]:
     content, _ = toml.read(workspace.path(path), CommandError)
-    said = content["provenance"]
-    yield Input("drive", said["drive"], said["description_hash"], "identified" if "identified" in said else "")
+    about = content["provenance"]
+    yield Input("drive", about["drive"], about["description_hash"], "identified" if "identified" in about else "")
     for one in content["record"]:
         yield Input("recording", one["source"] or one["name"], one["sha256"])
 
@@ -403,14 +396,14 @@ def _of_map(workspace: Workspace, path: str) -> Iterator[Input]:
 def _of_run(workspace: Workspace, path: str) -> Iterator[Input]:
     place = workspace.path(path)
     if place.suffix == ".parquet" and columns_in(place, NEEDED):
-        said = json.loads(open_table(place, "parquet").metadata.get("pneudrive", "{}"))
-        if "validation of" in said:
-            yield Input("drive", "", said["validation of"])
-            yield Input("recording", said["recording"], said["sha256"])
-        elif "description_hash" in said:
-            part = "identified" if "identified" in said else ""
-            told = said.get("belief_hash") or said["description_hash"]  # the true drive of a controller may deviate
-            yield Input("drive", said.get("title", ""), told, part)
+        about = json.loads(open_table(place, "parquet").metadata.get("pneudrive", "{}"))
+        if "validation of" in about:
+            yield Input("drive", "", about["validation of"])
+            yield Input("recording", about["recording"], about["sha256"])
+        elif "description_hash" in about:
+            # The true drive of a controller may deviate from the assumed one.
+            digest = about.get("belief_hash") or about["description_hash"]
+            yield Input("drive", about.get("title", ""), digest, "identified" if "identified" in about else "")
 
 
 def _of_comparison(workspace: Workspace, path: str) -> Iterator[Input]:
@@ -424,12 +417,16 @@ def _of_campaign(workspace: Workspace, path: str) -> Iterator[Input]:
         yield Input("rig", about["rig"], about["rig_sha256"])
 
 
-@lru_cache(maxsize=2 * MOST_TRACED)
-def _fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
-    try:
-        return read_fit(workspace.path(path))
-    except PneudriveError:
-        return None
+#: Kind of a file -> function that yields the inputs that it names.
+INPUTS: dict[str, Callable[[Workspace, str], Iterator[Input]]] = {
+    "drive": _of_drive,
+    "fit": _of_fit,
+    "validation": _of_validation,
+    "friction map": _of_map,
+    "recording": _of_run,
+    "comparison": _of_comparison,
+    "campaign": _of_campaign,
+}
 
 
 def recordings_of_map(workspace: Workspace, path: str) -> dict[str, str]:
@@ -439,38 +436,23 @@ def recordings_of_map(workspace: Workspace, path: str) -> dict[str, str]:
     return {name: file for name, file in files.items() if file}
 
 
-@lru_cache(maxsize=64)
-def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | None:
-    """Return a friction map, or None for another file."""
-    try:
-        return read_map(workspace.path(path))
-    except PneudriveError:
-        return None
-
-
 @lru_cache(maxsize=2 * MOST_TRACED)
-def _contents(workspace: Workspace, path: str, _changed: float) -> frozenset[str]:
-    """Return the hashes of a recording's file that friction maps may carry. Empty if it cannot be read."""
-    try:
-        return hashes_of(workspace.path(path))
-    except PneudriveError:
-        return frozenset()
+def _digests(workspace: Workspace, path: str, part: str, _changed: float) -> frozenset[str]:
+    """Return the hashes that a result may have of a recording. Empty if the recording cannot be read.
 
-
-@lru_cache(maxsize=2 * MOST_TRACED)
-def _samples(workspace: Workspace, path: str, _changed: float, *, is_volume: bool) -> frozenset[str]:
-    """Return the hash of a recording's samples in the form of fits and validations. Empty if it cannot be read."""
+    Friction maps carry the hash of the file, fits and validations that of its samples.
+    """
     place = workspace.path(path)
-    try:
+    with suppress(PneudriveError):
+        if part == "file":
+            return hashes_of(place)
         own = place.suffix in SUFFIXES and len(columns_in(place, NEEDED)) == len(NEEDED)
         layout = None if own else layout_in(workspace, place)
-        if layout is None and not own:
-            return frozenset()
-        read = read_volume_recordings if is_volume else read_drive_recordings
-        options = {} if is_volume else {"needed": NEEDED[:2], "gaps": True}
-        return frozenset([read(place, layout, **options)[0].sha256])
-    except PneudriveError:
-        return frozenset()
+        if layout is not None or own:
+            if part == "volume":
+                return frozenset([read_volume_recordings(place, layout)[0].sha256])
+            return frozenset([read_drive_recordings(place, layout, needed=NEEDED[:2], gaps=True)[0].sha256])
+    return frozenset()
 
 
 def shown_lineage(workspace: Workspace, path: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import fault_of, pack, problems_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from starlette.websockets import WebSocket
 
@@ -67,10 +67,8 @@ class Mailbox:
         return message
 
 
-async def live(
-    socket: WebSocket, workspace: Workspace, threads: asyncio.Semaphore, window: Callable[[Any], bytes]
-) -> None:
-    """Answer runs, and views of recordings through `window`, until the page disconnects."""
+async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semaphore) -> None:
+    """Answer runs and views of recordings until the page disconnects."""
     await socket.accept(subprotocol=PROTOCOL)
     mailbox, limit = Mailbox(), RunLimit(0.0)
 
@@ -80,7 +78,7 @@ async def live(
             message = await mailbox.take()
             async with threads:
                 limit = RunLimit()
-                frame = await asyncio.to_thread(answer, workspace, message, limit, window)
+                frame = await asyncio.to_thread(answer, workspace, message, limit)
             await socket.send_bytes(frame)
             ANSWERED.set()
 
@@ -95,12 +93,7 @@ async def live(
         worker.cancel()
 
 
-def answer(
-    workspace: Workspace,
-    message: str,
-    limit: RunLimit | None = None,
-    window: Callable[[Any], bytes] | None = None,
-) -> bytes:
+def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) -> bytes:
     """Run the request of a message, and return the frame of the answer with its number."""
     number = path = None
     try:
@@ -108,21 +101,24 @@ def answer(
         if not isinstance(asked, dict):
             raise CommandError("the request is not a table", remedy="Reload the page.")
         number, path = asked.get("number"), asked.get("path")
-        if window and asked.get("what") == "window":
-            return window(asked)
-        if asked.get("what") == "control":
-            from pneudrive.web.drive import control
+        match asked.get("what"):
+            case "window":
+                from pneudrive.web.measured import recordings
 
-            return control.answer(workspace, asked, limit)
-        if asked.get("what") == "validation":
-            from pneudrive.web.measured import validation
+                return recordings.shown_window(workspace, asked)
+            case "control":
+                from pneudrive.web.drive import control
 
-            return validation.frame_of(workspace, asked, number)
+                return control.answer(workspace, asked, limit)
+            case "validation":
+                from pneudrive.web.measured import validation
+
+                return validation.frame_of(workspace, asked, number)
         limit = limit or RunLimit()
-        request, beside = RunRequest.of(asked), ExtrasRequest.of(asked)
+        request, extras = RunRequest.of(asked), ExtrasRequest.of(asked)
         described = request.described(workspace)
         run = request.run_of(described, workspace, limit)
-        head, arrays = beside.answer(workspace, request, described, run, shown_columns(run), limit)
+        head, arrays = extras.answer(workspace, request, described, run, shown_columns(run), limit)
         return frame_of(run, request.pixels, {"number": number, "path": path, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(

@@ -110,6 +110,11 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - plain data
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def number(value: object) -> float | None:
+    """Return a number for JSON, which supports neither infinity nor NaN."""
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+
+
 #: Exceptions of code that meets a table without a key, a value of another kind, or damaged bytes.
 _OF_CONTENT = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, EOFError, zlib.error, struct.error)
 

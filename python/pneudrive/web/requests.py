@@ -1,21 +1,20 @@
-"""Requests of the page as models, whose fields are checked once, when they are read."""
+"""Requests of the page as models, whose fields are checked once, and the lines that repeat them elsewhere."""
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, StrictInt, StrictStr, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, FiniteFloat, StrictInt, StrictStr, ValidationError
 
 from pneudrive.errors import CommandError
+from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from typing_extensions import Self
 
-    from pneudrive.web.measured.recordings import OpenRecording
-
-WRONG_REQUEST = "the request is not one of this page"
 MOST_PIXELS, LEAST_PIXELS = 4000, 10
 #: Width of a drawing; one that is out of bounds is cut to them.
 Pixels = Annotated[StrictInt, AfterValidator(lambda width: max(LEAST_PIXELS, min(width, MOST_PIXELS)))]
@@ -40,41 +39,48 @@ class PageRequest(BaseModel):
         try:
             return cls.model_validate(given)
         except ValidationError:
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
+            raise wrong_request() from None
 
 
-class ViewRequest(PageRequest):
-    """A part of a recording: from and to in s or samples, width of the drawing, names of columns on lines.
+def wrong_request() -> CommandError:
+    """Return the error for a request that the page does not send."""
+    return CommandError("the request is not one of this page", remedy="Reload the page.")
 
-    Attributes
-    ----------
-    start, end : float
-    pixels : int
-    columns : str
-    shift : float
-        Time shift of another recording that is drawn over it, s.
+
+def words(command: str, /, *names: str, **options: Any) -> list[str]:  # noqa: ANN401 - texts, numbers, lists of them
+    """Return the words of a command: its arguments, then its options without the empty ones.
+
+    Examples
+    --------
+    >>> words("fit", "-map.csv", laws="stribeck", ambient=None, profile=True, set=["a = 1", "b = 2"])
+    ['fit', './-map.csv', '--laws', 'stribeck', '--profile', '--set', 'a = 1', '--set', 'b = 2']
     """
+    out = [*command.split(), *map(safe, names)]
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        if value is True:
+            out.append(flag)
+        elif not _is_empty(value):
+            out += [word for text in (value if isinstance(value, list) else [value]) for word in (flag, str(text))]
+    return out
 
-    start: FiniteFloat = Field(alias="from")
-    end: FiniteFloat = Field(alias="to")
-    pixels: int = 1000
-    columns: StrictStr = ""
-    shift: FiniteFloat = 0.0
 
-    @property
-    def span(self) -> tuple[float, float]:
-        """From and to.
+def shell(command: str, /, *names: str, **options: Any) -> str:  # noqa: ANN401 - as for `words`
+    """Return a line of a shell. See `words`."""
+    return shlex.join(["pneudrive", *words(command, *names, **options)])
 
-        Raises
-        ------
-        CommandError
-            They do not rise, or the drawing is too wide.
-        """
-        if not (self.start < self.end and 1 <= self.pixels <= MOST_PIXELS):
-            raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
-        return self.start, self.end
 
-    def columns_in(self, found: OpenRecording) -> list[str]:
-        """Return the requested columns that a recording has."""
-        known = [one.column for one in found.channels]
-        return [name for name in self.columns.split("\n") if name in known]
+def call(function: str, /, *positional: str, **options: Any) -> str:  # noqa: ANN401 - any value
+    """Return a call in Python: arguments as they are, then the options without the empty ones.
+
+    Examples
+    --------
+    >>> call("pn.simulate", "drive", "'0.5 s'", initial="", rtol=1e-4)
+    "pn.simulate(drive, '0.5 s', rtol=0.0001)"
+    """
+    named = [f"{name}={value!r}" for name, value in options.items() if not _is_empty(value)]
+    return f"{function}({', '.join([*positional, *named])})"
+
+
+def _is_empty(value: object) -> bool:
+    return value is None or value is False or value in ("", {}, [])

@@ -1,4 +1,4 @@
-"""Results in the common form of `pneudrive.views` for the page: values and curves in usual units, and sentences.
+"""Results for the page: values and curves in usual units, and sentences; and reports as separate pages.
 
 `SHOWN` has one line for each kind of result. The page needs no separate code for a kind in this table.
 """
@@ -6,22 +6,29 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from importlib import import_module
+from mimetypes import guess_type
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
+from pneudrive.report.page import FIGURES, POLICY, REPORT
 from pneudrive.units import readable
+from pneudrive.web.guard import REPORTS, new_token
+from pneudrive.web.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from pneudrive.views import ShownCurve, View
-    from pneudrive.web.workspace import Workspace
 
+#: What a browser allows a report to do: nothing but to be seen, saved and left.
+SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"
+_PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 #: Kind of a file -> module and function that read it and return its `View`.
 SHOWN = {
-    "fit": "pneudrive.web.measured.fits:view_of_fit",
+    "fit": "pneudrive.web.measured.friction:view_of_fit",
     "friction map": "pneudrive.web.measured.friction:view_of_map",
     "validation": "pneudrive.web.measured.validation:view_of_validation",
     "comparison": "pneudrive.web.results:view_of_comparison",
@@ -130,3 +137,43 @@ def view_of_comparison(workspace: Workspace, path: str) -> View:
     from pneudrive.control.results.card import read_comparison
 
     return read_comparison(workspace.folder(path)).view()
+
+
+class OpenReports:
+    """Addresses of reports. A report never runs code.
+
+    A tab that is opened by a link has no token. The address itself is therefore the key: a secret of the length of a
+    token, for one folder, valid until the server stops.
+
+    Attributes
+    ----------
+    folders : dict
+        Secret -> folder. The guard accepts these secrets.
+    """
+
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace, self.folders = workspace, dict[str, str]()
+
+    def read(self, secret: str, name: str) -> tuple[bytes, str]:
+        """Return a report, or a picture of it, with its type.
+
+        Raises
+        ------
+        CommandError
+            The file is neither.
+        """
+        if secret in self.folders and (name == REPORT or _PICTURE.fullmatch(name)):
+            path = self.workspace.folder(f"{self.folders[secret]}/{name}")
+            if path.is_file():
+                return path.read_bytes(), guess_type(name)[0] or ""
+        raise CommandError("there is no such report", remedy="Open it from the page again.")
+
+
+def report_address(workspace: Workspace, path: str) -> dict[str, str]:
+    """Return the address of the report in a folder. The address is empty if there is no report."""
+    if not (workspace.folder(path) / REPORT).is_file():
+        return {"address": ""}
+    folders = workspace.state(OpenReports).folders
+    secret = next((known for known, folder in folders.items() if folder == path), None) or new_token()
+    folders[secret] = path
+    return {"address": f"{REPORTS}{secret}/{REPORT}"}

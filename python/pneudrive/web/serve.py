@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, PneudriveError, PneudriveWarning
 from pneudrive.web.guard import NAMES, Guard, address, new_token
-from pneudrive.web.workspace import Workspace, built_page
+from pneudrive.web.workspace import Workspace, built_page, cache_folder, forget_unused
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -75,7 +75,7 @@ def serve(
 
         import uvicorn
 
-        from pneudrive.web.pages import BuiltPage, Opening
+        from pneudrive.web.guard import BuiltPage, Opening
 
         sys.setswitchinterval(SWITCH_S)
         whole: Future[App] = Future()
@@ -115,7 +115,6 @@ def serve(
 def warm_up() -> None:
     """Simulate once, then import the modules of other views, so that the first click does not wait."""
     from pneudrive.web.app import BEHIND
-    from pneudrive.web.cache import cache_folder, forget_unused
     from pneudrive.web.drive.run_request import RunRequest
     from pneudrive.web.live import ANSWERED
 

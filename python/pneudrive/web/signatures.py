@@ -1,8 +1,4 @@
-"""Commands that the page starts, each with a signature: its fields, its command line and its Python lines.
-
-The form of the page, the copied command, the copied Python and the started process are all derived from one entry of
-`SIGNATURES`.
-"""
+"""Commands that the page starts. The form, the copied command, the copied Python and the job come from one table."""
 
 from __future__ import annotations
 
@@ -22,25 +18,23 @@ from pneudrive.signals.trajectories import is_trajectory
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in, meaning
 from pneudrive.sizing.folder import LOCK
 from pneudrive.sizing.search import DRAWS_BEST_OF
-from pneudrive.web.drive.drives import is_fit
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.jobs import RESULTS, RIG, JobRequest, folder_name
+from pneudrive.web.jobs import RESULTS, RIG, JobRequest, PageJobs, design_python, existing_folder, folder_name
+from pneudrive.web.lineage import is_fit
 from pneudrive.web.measured.recordings import layout_in
-from pneudrive.web.requests import WRONG_REQUEST
-from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue, safe
+from pneudrive.web.requests import call, words, wrong_request
+from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
-    from pneudrive.web.workspace import Workspace
-
-    Values = dict[str, Any]
-
-MAPS = (".parquet", ".csv")
 MOST_NEXT, MOST_LEAST, MOST_TUNED, MOST_DRAWS = 200, 100, 10_000, 4096
 MOST_RECORDINGS = 500
 LAYOUT = "layout"  # missing from a recording whose channels are not known
+#: Endings of files, by the kind of an input.
+FILES = {"map": (".parquet", ".csv"), **dict.fromkeys(("model", "fit", "task"), DESCRIPTIONS)}
+TYPES = {"flag": bool, "recordings": list, "number": int}
 
 
 @dataclass(frozen=True)
@@ -57,12 +51,11 @@ class CommandInput:
         ``"recordings"``, ``"choice"``, ``"text"``, ``"number"`` (a whole one), ``"flag"``, ``"keys"``
         (of values, between commas), ``"name"`` (of the result) or ``"out"`` (a new TOML file).
     option : str
-        Option of the command. Without one, the input is an argument.
+        Parameter of the command. Without one, the input is an argument.
     start : object
         Value that a form begins with.
-    choices : tuple of str
-    titles : tuple of str
-        Of the choices; empty: the choices themselves.
+    choices : tuple of (str, str)
+        Values and their titles.
     most : int
         Upper bound of a number, whose lower bound is 1.
     hint : str
@@ -77,14 +70,13 @@ class CommandInput:
     kind: str
     option: str = ""
     start: Any = ""
-    choices: tuple[str, ...] = ()
-    titles: tuple[str, ...] = ()
+    choices: tuple[tuple[str, str], ...] = ()
     most: int = 0
     hint: str = ""
     suffix: str = ""
     only: tuple[str, ...] = ()
 
-    def read(self, given: object, workspace: Workspace) -> Any:  # noqa: ANN401 - of the kind of the input
+    def read(self, given: Any, workspace: Workspace) -> Any:  # noqa: ANN401 - of the kind of the input
         """Check a value of a request and return it.
 
         Raises
@@ -92,80 +84,51 @@ class CommandInput:
         PneudriveError
             The value is of another kind, unknown, out of bounds, or a file that is not in the workspace.
         """
-        given = self.start if given is None else given
-        kind = {"flag": bool, "recordings": list, "number": int}.get(self.kind, str)
-        if given is None and self.kind == "number":
+        if given is None and self.start is None:
             return None
-        if type(given) is not kind:
-            raise CommandError(f"{self.key} is missing, or of another kind", value=str(given)[:80])
-        return _READERS.get(self.kind, lambda value, *_: value)(given, workspace, self)
-
-    def words(self, value: Any) -> list[str]:  # noqa: ANN401 - of the kind of the input
-        """Return the words of the command for a value."""
-        if self.kind in ("name", "out") or value in (None, "", False):
-            return []
-        if self.kind == "flag":
-            return [self.option]
-        if isinstance(value, list):
-            return list(map(safe, value))
-        return [self.option, str(value)] if self.option else [safe(value)]
-
-    def about(self) -> dict[str, Any]:
-        """Return the field of a form."""
-        choices = list(zip(self.choices, self.titles or self.choices, strict=True))
-        return {**{key: value for key, value in vars(self).items() if key != "titles"}, "choices": choices}
-
-
-_ENDINGS = {"model": DESCRIPTIONS, "map": MAPS, "fit": DESCRIPTIONS, "task": DESCRIPTIONS}
-
-
-def _number(given: int, _: Workspace, of: CommandInput) -> int:
-    if not 1 <= given <= of.most:
-        raise CommandError(f"{of.key} = {given} is out of bounds", rule=f"a whole number, 1 to {of.most}")
-    return given
+        value = self.start if given is None else given
+        if type(value) is not TYPES.get(self.kind, str):
+            raise CommandError(f"{self.key} is missing, or of another kind", value=str(value)[:80])
+        match self.kind:
+            case "name":
+                folder_name(value)
+            case "out":
+                workspace.path(value, DESCRIPTIONS)
+            case "drive":
+                described_at(workspace, value)
+            case "recordings":
+                _check_recordings(value, workspace, self.hint)
+            case "number" if not 1 <= value <= self.most:
+                raise CommandError(f"{self.key} = {value} is out of bounds", rule=f"a whole number, 1 to {self.most}")
+            case "choice" if value not in dict(self.choices):
+                raise CommandError(f"{self.key} = {value[:80]!r} is not known", rule=", ".join(dict(self.choices)))
+            case "keys":
+                value = ", ".join(key.strip() for key in value.split(",") if key.strip())
+                if not value:
+                    raise CommandError("no changeable value is named", remedy=f"Write {self.hint}, for instance.")
+            case kind if kind in FILES:
+                _check_file(value, workspace, self)
+        return value
 
 
-def _choice(given: str, _: Workspace, of: CommandInput) -> str:
-    if given not in of.choices:
-        raise CommandError(f"{of.key} = {given[:80]!r} is not known", rule=", ".join(of.choices))
-    return given
-
-
-def _keys(given: str, _: Workspace, of: CommandInput) -> str:
-    keys = [one.strip() for one in given.split(",") if one.strip()]
-    if not keys:
-        raise CommandError("no changeable value is named", remedy=f"Write {of.hint}, for instance.")
-    return ", ".join(keys)
-
-
-def _out(given: str, workspace: Workspace, _: CommandInput) -> str:
-    workspace.path(given, DESCRIPTIONS)
-    return given
-
-
-def _drive(given: str, workspace: Workspace, _: CommandInput) -> str:
-    described_at(workspace, given)
-    return given
-
-
-def _file(given: str, workspace: Workspace, of: CommandInput) -> str:
+def _check_file(given: str, workspace: Workspace, of: CommandInput) -> None:
+    """Refuse a file that does not exist."""
     if of.kind == "model" and is_in_catalogue(given):
         if given.partition(":")[2] not in entries():
             raise CommandError(f"the catalogue has no drive {given[:80]}")
-    elif not workspace.path(given, _ENDINGS[of.kind]).is_file():
+    elif not workspace.path(given, FILES[of.kind]).is_file():
         raise CommandError(f"there is no {of.label.lower()} {given[:200]}", remedy="Save it, or choose another one.")
-    return given
 
 
-def _recordings(given: list[Any], workspace: Workspace, of: CommandInput) -> list[str]:
-    """Return the names of recordings that have a layout or the columns of such a recording."""
-    if not 0 < len(given) <= MOST_RECORDINGS or not all(isinstance(one, str) for one in given):
+def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None:
+    """Refuse recordings without a layout and without the columns of such a recording."""
+    if not 0 < len(given) <= MOST_RECORDINGS or not all(isinstance(name, str) for name in given):
         raise CommandError("no recording is named", remedy="Choose at least one.")
     for name in given:
         path = workspace.path(name, TABLES)
         if not path.is_file():
             raise CommandError(f"there is no recording {name}")
-        missing = _missing(path, workspace, of)
+        missing = _missing(path, workspace, hint)
         if missing == [LAYOUT]:
             raise CommandError(f"{name} has no layout in the workspace", remedy="Propose a layout and accept it.")
         if missing:
@@ -174,32 +137,19 @@ def _recordings(given: list[Any], workspace: Workspace, of: CommandInput) -> lis
                 rule="a drive is compared with command, position and both pressures",
                 remedy="Choose a recording of this drive, or name these channels in its layout.",
             )
-    return given
 
 
-def _missing(path: Path, workspace: Workspace, of: CommandInput) -> list[str]:
+def _missing(path: Path, workspace: Workspace, hint: str) -> list[str]:
     """Return the channels that a command needs and a recording lacks; only ``layout`` if nothing tells its channels."""
     if path.suffix in SUFFIXES:
         columns = columns_in(path, NEEDED)
-        if is_trajectory(path) if of.hint == "rig" else len(columns) == len(NEEDED):
+        if is_trajectory(path) if hint == "rig" else len(columns) == len(NEEDED):
             return []
     layout = layout_in(workspace, path)
     if layout is None:
         return [LAYOUT]
     known = layout.tree.get("columns", {})
-    return [] if of.hint == "rig" else [role for role in (meaning(name)[0] for name in NEEDED) if role not in known]
-
-
-_READERS: dict[str, Callable[[Any, Workspace, CommandInput], Any]] = {
-    "name": lambda given, *_: folder_name(given),
-    "number": _number,
-    "choice": _choice,
-    "keys": _keys,
-    "out": _out,
-    "drive": _drive,
-    "recordings": _recordings,
-    **dict.fromkeys(_ENDINGS, _file),
-}
+    return [] if hint == "rig" else [role for role in (meaning(name)[0] for name in NEEDED) if role not in known]
 
 
 @dataclass(frozen=True)
@@ -210,204 +160,157 @@ class Signature:
     ----------
     title : str
         Text of the button.
+    out : str
+        Form of the result, from the values of the inputs.
     inputs : tuple of CommandInput
-    out : callable
-        Values -> result of the command.
-    python : callable
-        Values, the result and the workspace -> lines of Python with the same numbers.
-    more : tuple of str
-        Words of the command that no input gives.
     """
 
     title: str
+    out: str
     inputs: tuple[CommandInput, ...]
-    out: Callable[[Values], str]
-    python: Callable[[Values, str, Workspace], str]
-    more: tuple[str, ...] = ()
 
     def job(self, kind: str, given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
         """Return the job of a request."""
-        values: Values = {}
-        for one in self.inputs:
-            is_asked = not one.only or values[one.only[0]] == one.only[1]
-            values[one.key] = one.read(given.get(one.key), workspace) if is_asked else None
-        out = self.out(values)
-        words = [kind, *(word for one in self.inputs for word in one.words(values[one.key])), *self.more, "--out", out]
-        return JobRequest(tuple(words), out, python=f"import pneudrive as pn\n{self.python(values, out, workspace)}")
+        values: dict[str, Any] = {}
+        for each in self.inputs:
+            is_asked = not each.only or values[each.only[0]] == each.only[1]
+            values[each.key] = each.read(given.get(each.key), workspace) if is_asked else None
+        folder, suffix = dirname(values.get("map", "")), ".fmu" if values.get("to") == "fmu" else ""
+        out = self.out.format(**values, folder=folder, suffix=suffix).lstrip("/")
+        if kind == "size" and out.lower().endswith(DESCRIPTIONS):
+            raise CommandError(f"{out} is the name of a task, not of a folder", remedy="Leave out the ending.")
+        names: list[str] = []
+        options: dict[str, Any] = {}
+        for each in (each for each in self.inputs if each.kind not in ("name", "out")):
+            value = values[each.key]
+            if each.option:
+                options |= {each.option: value}
+            else:
+                names += value if isinstance(value, list) else [value]
+        options |= {"rig": RIG} if kind == "design" else {}
+        python = f"import pneudrive as pn\n{_python(kind, values, out, workspace)}\n"
+        return JobRequest(words(kind, *names, **options, out=out), out, python=python)
 
 
-def _below(values: Values) -> str:
-    return f"{RESULTS}/{values['name']}"
+def _python(kind: str, values: Mapping[str, Any], out: str, workspace: Workspace) -> str:
+    """Return lines of Python with the same numbers as a command."""
+    drive, fit, recordings = (values.get(key, "") for key in ("drive", "fit", "recordings"))
+    described = "from pneudrive.describe.files.load import load_described\n"
+    reads_fit = "from pneudrive.identify.files import read_fit\n"
+    if drive and not is_in_catalogue(drive) and kind in ("validate", "identify", "apply"):
+        is_of_fit = is_fit(workspace.path(drive))
+    else:
+        is_of_fit = False
+    loaded = f"{reads_fit}\ndrive = read_fit({drive!r})\n" if is_of_fit else f"\ndrive = pn.Drive.load({drive!r})\n"
+    match kind:
+        case "characterise":
+            return f"\ncurves = pn.characterise({recordings!r})"
+        case "fit":
+            law, form = CANDIDATES[values["law"]], values["pressure"]
+            shape = f"stribeck_exponent={law.exponent}, stribeck_shape={'lorentzian' if law.lorentzian else None!r}"
+            pressure = "" if form == "none" else f", pressure_dependence=True, pressure={form!r}"
+            read = f"from pneudrive.friction.friction_map import read_map\n\ncurves = read_map({values['map']!r})\n"
+            return f"{read}fit = pn.fit_friction(curves, {law.law!r}, {shape}, any_shape=True{pressure})"
+        case "design":
+            return design_python(fit, values["points"])
+        case "validate":
+            return f"{loaded}found = pn.validate(drive, {recordings!r})"
+        case "identify":
+            return f"{loaded}fit = pn.identify(drive, {recordings!r}, {values['free'].split(', ')!r})"
+        case "apply":
+            return f"{'' if is_of_fit else reads_fit}{loaded}after = read_fit({fit!r}).apply(drive)"
+        case "size":
+            counts = {name: values[name] for name in ("least", "most", "draws")}
+            counts["draws_best"] = DRAWS_BEST_OF * values["draws"]
+            return f"\nfound = {call('pn.size', repr(values['task']), **counts)}"
+        case "export":
+            fmi = values["fmi"] if values["to"] == "fmu" else ""
+            options = {"version": fmi, "actuator": values["actuator"], "initial": values["initial"]}
+            done = call(f"pn.export_{values['to']}", "drive", repr(out), **options)
+            return f"{described}\ndrive = load_described({drive!r})\ndone = {done}"
+        case _:
+            build = "from pneudrive.datasheet.sheet import build\n"
+            sheet = f"sheet = build(load_described({drive!r}), [], None, Watch())"
+            return f"{build}{described}from pneudrive.progress import Watch\n\n{sheet}"
 
 
-def _sizing(values: Values) -> str:
-    out = _below(values)
-    if out.lower().endswith(DESCRIPTIONS):
-        raise CommandError(f"{out} is the name of a task, not of a folder", remedy="Leave out the ending.")
-    return out
+def _same(*names: str) -> tuple[tuple[str, str], ...]:
+    return tuple(zip(names, names, strict=True))
 
 
-def _loaded(drive: str, workspace: Workspace) -> str:
-    """Return the lines of Python that read a drive, or the fit of one."""
-    if not is_in_catalogue(drive) and is_fit(workspace.path(drive)):
-        return f"from pneudrive.identify.files import read_fit\n\ndrive = read_fit({drive!r})\n"
-    return f"\ndrive = pn.Drive.load({drive!r})\n"
-
-
-def _fit_python(values: Values, _out: str, _: Workspace) -> str:
-    law, form = CANDIDATES[values["law"]], values["pressure"]
-    options = (
-        f"stribeck_exponent={law.exponent}, stribeck_shape={'lorentzian' if law.lorentzian else None!r}, any_shape=True"
-    )
-    options += "" if form == "none" else f", pressure_dependence=True, pressure={form!r}"
-    read = f"from pneudrive.friction.friction_map import read_map\n\ncurves = read_map({values['map']!r})\n"
-    return f"{read}fit = pn.fit_friction(curves, {law.law!r}, {options})\n"
-
-
-def _design_python(values: Values, out: str, _: Workspace) -> str:
-    return (
-        "from pneudrive.campaign.planning.next_points import limits_of\n"
-        "from pneudrive.identify.static.result import FrictionFit\nfrom pneudrive.rig import load_rig\n\n"
-        f"fit, rig = FrictionFit.from_toml({values['fit']!r}), load_rig({RIG!r})\n"
-        f"plan = pn.next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points={values['points']})\n"
-        "print(plan)\n"
-    )
-
-
-def _validate_python(values: Values, _out: str, workspace: Workspace) -> str:
-    return f"{_loaded(values['drive'], workspace)}found = pn.validate(drive, {values['recordings']!r})\n"
-
-
-def _identify_python(values: Values, _out: str, workspace: Workspace) -> str:
-    free = values["free"].split(", ")
-    return f"{_loaded(values['drive'], workspace)}fit = pn.identify(drive, {values['recordings']!r}, {free!r})\n"
-
-
-def _apply_python(values: Values, _out: str, workspace: Workspace) -> str:
-    read = "" if is_fit(workspace.path(values["drive"])) else "from pneudrive.identify.files import read_fit\n"
-    return f"{read}{_loaded(values['drive'], workspace)}after = read_fit({values['fit']!r}).apply(drive)\n"
-
-
-def _export_python(values: Values, out: str, _: Workspace) -> str:
-    options = [f"version={values['fmi']!r}"] if values["to"] == "fmu" else []
-    options += ["actuator=True"] if values["actuator"] else []
-    options += [f"initial={values['initial']!r}"] if values["initial"] else []
-    call = ", ".join(["drive", repr(out), *options])
-    loaded = (
-        f"from pneudrive.describe.files.load import load_described\n\ndrive = load_described({values['drive']!r})\n"
-    )
-    return f"{loaded}done = pn.export_{values['to']}({call})\n"
-
-
-def _datasheet_python(values: Values, _out: str, _: Workspace) -> str:
-    loaded = (
-        "from pneudrive.datasheet.sheet import build\nfrom pneudrive.describe.files.load import load_described\n"
-        "from pneudrive.progress import Watch\n\n"
-    )
-    return f"{loaded}sheet = build(load_described({values['drive']!r}), [], None, Watch())\n"
-
-
-def _size_python(values: Values, _out: str, _: Workspace) -> str:
-    counts = f"least={values['least']}, most={values['most']}, draws={values['draws']}"
-    counts += f", draws_best={DRAWS_BEST_OF * values['draws']}"
-    return f"\nfound = pn.size({values['task']!r}, {counts})\n"
-
-
+BELOW = f"{RESULTS}/{{name}}"
 NAME = CommandInput("name", "Into results/", "name")
 DRIVE = CommandInput("drive", "Drive or circuit", "drive")
 MODEL = CommandInput("drive", "Drive or fit of a drive", "model")
 RECORDINGS = CommandInput("recordings", "Recordings with command, position and both pressures", "recordings")
 FIT = CommandInput("fit", "Fit", "fit")
 OUT = CommandInput("out", "Into", "out")
+ACTUATOR = "The other tool moves the piston and gets its force (for multibody tools)"
+TOOLS = (("fmu", "FMU"), ("c", "Library with header for C"))
+POINTS = CommandInput("points", "Points, repeats included", "number", "points", None, most=MOST_NEXT, hint="auto")
+LAWS, FORMS = _same(*CANDIDATES), _same("none", *PRESSURE_FORMS)
+TUNED = "Largest number of tuned choices"
 SIGNATURES = {
     "characterise": Signature(
-        "Characterise",
-        (CommandInput("recordings", "Recordings", "recordings", hint="rig"), NAME),
-        _below,
-        lambda values, *_: f"\ncurves = pn.characterise({values['recordings']!r})\n",
+        "Characterise", BELOW, (CommandInput("recordings", "Recordings", "recordings", hint="rig"), NAME)
     ),
     "fit": Signature(
         "Fit again",
+        "{folder}/{name}.toml",
         (
             CommandInput("map", "Friction map", "map"),
-            CommandInput("law", "Law", "choice", "--laws", "stribeck gaussian", tuple(CANDIDATES)),
-            CommandInput("pressure", "Pressure", "choice", "--pressure", "none", ("none", *PRESSURE_FORMS)),
+            CommandInput("law", "Law", "choice", "laws", "stribeck gaussian", LAWS),
+            CommandInput("pressure", "Pressure", "choice", "pressure", "none", FORMS),
             CommandInput("name", "Into", "name", start="fit-2", suffix=".toml"),
         ),
-        lambda values: f"{dirname(values['map'])}/{values['name']}.toml".lstrip("/"),
-        _fit_python,
     ),
     "design": Signature(
         "Write the protocol",
-        (
-            FIT,
-            CommandInput("points", "Points, repeats included", "number", "--points", None, most=MOST_NEXT, hint="auto"),
-            CommandInput("name", "Protocol", "name", start="next-points", suffix=".toml"),
-        ),
-        lambda values: f"{values['name']}.toml",
-        _design_python,
-        ("--rig", RIG),
+        "{name}.toml",
+        (FIT, POINTS, CommandInput("name", "Protocol", "name", start="next-points", suffix=".toml")),
     ),
-    "validate": Signature("Validate", (MODEL, RECORDINGS, NAME), _below, _validate_python),
+    "validate": Signature("Validate", BELOW, (MODEL, RECORDINGS, NAME)),
     "identify": Signature(
         "Identify from these recordings",
-        (MODEL, RECORDINGS, CommandInput("free", "Identify", "keys", "--free", hint="valve.conductance"), OUT),
-        lambda values: values["out"],
-        _identify_python,
+        "{out}",
+        (MODEL, RECORDINGS, CommandInput("free", "Identify", "keys", "free", hint="valve.conductance"), OUT),
     ),
-    "apply": Signature(
-        "Apply to a new drive file",
-        (FIT, MODEL, OUT),
-        lambda values: values["out"],
-        _apply_python,
-    ),
+    "apply": Signature("Apply to a new drive file", "{out}", (FIT, MODEL, OUT)),
     "size": Signature(
         "Size",
+        BELOW,
         (
             CommandInput("task", "Task", "task"),
-            CommandInput("least", "Least number of choices", "number", "--min-candidates", 10, most=MOST_LEAST),
-            CommandInput("most", "Largest number of tuned choices", "number", "--max-candidates", 160, most=MOST_TUNED),
-            CommandInput("draws", "Samples of each", "number", "--samples", 256, most=MOST_DRAWS),
+            CommandInput("least", "Least number of choices", "number", "min_candidates", 10, most=MOST_LEAST),
+            CommandInput("most", TUNED, "number", "max_candidates", 160, most=MOST_TUNED),
+            CommandInput("draws", "Samples of each", "number", "samples", 256, most=MOST_DRAWS),
             NAME,
         ),
-        _sizing,
-        _size_python,
     ),
     "export": Signature(
         "Export",
+        f"{BELOW}{{suffix}}",
         (
             DRIVE,
-            CommandInput("to", "As", "choice", "--to", "fmu", ("fmu", "c"), ("FMU", "Library with header for C")),
-            CommandInput("fmi", "FMI", "choice", "--fmi", "2.0", tuple(VERSIONS), only=("to", "fmu")),
-            CommandInput("initial", "Start state", "text", "--initial", hint="position = 50 mm"),
-            CommandInput(
-                "actuator",
-                "The other tool moves the piston and gets its force (for multibody tools)",
-                "flag",
-                "--actuator",
-                False,
-                only=("to", "fmu"),
-            ),
+            CommandInput("to", "As", "choice", "to", "fmu", TOOLS),
+            CommandInput("fmi", "FMI", "choice", "fmi", "2.0", _same(*VERSIONS), only=("to", "fmu")),
+            CommandInput("initial", "Start state", "text", "initial", hint="position = 50 mm"),
+            CommandInput("actuator", ACTUATOR, "flag", "actuator", start=False, only=("to", "fmu")),
             NAME,
         ),
-        lambda values: f"{_below(values)}{'.fmu' if values['to'] == 'fmu' else ''}",
-        _export_python,
     ),
-    "datasheet": Signature(
-        "Write the data sheet", (DRIVE, NAME), lambda values: f"{_below(values)}/{REPORT}", _datasheet_python
-    ),
+    "datasheet": Signature("Write the data sheet", f"{BELOW}/{REPORT}", (DRIVE, NAME)),
 }
 
 
 def forms(workspace: Workspace) -> dict[str, Any]:
     """Return the form of each command. A field of recordings offers those that have the needed channels."""
-    found: dict[str, Any] = {}
-    for kind, signature in SIGNATURES.items():
-        found[kind] = {"title": signature.title, "fields": [each.about() for each in signature.inputs]}
-    offered = {hint: _offered(workspace, hint) for hint in ("rig", "")}
-    for each in (field for form in found.values() for field in form["fields"] if field["kind"] == "recordings"):
-        each["choices"] = [(path, path) for path in offered[each["hint"]]]
-    return found
+    offered = {hint: _same(*_offered(workspace, hint)) for hint in ("rig", "")}
+
+    def about(field: CommandInput) -> dict[str, Any]:
+        return vars(field) | ({"choices": offered[field.hint]} if field.kind == "recordings" else {})
+
+    return {kind: {"title": of.title, "fields": list(map(about, of.inputs))} for kind, of in SIGNATURES.items()}
 
 
 def _offered(workspace: Workspace, hint: str) -> list[str]:
@@ -416,15 +319,26 @@ def _offered(workspace: Workspace, hint: str) -> list[str]:
     for file in workspace.files():
         if file.kind == "recording" and len(paths) < MOST_RECORDINGS:
             try:
-                missing = _missing(workspace.path(file.path, TABLES), workspace, CommandInput("", "", "", hint=hint))
+                missing = _missing(workspace.path(file.path, TABLES), workspace, hint)
             except PneudriveError:  # a damaged file is not offered
                 continue
             paths += [] if missing else [file.path]
     return paths
 
 
-def job_of(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
-    """Return the job of a request.
+def copied_job(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, str]:
+    """Return a job as lines of a shell and as Python."""
+    job = _job(given, workspace)
+    return {"command": job.command, "python": job.python}
+
+
+def started_job(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Start a job."""
+    return workspace.state(PageJobs).start(_job(given, workspace))
+
+
+def _job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
+    """Return the job of a request. It may name a campaign, or the folder of a search that it continues.
 
     Raises
     ------
@@ -434,30 +348,16 @@ def job_of(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
     kind = given.get("kind", "characterise")
     signature = SIGNATURES.get(kind) if isinstance(kind, str) else None
     if signature is None:
-        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+        raise wrong_request()
     if kind == "characterise" and isinstance(campaign := given.get("campaign"), str):
-        return _of_campaign(campaign, folder_name(given.get("name")), workspace)
-    if kind == "size" and given.get("resume") is not None:
-        return _resumed(given, workspace)
+        out = f"{RESULTS}/{folder_name(given.get('name'))}"
+        existing_folder(workspace, campaign, "campaign")
+        python = f"import pneudrive as pn\n\nfound = pn.campaign_friction({campaign!r})\n"
+        return JobRequest(words(kind, campaign, out=out), out, python=python)
+    if kind == "size" and (folder := given.get("resume")) is not None:
+        if is_held(workspace.folder(folder) / LOCK):
+            raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")
+        existing_folder(workspace, folder)
+        begun = signature.job(kind, {**given, "name": "sizing"}, workspace)
+        return JobRequest([*begun.arguments[:-1], folder], folder, is_new=False, python=begun.python)
     return signature.job(kind, given, workspace)
-
-
-def _of_campaign(campaign: str, name: str, workspace: Workspace) -> JobRequest:
-    """Return the job that finds the friction of a campaign."""
-    if not workspace.folder(campaign).is_dir():
-        raise CommandError(f"there is no campaign {campaign}")
-    out = f"{RESULTS}/{name}"
-    python = f"import pneudrive as pn\n\nfound = pn.campaign_friction({campaign!r})\n"
-    return JobRequest(("characterise", safe(campaign), "--out", out), out, python=python)
-
-
-def _resumed(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
-    """Return the job that continues a search in its folder."""
-    folder = workspace.folder(given["resume"])
-    if is_held(folder / LOCK):
-        raise CommandError(f"a process searches in {given['resume']} already", remedy="Wait until it ends.")
-    if not folder.is_dir():
-        raise CommandError(f"there is no folder {given['resume']}")
-    begun = SIGNATURES["size"].job("size", {**given, "name": "sizing"}, workspace)
-    words = (*begun.arguments[:-1], given["resume"])
-    return JobRequest(words, given["resume"], is_new=False, python=begun.python)

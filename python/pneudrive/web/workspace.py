@@ -1,22 +1,27 @@
-"""The folder of the page: its accessible files, and safe writing of files.
+"""The folder of the page: its accessible files, safe writing of files, and the cache of this user.
 
 The import of this module is fast, because the address is printed only after it. Modules for campaigns and descriptions
-are imported in
-functions.
+are imported in functions.
 """
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
 import posixpath
 import re
 import secrets
+import shutil
+import sys
+import tempfile
+import threading
+import time
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneudrive.errors import CommandError
 from pneudrive.files.content import exists, read_text
@@ -24,7 +29,9 @@ from pneudrive.files.writing import alone_in
 from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+
+State = TypeVar("State")
 
 DESCRIPTIONS = (".toml",)
 TABLES = (".csv", ".parquet", ".nc", ".h5", ".hdf5", ".tdms", ".mf4", ".mat", ".txt", ".xz", ".gz", ".bz2")
@@ -35,6 +42,7 @@ BUILT = Path(__file__).parent / "built"  # the page
 LONGEST = 1024  # longest name, characters
 MOST_FILES = 20_000
 HEAD = 1 << 16  # bytes of a TOML file that are read to find its kind
+LONGEST_UNUSED_S = 30 * 86400.0  # a recording that was not opened for so long is removed from the cache, s
 #: Kinds of TOML files by the beginning of a line; a task by its stroke, before any table. No pattern runs over lines:
 #: many empty lines would take quadratic time.
 _TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke[ \t]*=")
@@ -79,6 +87,8 @@ class Workspace:
 
     root: Path
     _saves: dict[Path, tuple[str, ...]] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _states: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False, compare=False)
 
     @classmethod
     def at(cls, folder: Path) -> Workspace:
@@ -92,6 +102,13 @@ class Workspace:
         if not folder.is_dir():
             raise CommandError(f"{folder} is not a folder", remedy="Name the folder that contains your drives.")
         return cls(folder.resolve())
+
+    def state(self, kind: Callable[[Workspace], State]) -> State:
+        """Return the only object of a class for this workspace, such as its jobs. The first call makes it."""
+        with self._lock:
+            if kind not in self._states:
+                self._states[kind] = kind(self)
+        return self._states[kind]  # type: ignore[no-any-return]
 
     def path(self, name: str, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
         """Return the path of a file from its name, which must be relative, of a known kind, and inside the folder.
@@ -117,7 +134,7 @@ class Workspace:
         if not isinstance(name, str):
             raise _refused(name)
         parts = name.split("/")
-        if not 0 < len(name) <= LONGEST or any(part in ("", ".", "..") or part.startswith(".") for part in parts):
+        if not 0 < len(name) <= LONGEST or any(not part or part.startswith(".") for part in parts):
             raise _refused(name)
         if any(ord(sign) < 32 or sign in "\\\x7f" or 0xD800 <= ord(sign) < 0xE000 for sign in name):
             raise _refused(name)
@@ -297,12 +314,9 @@ def _refused(name: object) -> CommandError:
 def _texts(value: object) -> Iterator[str]:
     if isinstance(value, str):
         yield value
-    elif isinstance(value, dict):
-        for one in value.values():
-            yield from _texts(one)
-    elif isinstance(value, list):
-        for one in value:
-            yield from _texts(one)
+    elif isinstance(value, dict | list):
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from _texts(inner)
 
 
 @cache
@@ -335,3 +349,47 @@ def _kind(path: str, _changed_ns: int, _size: int) -> str:
     if _TASK.match(head):
         return "task"
     return next((kind for kind, mark in _KINDS if mark.search(head)), "other")
+
+
+def cache_folder() -> Path:
+    """Return the folder of converted recordings, which only this user can open. The first call makes it.
+
+    Without a writable home folder, `log_folder` is returned.
+    """
+    folder = _user_cache() / "pneudrive" / "page"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not folder.is_symlink() and _is_ours(folder) and os.access(folder, os.W_OK):
+            folder.chmod(0o700)
+            return folder.resolve()
+    except OSError:
+        pass
+    return log_folder()
+
+
+def forget_unused(folder: Path, now_s: float | None = None) -> None:
+    """Remove files that were not opened during `LONGEST_UNUSED_S`."""
+    oldest = (time.time() if now_s is None else now_s) - LONGEST_UNUSED_S
+    for entry in os.scandir(folder):
+        if entry.is_dir(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_mtime < oldest:
+            shutil.rmtree(entry.path, ignore_errors=True)
+
+
+@cache
+def log_folder() -> Path:
+    """Return a new folder for logs of jobs that only this user can open. It is removed when Python ends."""
+    folder = tempfile.mkdtemp(prefix="pneudrive-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder).resolve()
+
+
+def _is_ours(folder: Path) -> bool:
+    return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
+
+
+def _user_cache() -> Path:
+    """Return the cache folder of this user, whose files can be made again."""
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    named = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME", "")
+    return Path(named) if Path(named).is_absolute() else Path.home() / ".cache"

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field, StrictStr, field_validator
 
 from pneudrive.describe.tables.geometry import chamber_sizes
 from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.platforms import platforms
+from pneudrive.platforms.outputs import motion_of, platform_outputs, pose_columns
 from pneudrive.progress import Watch
+from pneudrive.report.platform.scene import INKS, LOOKS, platform_scene
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
-from pneudrive.units import parse
-from pneudrive.web.drive.platforms import platform_motion
-from pneudrive.web.drive.run_request import RunRequest, described_at
+from pneudrive.units import parse, readable
+from pneudrive.web.drive.run_request import RunLimit, RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.requests import WRONG_REQUEST, PageRequest
-from pneudrive.web.workspace import DESCRIPTIONS, NewNames, is_in_catalogue, safe
+from pneudrive.web.requests import PageRequest, shell, wrong_request
+from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.ensemble.study import EnsembleStudy
     from pneudrive.simulation.simulate import Run
-    from pneudrive.web.drive.run_request import RunLimit
-    from pneudrive.web.workspace import Workspace
 
     Array = NDArray[Any]
 
@@ -103,7 +102,8 @@ class ExtrasRequest(PageRequest):
         if self.motion:
             head["cylinders"] = list(_cylinders(described, run.columns))
             rows = np.linspace(0, len(run.columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
-            arrays |= _moving(run.columns, rows)
+            moving = [column for column in run.columns if column == "time_s" or _ANIMATED.search(column)]
+            arrays |= {f"motion/{name}": np.asarray(run.columns[name], dtype=np.float64)[rows] for name in moving}
             head["platforms"], own = platform_motion(described, run.columns, rows)
             arrays |= own
         if self.loops:
@@ -112,7 +112,11 @@ class ExtrasRequest(PageRequest):
             arrays |= {f"loop/{name}/{axis}": values for name, pair in found.items() for axis, values in pair.items()}
         if self.energy:
             limit.allow(MOST_SECONDS)
-            head["energy"] = _energy(described, asked.command_of(described, workspace), asked, limit)
+            from pneudrive.datasheet.characteristics.air import energy_balance
+
+            command, initial = asked.command_of(described, workspace), asked.initial or None
+            balance = energy_balance(described, command, asked.duration, initial=initial, cancel=limit)
+            head["energy"] = {**vars(balance), "air_litres_anr": balance.air_litres_anr}
         if self.spreads:
             limit.allow(MOST_SECONDS)
             band, of = self._band(workspace, described, asked, shown, limit)
@@ -126,14 +130,13 @@ class ExtrasRequest(PageRequest):
         from pneudrive.ensemble.many import Gathered, results, study_of
         from pneudrive.ensemble.rows import TableRows
 
-        names = [meaning(column)[0] for column in shown]
         study = study_of(
             described,
             asked.command_of(described, workspace),
             asked.duration,
             vary=self._vary(),
             n=MEMBERS,
-            outputs=[self._output(asked, name) for name in names],
+            outputs=self._outputs(asked, shown),
             initial=asked.initial or None,
             rtol=BAND_RTOL,
             refuse=False,
@@ -163,25 +166,30 @@ class ExtrasRequest(PageRequest):
         return {key.removeprefix("components."): f"uniform({low}, {high})" for key, (low, high) in self.spreads.items()}
 
     @staticmethod
-    def _output(asked: RunRequest, name: str) -> str:
-        return f"samples({name}, {BAND_SAMPLES / parse(asked.duration, 's')!r} Hz)"
+    def _outputs(asked: RunRequest, columns: Sequence[str]) -> list[str]:
+        rate = BAND_SAMPLES / parse(asked.duration, "s")
+        return [f"samples({meaning(column)[0]}, {rate!r} Hz)" for column in columns]
 
     def as_command(self, asked: RunRequest, shown: Sequence[str], out: str, names: NewNames) -> str:
         """Return the shell lines that make the comparisons with the run written to `out`."""
         others = [asked.with_path(path) for path in self.others if _is_described(path)]
-        lines = [one.as_command(names.of(one.stem())) for one in others]
+        lines = [other.as_command(names.of(other.stem())) for other in others]
         lines += [f"{asked.as_command(out)} --energy"] if self.energy else []
         if self.spreads:
-            words = ["pneudrive", "sweep", safe(asked.path), "--duration", asked.duration, *asked.command_words()]
-            words += ["--initial", asked.initial] if asked.initial else []
-            for key, value in asked.changes.items():
-                words += ["--set", f"{key} = {value}"]
-            for key, text in self._vary().items():
-                words += ["--vary", f"{key} = {text}"]
-            for column in shown:
-                words += ["--output", self._output(asked, meaning(column)[0])]
-            words += ["--members", str(MEMBERS), "--rtol", str(BAND_RTOL)]
-            lines.append(shlex.join([*words, "--out", names.of(f"{asked.stem()}-band")]))
+            sweep = shell(
+                "sweep",
+                asked.path,
+                duration=asked.duration,
+                command=asked.lines,
+                initial=asked.initial,
+                set=[f"{key} = {value}" for key, value in asked.changes.items()],
+                vary=[f"{key} = {text}" for key, text in self._vary().items()],
+                output=self._outputs(asked, shown),
+                members=MEMBERS,
+                rtol=BAND_RTOL,
+                out=names.of(f"{asked.stem()}-band"),
+            )
+            lines.append(sweep)
         return "\n".join(lines)
 
     def as_python(self, workspace: Workspace, asked: RunRequest, shown: Sequence[str]) -> str:
@@ -189,21 +197,16 @@ class ExtrasRequest(PageRequest):
         lines = []
         for number, path in enumerate(self.others, start=1):
             if _is_described(path):
-                one = asked.with_path(path)
-                own = one.as_python(described_at(workspace, path)).splitlines()[2:]
-                lines += [line.replace("drive", f"drive_{number}", 1) for line in own[:-1]]
-                lines.append(own[-1].replace("run =", f"run_{number} =").replace("(drive,", f"(drive_{number},"))
+                lines.append(asked.with_path(path).as_python(described_at(workspace, path), f"_{number}"))
+            elif path.endswith(".nc"):
+                lines += ["import xarray as xr", f"run_{number} = xr.load_dataset({path!r})"]
             else:
-                lines += _reading(f"run_{number}", path)
+                lines += ["import polars as pl", f"run_{number} = pl.read_{path.rpartition('.')[2]}({path!r})"]
         if self.energy:
-            command, initial = asked.python_options()
-            lines.append(f"energy = pn.energy_balance(drive, {command!r}, {asked.duration!r}{initial})")
+            lines.append(f"energy = {asked.call('pn.energy_balance')}")
         if self.spreads:
-            outputs = [self._output(asked, meaning(column)[0]) for column in shown]
-            command = asked.command if not isinstance(asked.command, list) or asked.command else None
-            options = f"vary={self._vary()!r}, n={MEMBERS}, outputs={outputs!r}, rtol={BAND_RTOL!r}"
-            options += f", initial={asked.initial!r}" if asked.initial else ""
-            lines.append(f"many = pn.simulate_many(drive, {command!r}, {asked.duration!r}, {options})")
+            options = {"vary": self._vary(), "n": MEMBERS, "outputs": self._outputs(asked, shown), "rtol": BAND_RTOL}
+            lines.append(f"many = {asked.call('pn.simulate_many', **options)}")
             each = f'name: many[name].quantile({list(BAND)!r}, "member")'
             lines.append(f"band = {{{each} for name in many.data_vars if many[name].dims == ('member', 'time')}}")
         return "\n".join([*lines, ""]) if lines else ""
@@ -211,18 +214,16 @@ class ExtrasRequest(PageRequest):
 
 def copied(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, str]:
     """Return a run and its comparisons as lines of a shell and as Python."""
-    asked, beside = RunRequest.of(given), ExtrasRequest.of(given)
+    asked, extras = RunRequest.of(given), ExtrasRequest.of(given)
     asked.check_saved(workspace)
     columns = given.get("columns", [])
     columns = [name for name in columns if isinstance(name, str)] if isinstance(columns, list) else []
-    python = asked.as_python(described_at(workspace, asked.path, asked.text)) + beside.as_python(
-        workspace, asked, columns
-    )
+    run = asked.as_python(described_at(workspace, asked.path, asked.text))
     names = NewNames(workspace)
     out = names.of(asked.stem())
     return {
-        "command": f"{asked.as_command(out)}\n{beside.as_command(asked, columns, out, names)}".strip(),
-        "python": python,
+        "command": f"{asked.as_command(out)}\n{extras.as_command(asked, columns, out, names)}".strip(),
+        "python": f"import pneudrive as pn\n\n{run}\n{extras.as_python(workspace, asked, columns)}",
     }
 
 
@@ -242,13 +243,6 @@ def _valid(study: EnsembleStudy, limit: RunLimit) -> tuple[Array, str]:
     return rows, ""
 
 
-def _reading(name: str, path: str) -> list[str]:
-    """Return the lines of Python that read a trajectory file."""
-    if path.endswith(".nc"):
-        return ["import xarray as xr", f"{name} = xr.load_dataset({path!r})"]
-    return ["import polars as pl", f"{name} = pl.read_{path.rpartition('.')[2]}({path!r})"]
-
-
 def _quantile(ordered: Array, share: float) -> Array:
     """Return a quantile of each sorted row, with the same bits as `numpy.quantile` in a fifth of its time."""
     part, place = math.modf(share * (ordered.shape[1] - 1))
@@ -260,12 +254,10 @@ def _quantile(ordered: Array, share: float) -> Array:
 def _ends(key: object, given: object) -> tuple[str, str]:
     """Read the ends of a spread: two numbers and their unit."""
     if not isinstance(key, str) or not _KEY.fullmatch(key) or not isinstance(given, list) or len(given) != 3:
-        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+        raise wrong_request()
     low, high, unit = given
-    numbers = all(
-        isinstance(one, int | float) and not isinstance(one, bool) and math.isfinite(one) for one in (low, high)
-    )
-    if not numbers or not isinstance(unit, str) or not _UNIT.fullmatch(unit):
+    are_finite = all(type(end) in (int, float) and math.isfinite(end) for end in (low, high))
+    if not are_finite or not isinstance(unit, str) or not _UNIT.fullmatch(unit):
         raise CommandError(f"the spread of {key} must be two numbers", remedy="Give two numbers.")
     if not low < high:
         raise CommandError(f"the spread of {key} is empty", value=f"{low:g} to {high:g}", rule="low < high")
@@ -317,12 +309,6 @@ def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[s
     return {what: {name: one for name, one in of.items() if math.isfinite(one)} for what, of in told.items()}
 
 
-def _moving(columns: Mapping[str, Array], rows: NDArray[np.int64]) -> dict[str, Array]:
-    """Return pressures, flows and valve positions at some samples, for an animation of the drawing."""
-    names = [column for column in columns if column == "time_s" or _ANIMATED.search(column)]
-    return {f"motion/{name}": np.asarray(columns[name], dtype=np.float64)[rows] for name in names}
-
-
 def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iterator[dict[str, Any]]:
     """Yield name, stroke and columns of each double-acting cylinder."""
     for name, sizes in chamber_sizes(described.circuit.core_json()).items():
@@ -331,14 +317,6 @@ def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iter
             if all(one in columns for one in (position, *pressures)):
                 yield {"name": name, "stroke_m": sizes.stroke_m, "position": position, "pressures": pressures}
                 break
-
-
-def _energy(described: Drive | Circuit, command: Any, asked: RunRequest, limit: RunLimit) -> dict[str, Any]:  # noqa: ANN401 - any form of a command
-    """Return the balance of energy of the run as plain data."""
-    from pneudrive.datasheet.characteristics.air import energy_balance
-
-    found = energy_balance(described, command, asked.duration, initial=asked.initial or None, cancel=limit)
-    return {**vars(found), "air_litres_anr": found.air_litres_anr}
 
 
 def _loops(described: Drive | Circuit, columns: Mapping[str, Array], pixels: int) -> dict[str, dict[str, Array]]:
@@ -352,3 +330,67 @@ def _loops(described: Drive | Circuit, columns: Mapping[str, Array], pixels: int
         for end, volume, pressure in zip("ab", volumes, one["pressures"], strict=True):
             out[f"{one['name']}.{end}"] = {"volume_m3": volume, "pressure_pa": np.asarray(columns[pressure])[part]}
     return out
+
+
+class SentLine(NamedTuple):
+    """A line of a drawing: its look, and its points in px, or their number if they move."""
+
+    width: float
+    opacity: float
+    dash: list[float]
+    fill: float
+    points: list[tuple[float, float]]
+    moving: int
+
+
+class SentOutput(NamedTuple):
+    """An output of a platform: its column, its name in words, and the unit with its size in SI."""
+
+    column: str
+    label: str
+    unit: str
+    size: float
+
+
+class SentPlatform(NamedTuple):
+    """A platform of a run. The array ``platform/NAME`` has the moving points of each sample, the origin last."""
+
+    name: str
+    width: float
+    height: float
+    lines: list[SentLine]
+    labels: list[tuple[str, float, float]]
+    path: tuple[str, str]
+    outputs: list[SentOutput]
+
+
+def platform_motion(
+    described: Circuit | Drive, columns: Mapping[str, Array], rows: NDArray[np.int64]
+) -> tuple[list[dict[str, Any]], dict[str, Array]]:
+    """Return the platforms of a run as plain data, and arrays of their points and outputs at some of its samples."""
+    sent, arrays = [], {}
+    for own in platforms(described):
+        pose = pose_columns(own)
+        some = {name: np.asarray(columns[name], dtype=np.float64)[rows] for of in pose for name in of}
+        outputs = {name: some[name] for name in pose[0]} | platform_outputs(own, some)
+        scene = platform_scene(own, motion_of(own, some)[0])
+        lines = []
+        for what, points in scene.lines:
+            look, rests = LOOKS[what], len(points) == 1 < len(rows)
+            at_rest = [(float(x), float(y)) for x, y in points[0]] if rests else []
+            lines.append(SentLine(*look[:2], list(look.dash), look.fill, at_rest, 0 if rests else points.shape[1]))
+        moving = [points for _, points in scene.lines if len(points) == len(rows)]
+        arrays[f"platform/{own.name}"] = np.concatenate([*moving, scene.path[:, None]], axis=1).astype("f4").ravel()
+        arrays |= {f"motion/{name}": values for name, values in outputs.items()}
+        labels = [(text, float(x), float(y)) for text, (x, y) in scene.labels]
+        about = list(map(_output, outputs))
+        one = SentPlatform(own.name, *scene.size, lines, labels, (INKS["light"][1], INKS["dark"][1]), about)
+        plain = {"lines": [line._asdict() for line in lines], "outputs": [output._asdict() for output in about]}
+        sent.append(one._asdict() | plain)
+    return sent, arrays
+
+
+def _output(column: str) -> SentOutput:
+    name, si_unit, _ = meaning(column)
+    size, unit = readable(si_unit)
+    return SentOutput(column, name.partition(".")[2].replace("_", " "), unit, size)

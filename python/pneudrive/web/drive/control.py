@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import posixpath
 import shlex
 import time
@@ -13,10 +12,10 @@ import numpy as np
 from pydantic import AfterValidator, Field, StrictInt, StrictStr
 
 from pneudrive.control.controller import Controller
-from pneudrive.control.loop import prepare, run_prepared
+from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import RECORDS, reference
-from pneudrive.control.results.card import read_comparison
+from pneudrive.control.results.card import StoredComparison, read_comparison
 from pneudrive.control.results.comparison import standard
 from pneudrive.control.results.measures import SHOWN, Score, written
 from pneudrive.control.setup import ready_setups
@@ -24,23 +23,19 @@ from pneudrive.control.tuning import laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.progress import Watch
-from pneudrive.web.drive.run_request import MOST_SAMPLES, RunLimit, described_at
-from pneudrive.web.jobs import RESULTS, JobRequest, folder_name
+from pneudrive.web.drive.run_request import RunLimit, check_samples, described_at
+from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import pack
-from pneudrive.web.requests import MOST_PIXELS, PageRequest, Pixels, Value
-from pneudrive.web.workspace import DESCRIPTIONS, NewNames, is_in_catalogue, safe
+from pneudrive.web.messages import number, pack
+from pneudrive.web.requests import MOST_PIXELS, PageRequest, Pixels, Value, call, words
+from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue, safe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
-    from pneudrive.control.loop import Prepared
-    from pneudrive.control.results.card import StoredComparison
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.simulation.simulate import Run
-    from pneudrive.web.workspace import Workspace
 
 MOST_SECONDS = 10.0  # longest computing time of a run under control
 MOST_MEMBERS = 10_000
@@ -55,7 +50,7 @@ _PANELS = (
     ("Command", "", 1.0, (("command", "command"),)),
     ("Disturbance estimated by the controller", "N", 1.0, (("disturbance_n", "disturbance"),)),
 )
-_REFERENCE_FILES = (*DESCRIPTIONS, *RECORDS)
+_TRACK = ("time_s", "position_m", "reference_m")
 
 
 class ControlRequest(PageRequest):
@@ -97,34 +92,20 @@ class ControlRequest(PageRequest):
             A name leads out of the workspace, a file is not valid, or the drive cannot follow the reference.
         """
         drive = described_at(workspace, self.path)
-        law, controller = self.law, None
-        if _is_file(self.law):
-            law, controller = None, _controller(workspace, self.law)
-        elif law not in laws():
-            raise CommandError(f'there is no law "{law[:80]}"', rule=", ".join(laws()))
-        elif self.gains:
-            law, controller = None, Controller(law=law, gains=dict(self.gains))
-        if self.gains and _is_file(self.law):
+        controller: Controller | str | None = _checked_law(workspace, self.law) or None
+        if controller and self.gains:
             raise CommandError(f"{self.law} has gains of its own", remedy="Change them in the file.")
+        if self.gains:
+            controller = Controller(law=self.law, gains=dict(self.gains))
         return prepare(
             drive,
-            law,
+            None if controller else self.law,
             _reference(workspace, self.reference),
-            setup=_ready(workspace, self.setup, ready_setups(), "setup"),
+            setup=_ready(workspace, self.setup, "setup"),
             duration=self.duration or None,
             controller=controller,
-            mismatch=self.place_of_mismatch(workspace) if self.mismatch else None,
+            mismatch=_ready(workspace, self.mismatch, "mismatch") if self.mismatch else None,
         )
-
-    def place_of_mismatch(self, workspace: Workspace) -> str:
-        """Return the name of a mismatch of the package, or the path of its file.
-
-        Raises
-        ------
-        CommandError
-            It is neither a ready mismatch nor a file of the workspace.
-        """
-        return _ready(workspace, self.mismatch, ready_mismatches(), "mismatch")
 
     def run(self, workspace: Workspace, limit: RunLimit | None = None) -> tuple[Prepared, Run]:
         """Run it.
@@ -137,29 +118,25 @@ class ControlRequest(PageRequest):
             The time is over, or the page no longer waits.
         """
         prepared = self.prepared(workspace)
-        samples = prepared.duration_s / prepared.tuning.period_s
-        if samples > MOST_SAMPLES:
-            raise CommandError(
-                f"{samples:.3g} samples are too many for the page",
-                rule=f"at most {MOST_SAMPLES:.0e}",
-                remedy="Copy the command and run it in a terminal.",
-            )
+        check_samples(prepared.duration_s / prepared.tuning.period_s)
         limit = limit or RunLimit()
         limit.allow(MOST_SECONDS)
         return prepared, run_prepared(prepared, self.seed, Watch(cancel=limit))
 
     def as_command(self, names: NewNames) -> str:
         """Return the shell lines that make the same run in the folder of the workspace."""
-        lines, law = [], self.law
+        text, law = "", self.law
         stem = posixpath.splitext(self.path.rpartition(":")[2].rpartition("/")[2])[0] or "axis"
         if self.gains:
             law = names.of(f"{stem}-{self.law}", ".toml")
-            lines.append(f"printf %s {shlex.quote(_controller_text(self.law, self.gains))} > {shlex.quote(law)}")
-        words = ["pneudrive", "control", "run", safe(self.path), f"--reference={self.reference}"]
-        words += ["--controller", safe(law), "--setup", self.setup, "--seed", str(self.seed)]
-        words += ["--mismatch", self.mismatch] if self.mismatch else []
-        words += ["--duration", self.duration] if self.duration else []
-        return "\n".join([*lines, shlex.join([*words, "--out", names.of(f"{stem}-control")])])
+            gains = [f"{key} = {toml.value_text(value)}" for key, value in self.gains.items()]
+            lines = ["schema = 1", f"law = {toml.value_text(self.law)}", "", "[gains]", *gains, ""]
+            text = shlex.join(["printf", "%s", "\n".join(lines)]) + f" > {shlex.quote(law)}\n"
+        options = {"setup": self.setup, "seed": self.seed, "mismatch": self.mismatch, "duration": self.duration}
+        out = names.of(f"{stem}-control")
+        line = words("control run", self.path, controller=safe(law), **options, out=out)
+        line.insert(3, f"--reference={self.reference}")
+        return text + shlex.join(["pneudrive", *line])
 
     def as_python(self, described: Drive | Circuit) -> str:
         """Return the lines of Python that make the same run in the folder of the workspace."""
@@ -168,45 +145,45 @@ class ControlRequest(PageRequest):
         if self.gains:
             lines.append(f"controller = pn.control.Controller(law={self.law!r}, gains={dict(self.gains)!r})")
             law = "controller=controller"
-        words = [law, f"reference={self.reference!r}", f"setup={self.setup!r}", f"seed={self.seed}"]
-        words += [f"{name}={getattr(self, name)!r}" for name in ("mismatch", "duration") if getattr(self, name)]
-        return "\n".join([*lines, f"run = pn.control.run(drive, {', '.join(words)})", ""])
-
-
-def _controller_text(law: str, gains: Mapping[str, str | float]) -> str:
-    lines = [f"{key} = {toml.value_text(value)}" for key, value in gains.items()]
-    return "\n".join(["schema = 1", f"law = {toml.value_text(law)}", "", "[gains]", *lines, ""])
+        known = [f"reference={self.reference!r}", f"setup={self.setup!r}", f"seed={self.seed}"]
+        run = call("pn.control.run", "drive", law, *known, mismatch=self.mismatch, duration=self.duration)
+        return "\n".join([*lines, f"run = {run}", ""])
 
 
 def _is_file(law: str) -> bool:
     return law.lower().endswith(DESCRIPTIONS)
 
 
-def _controller(workspace: Workspace, name: str) -> str:
-    """Return the place of a controller file.
+def _checked_law(workspace: Workspace, law: str) -> str:
+    """Check a controller and return the path of its file, or "" for a key of `laws`.
 
     The drive that a controller file assumes must also be in the workspace or the catalogue.
     """
-    tables = toml.parse(workspace.read(name)[0], name)
-    drive = tables.get("drive")
-    if isinstance(drive, str):
-        beside = posixpath.normpath(posixpath.join(posixpath.dirname(name), drive))
-        described_at(workspace, drive if is_in_catalogue(drive) else beside)
-    return str(workspace.path(name, DESCRIPTIONS))
+    if _is_file(law):
+        drive = toml.parse(workspace.read(law)[0], law).get("drive")
+        if isinstance(drive, str):
+            beside = posixpath.normpath(posixpath.join(posixpath.dirname(law), drive))
+            described_at(workspace, drive if is_in_catalogue(drive) else beside)
+        return str(workspace.path(law, DESCRIPTIONS))
+    if law not in laws():
+        raise CommandError(f'there is no law "{law[:80]}"', rule=", ".join(laws()))
+    return ""
 
 
-def _ready(workspace: Workspace, name: str, ready: Mapping[str, Path], what: str) -> str:
-    """Return the name of a table of the package, or the path of a file in the workspace."""
+def _ready(workspace: Workspace, name: str, kind: str) -> str:
+    """Return the name of a setup or mismatch of the package, or the path of a file in the workspace."""
+    ready = ready_setups() if kind == "setup" else ready_mismatches()
     if name in ready:
         return name
     if not _is_file(name):
-        raise CommandError(f'there is no {what} "{name[:80]}"', rule=f"a TOML file, or {', '.join(ready)}")
+        raise CommandError(f'there is no {kind} "{name[:80]}"', rule=f"a TOML file, or {', '.join(ready)}")
     return str(workspace.path(name, DESCRIPTIONS))
 
 
 def _reference(workspace: Workspace, text: str) -> str:
     """Return a reference unchanged, or the path of its file in the workspace."""
-    return str(workspace.path(text, _REFERENCE_FILES)) if text.endswith(_REFERENCE_FILES) else text
+    files = (*DESCRIPTIONS, *RECORDS)
+    return str(workspace.path(text, files)) if text.endswith(files) else text
 
 
 def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | None = None) -> bytes:
@@ -221,43 +198,46 @@ def answer(workspace: Workspace, asked: Mapping[str, Any], limit: RunLimit | Non
     began = time.monotonic()
     prepared, run = request.run(workspace, limit)
     took = time.monotonic() - began
-    shown = {name: run.columns[name] for panel in _PANELS for name, _ in panel[3] if name in run.columns}
-    shown["error_m"] = run.columns["reference_m"] - run.columns["position_m"]
-    columns = {"time_s": run.columns["time_s"], **shown}
+    columns = {name: run.columns[name] for name in run.columns if name in {c for p in _PANELS for c, _ in p[3]}}
+    columns = {"time_s": run.columns["time_s"], **columns}
+    columns["error_m"] = run.columns["reference_m"] - run.columns["position_m"]
     error = _error_unit([columns["error_m"]])
     panels = [
-        {
-            "title": title,
-            "unit": unit if size else error["unit"],
-            "size": size or error["size"],
-            "curves": [{"column": name, "label": label} for name, label in curves],
-        }
+        {"title": title, "curves": [{"column": name, "label": label} for name, label in curves]}
+        | ({"unit": unit, "size": size} if size else error)
         for title, unit, size, curves in _PANELS
     ]
-    described = described_at(workspace, request.path)
-    head = {"number": asked.get("number"), "panels": panels, "samples": len(columns["time_s"]), "took_s": took}
-    head |= {"command": request.as_command(NewNames(workspace)), "python": request.as_python(described)}
-    deviation = read_mismatch(request.place_of_mismatch(workspace))[0].about if request.mismatch else ""
-    head |= {"mismatch": [prepared.mismatch, deviation], "warnings": prepared.warnings}
+    deviation = read_mismatch(_ready(workspace, request.mismatch, "mismatch"))[0].about if request.mismatch else ""
+    head = {
+        "number": asked.get("number"),
+        "panels": panels,
+        "samples": len(columns["time_s"]),
+        "took_s": took,
+        "command": request.as_command(NewNames(workspace)),
+        "python": request.as_python(described_at(workspace, request.path)),
+        "mismatch": [prepared.mismatch, deviation],
+        "warnings": prepared.warnings,
+    }
     return pack({**head, **_about(prepared, run)}, drawn_columns(columns, request.pixels))
 
 
 def _error_unit(errors_m: list[Any]) -> dict[str, Any]:
-    largest = max((float(np.abs(one).max()) for one in errors_m if len(one)), default=0.0)
+    largest = max((float(np.abs(error).max()) for error in errors_m if len(error)), default=0.0)
     return {"unit": "um", "size": 1e-6} if largest < SMALL_M else {"unit": "mm", "size": 1e-3}
 
 
 def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
     """Return the assumed drive, the true drive and the results of a run."""
-    tuning, said = prepared.tuning, run.provenance
-    score = Score(**said["score"])
+    tuning, about = prepared.tuning, run.provenance
+    score = Score(**about["score"])
     gains = []
     for gain in tuning.gains:
-        number, _, unit = str(gain.quantity).partition(" ")
+        size, _, unit = str(gain.quantity).partition(" ")
         low, high = sorted((gain.value / SLIDER, gain.value * SLIDER)) if gain.value else (0.0, 1.0)
-        scale = float(number) / gain.value if gain.value else 1.0
-        text = {"key": gain.key, "number": float(number), "unit": unit, "low": scale * low, "high": scale * high}
-        gains.append(text | {"meaning": gain.meaning, "rule": "given" if gain.given else gain.rule})
+        scale = float(size) / gain.value if gain.value else 1.0
+        slider = {"key": gain.key, "number": float(size), "unit": unit, "low": scale * low, "high": scale * high}
+        gains.append(slider | {"meaning": gain.meaning, "rule": "given" if gain.given else gain.rule})
+    measures = ((name, title, getattr(score, name)) for name, (title, *_) in SHOWN.items())
     return {
         "law": tuning.law,
         "drive": prepared.circuit.name,
@@ -267,27 +247,17 @@ def _about(prepared: Prepared, run: Run) -> dict[str, Any]:
         "plant": tuning.plant.rows(),
         "limits": tuning.limits,
         "setup": [prepared.setup_name, prepared.setup.about],
-        "true": [{"name": name, "value": f"{value:.4g}"} for name, value in said["deviations"].items()],
-        "score": _score(score),
-        "events": said["events"][:20],
-        "assumed": len(said["assumed"]),
+        "true": [{"name": name, "value": f"{value:.4g}"} for name, value in about["deviations"].items()],
+        "score": [
+            {"name": name, "title": title, "text": written(name, value), "value": number(value)}
+            for name, title, value in measures
+            if value is not None
+        ],
+        "events": about["events"][:20],
+        "assumed": len(about["assumed"]),
         "synthetic": True,
         "lost": score.lost,
     }
-
-
-def _score(score: Score) -> list[dict[str, Any]]:
-    """Return the measures of a run, as text and as number. A number that JSON does not support becomes None."""
-    each = ((name, title, getattr(score, name)) for name, (title, *_) in SHOWN.items())
-    return [
-        {"name": name, "title": title, "text": written(name, value), "value": _number(value)}
-        for name, title, value in each
-        if value is not None
-    ]
-
-
-def _number(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
 
 
 def choices(workspace: Workspace, path: str) -> dict[str, Any]:
@@ -317,8 +287,8 @@ def _is_text(text: str) -> bool:
     return True
 
 
-def comparison_job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest:
-    """Return the job that runs a benchmark into a new folder, or continues the benchmark of a folder.
+def started_comparison(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Run a benchmark into a new folder, or continue the benchmark of a folder.
 
     Raises
     ------
@@ -330,55 +300,56 @@ def comparison_job(given: Mapping[str, Any], workspace: Workspace) -> JobRequest
         asked = read_comparison(workspace.folder(folder)).about.get("asked")
         if not asked:
             raise CommandError(f"{folder} does not say how it was begun", remedy="Run its command again.")
-        return _job(asked, workspace, folder, is_new=False)
-    return _job(given, workspace, f"{RESULTS}/{folder_name(given.get('name'))}", is_new=True)
+        job = _job(asked, workspace, folder, is_new=False)
+    else:
+        job = _job(given, workspace, f"{RESULTS}/{folder_name(given.get('name'))}", is_new=True)
+    return workspace.state(PageJobs).start(job)
 
 
 def _job(given: Mapping[str, Any], workspace: Workspace, out: str, *, is_new: bool) -> JobRequest:
-    texts = {name: given.get(name) or usual for name, usual in (("drive", ""), ("setup", "real"))}
-    texts |= {name: given.get(name) or "" for name in ("mismatch", "spread")}
-    lists = [_words(given.get(name), name) for name in ("laws", "references")]
+    path, setup, mismatch, spread = texts = [
+        given.get(name) or default
+        for name, default in (("drive", ""), ("setup", "real"), ("mismatch", ""), ("spread", ""))
+    ]
+    controllers, tracks = (_names(given.get(name), name) for name in ("laws", "references"))
     count = given.get("count", 1)
-    right = all(isinstance(text, str) for text in texts.values()) and isinstance(count, int)
+    right = all(isinstance(text, str) for text in texts) and isinstance(count, int)
     if not right or isinstance(count, bool) or not 1 <= count <= MOST_MEMBERS:
         raise CommandError(f"count = {str(count)[:80]} is out of bounds", rule=f"a whole number, 1 to {MOST_MEMBERS}")
-    drive = described_at(workspace, texts["drive"])
-    for law in lists[0]:
-        if _is_file(law):
-            _controller(workspace, law)
-        elif law not in (*laws(), "all"):
-            raise CommandError(f'there is no law "{law[:80]}"', rule=", ".join(laws()))
-    for along in lists[1]:
-        _reference(workspace, along)
-    _ready(workspace, texts["setup"], ready_setups(), "setup")
-    words = ["control", "benchmark", safe(texts["drive"]), "--laws", ",".join(map(safe, lists[0]))]
-    words += [f"--references={','.join(lists[1])}", "--setup", safe(texts["setup"])]
-    for name in ("mismatch", "spread"):
-        if texts[name]:
-            _ready(workspace, texts[name], ready_mismatches(), name)
-            words += [f"--{name}", safe(texts[name])]
-    words += ["--members" if texts["spread"] else "--seeds", str(count), "--out", safe(out)]
-    kind = type(drive).__name__
-    options = [f"{name}={texts[name]!r}" for name in ("setup", "mismatch", "spread") if texts[name]]
-    options.append(f"{'members' if texts['spread'] else 'seeds'}={count}")
-    asked = ", ".join(repr(one[0]) if one in (["all"], ["standard"]) else repr(one) for one in lists)
-    python = f"import pneudrive as pn\n\ndrive = pn.{kind}.load({texts['drive']!r})\n"
-    python += f"card = pn.control.benchmark(drive, {asked}, {', '.join(options)}, out={out!r})\n"
-    return JobRequest(tuple(words), out, is_new=is_new, python=python)
+    drive = described_at(workspace, path)
+    for law in controllers:
+        if law != "all":
+            _checked_law(workspace, law)
+    for track in tracks:
+        _reference(workspace, track)
+    _ready(workspace, setup, "setup")
+    for name in filter(None, (mismatch, spread)):
+        _ready(workspace, name, "mismatch" if name == mismatch else "spread")
+    counted = {"members" if spread else "seeds": count}
+    command = words("control benchmark", path, laws=",".join(map(safe, controllers)))
+    command += [f"--references={','.join(tracks)}"]
+    files = {name: safe(text) for name, text in zip(("setup", "mismatch", "spread"), texts[1:], strict=True)}
+    command += words("", **files, **counted, out=safe(out))
+    lists = [repr(one[0]) if one in (["all"], ["standard"]) else repr(one) for one in (controllers, tracks)]
+    card = call(
+        "pn.control.benchmark", "drive", *lists, setup=setup, mismatch=mismatch, spread=spread, **counted, out=out
+    )
+    python = f"import pneudrive as pn\n\ndrive = pn.{type(drive).__name__}.load({path!r})\ncard = {card}\n"
+    return JobRequest(command, out, is_new=is_new, python=python)
 
 
-def _words(given: object, what: str) -> list[str]:
+def _names(given: object, option: str) -> list[str]:
     """Return a list of words for one argument of a command. No item may contain a comma."""
     each = [given] if isinstance(given, str) else given
-    if not isinstance(each, list) or not each or not all(isinstance(one, str) and one.strip() for one in each):
-        raise CommandError(f"{what} are missing", remedy="Choose at least one.")
-    for one in each:
-        if "," in one:
-            raise CommandError(f"{one[:80]!r} has a comma, which separates {what}", remedy="Write it without.")
-    return [one.strip() for one in each]
+    if not isinstance(each, list) or not each or not all(isinstance(name, str) and name.strip() for name in each):
+        raise CommandError(f"{option} are missing", remedy="Choose at least one.")
+    for name in each:
+        if "," in name:
+            raise CommandError(f"{name[:80]!r} has a comma, which separates {option}", remedy="Write it without.")
+    return [name.strip() for name in each]
 
 
-def shown_card(workspace: Workspace, name: str, measure: str = "") -> dict[str, Any]:
+def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, Any]:
     """Return the score card of a folder: a measure of each run and its medians, the assumed drive and the true drive.
 
     Raises
@@ -386,14 +357,20 @@ def shown_card(workspace: Workspace, name: str, measure: str = "") -> dict[str, 
     CommandError
         The folder is not a benchmark, or the measure does not exist.
     """
-    card, measure = read_comparison(workspace.folder(name)), measure or "max_error_m"
+    card, measure = read_comparison(workspace.folder(path)), measure or "max_error_m"
     if measure not in SHOWN:
         raise CommandError(f"{measure[:80]!r} is not a measure", rule=", ".join(SHOWN))
     job = None
     if card.about.get("asked"):
         with suppress(PneudriveError):  # started elsewhere, or without its drive file: the card is shown anyway
-            job = _job(card.about["asked"], workspace, name, is_new=False)
+            job = _job(card.about["asked"], workspace, path, is_new=False)
     told = card.about["laws"]
+    true: dict[str, list[float]] = {}
+    for run in card.runs:
+        for name, value in run.truth.items():
+            true.setdefault(name, []).append(value)
+    failed = [f"{run.law} along {run.reference}, {run.seed}: {run.reason}" for run in card.runs if run.reason]
+    tables = {track: card.table(track, spread=False) for track in card.references} if card.is_finished else {}
     return {
         "drive": card.drive,
         "setup": [card.setup, str(card.about.get("setup_about", ""))],
@@ -404,65 +381,45 @@ def shown_card(workspace: Workspace, name: str, measure: str = "") -> dict[str, 
         "finished": card.is_finished,
         "done": len(card.runs),
         "laws": list(told),
-        "references": [{"name": along, "text": text} for along, text in card.references.items()],
+        "references": [{"name": track, "text": text} for track, text in card.references.items()],
         "measures": [
-            {"name": one, "title": title, "size": 1.0 / factor, "unit": unit}
-            for one, (title, factor, unit) in SHOWN.items()
+            {"name": name, "title": title, "size": 1.0 / factor, "unit": unit}
+            for name, (title, factor, unit) in SHOWN.items()
         ],
-        "cells": [_cell(card, law, along, measure) for law in told for along in card.references],
+        "cells": [_cell(card, law, track, measure) for law in told for track in card.references],
         "each": [
             {
-                "law": run.law,
-                "reference": run.reference,
-                "seed": run.seed,
-                "value": None if run.score is None else _number(getattr(run.score, measure)),
+                **{key: getattr(run, key) for key in ("law", "reference", "seed")},
+                "value": number(getattr(run.score, measure, None)),
             }
             for run in card.runs[:MOST_EACH]
         ],
-        "tables": {along: _table(card, along) for along in card.references} if card.is_finished else {},
+        "tables": {track: {"heads": heads, "rows": rows} for track, (heads, rows) in tables.items()},
         "told": told,
         "plant": card.about["plant"],
-        "true": _true(card),
-        "failed": [f"{run.law} along {run.reference}, {run.seed}: {run.reason}" for run in card.runs if run.reason][
-            :20
-        ],
-        "command": f"pneudrive {shlex.join(job.arguments)}" if job else "",
-        "python": job.python if job else f"import pneudrive as pn\n\ncard = pn.control.read_comparison({name!r})\n",
+        "true": [{"name": name, "least": f"{min(of):.4g}", "largest": f"{max(of):.4g}"} for name, of in true.items()],
+        "failed": failed[:20],
+        "command": shlex.join(["pneudrive", *job.arguments]) if job else "",
+        "python": job.python if job else f"import pneudrive as pn\n\ncard = pn.control.read_comparison({path!r})\n",
     }
 
 
-def _cell(card: StoredComparison, law: str, along: str, measure: str) -> dict[str, Any]:
+def _cell(card: StoredComparison, law: str, track: str, measure: str) -> dict[str, Any]:
     """Return a measure of a controller along a reference: median, least and largest, or 95 and 100 % limits."""
     shares = (0.5, 0.95, 1.0) if card.spread else (0.5, 0.0, 1.0)
-    middle, *others = (card.within(law, along, measure, share) for share in shares)
-    lost = sum(run.score is None or run.score.lost for run in card.of(law, along))
+    middle, *others = (card.within(law, track, measure, share) for share in shares)
     return {
         "law": law,
-        "reference": along,
+        "reference": track,
         "text": written(measure, middle),
-        "range": [written(measure, one) for one in others],
-        "value": _number(middle),
-        "best": card.best(along, measure) == law and _number(middle) is not None,
-        "lost": lost,
+        "range": [written(measure, other) for other in others],
+        "value": number(middle),
+        "best": card.best(track, measure) == law and number(middle) is not None,
+        "lost": sum(run.score is None or run.score.lost for run in card.of(law, track)),
     }
 
 
-def _table(card: StoredComparison, along: str) -> dict[str, Any]:
-    """Return the medians of all measures of a reference."""
-    heads, rows = card.table(along, spread=False)
-    return {"heads": heads, "rows": rows}
-
-
-def _true(card: StoredComparison) -> list[dict[str, str]]:
-    """Return the true values that differ from the assumed ones: over all runs, the least and the largest."""
-    each: dict[str, list[float]] = {}
-    for run in card.runs:
-        for name, value in run.truth.items():
-            each.setdefault(name, []).append(value)
-    return [{"name": name, "least": f"{min(of):.4g}", "largest": f"{max(of):.4g}"} for name, of in each.items()]
-
-
-def shown_tracks(workspace: Workspace, name: str, along: str, pixels: str = "") -> bytes:
+def shown_tracks(workspace: Workspace, path: str, reference: str, pixels: str = "") -> bytes:
     """Return the tracks of all controllers and their errors as a frame, with each controller's first run.
 
     Raises
@@ -473,18 +430,17 @@ def shown_tracks(workspace: Workspace, name: str, along: str, pixels: str = "") 
     width = pixels or "1000"
     if not width.isdecimal() or not 1 <= int(width) <= MOST_PIXELS:
         raise CommandError("the width is out of bounds", rule=f"1 to {MOST_PIXELS} pixels")
-    card = read_comparison(workspace.folder(name))
-    if along not in card.references:
-        raise CommandError(f"{along[:80]!r} is not a reference of {name}", rule=", ".join(card.references))
-    tracks: dict[str, dict[str, Any]] = {}
+    card = read_comparison(workspace.folder(path))
+    if reference not in card.references:
+        raise CommandError(f"{reference[:80]!r} is not a reference of {path}", rule=", ".join(card.references))
+    seeds, errors, arrays = dict[str, int](), [], dict[str, Any]()
     for law in card.laws:
-        run = next((one for one in card.of(law, along) if one.score is not None and one.file.is_file()), None)
+        run = next((one for one in card.of(law, reference) if one.score is not None and one.file.is_file()), None)
         if run is not None:
-            tracks[law] = {"seed": run.seed, **run.columns("time_s", "position_m", "reference_m")}
-            tracks[law]["error_m"] = tracks[law]["reference_m"] - tracks[law]["position_m"]
-    arrays: dict[str, Any] = {}
-    for law, one in tracks.items():
-        thin = drawn_columns({key: one[key] for key in ("time_s", "position_m", "reference_m", "error_m")}, int(width))
-        arrays |= {f"{law}/{key}": values for key, values in thin.items()}
-    head = {"reference": along, "laws": list(tracks), "seeds": [track["seed"] for track in tracks.values()]}
-    return pack(head | {"error": _error_unit([track["error_m"] for track in tracks.values()])}, arrays)
+            track = run.columns(*_TRACK)
+            track["error_m"] = track["reference_m"] - track["position_m"]
+            seeds[law] = run.seed
+            errors.append(track["error_m"])
+            arrays |= {f"{law}/{key}": values for key, values in drawn_columns(track, int(width)).items()}
+    head = {"reference": reference, "laws": list(seeds), "seeds": list(seeds.values()), "error": _error_unit(errors)}
+    return pack(head, arrays)

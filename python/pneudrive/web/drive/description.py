@@ -1,8 +1,11 @@
-"""View of a description: its problems by line, its values as fields, its drawing."""
+"""View of a description: its problems by line, its values as fields, its drawing; and the description of an FMU."""
 
 from __future__ import annotations
 
+import hashlib
 import re
+import zipfile
+from posixpath import basename
 from typing import TYPE_CHECKING, Any
 
 import tomlkit
@@ -15,12 +18,14 @@ from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.kinds import COMMAND
 from pneudrive.describe.short import expanded
 from pneudrive.errors import CommandError, PneudriveError, Problems
+from pneudrive.files.content import read_bytes
+from pneudrive.fmu.description import read_fmu
 from pneudrive.simulation.start import start
 from pneudrive.units import in_unit, like
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.messages import problems_of
-from pneudrive.web.requests import WRONG_REQUEST
-from pneudrive.web.workspace import is_in_catalogue
+from pneudrive.web.requests import wrong_request
+from pneudrive.web.workspace import FMUS, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -28,9 +33,9 @@ if TYPE_CHECKING:
     from pneudrive.describe.all_values import DescribedValue
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.web.workspace import Workspace
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
+FULL_OPENING = 1.0  # command that every valve takes, also one that switches
 #: Values of chambers a and b that are given both or not at all.
 _PAIR = re.compile(r"dwell\.pressure\.[ab]$")
 #: Range of a slider about a value, as multiples of it; a value of 0 gets the range of its unit.
@@ -161,11 +166,11 @@ def drawing(workspace: Workspace, path: str, text: str) -> dict[str, Any]:
     }
 
 
-def edited_as_asked(_: Workspace, asked: Mapping[str, Any]) -> dict[str, str]:
+def edited_as_asked(given: Mapping[str, Any]) -> dict[str, str]:
     """Return a text with one value changed. With a unit, write the value in this unit."""
-    text, key, value, unit = (asked.get(name) for name in ("text", "key", "value", "unit"))
+    text, key, value, unit = (given.get(name) for name in ("text", "key", "value", "unit"))
     if not isinstance(text, str) or not isinstance(key, str) or not isinstance(value, str | int | float):
-        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+        raise wrong_request()
     return {"text": edited(text, key, in_unit(str(value), unit) if isinstance(unit, str) else value)}
 
 
@@ -237,11 +242,47 @@ def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
     return [names[0], many[0], *names[2:]] if many else str(expanded(tables, Problems()).located(key)).split(".")
 
 
-def text_at(workspace: Workspace, path: str) -> tuple[str, str | None]:
-    """Return the text of a file and its hash.
+def shown_file(workspace: Workspace, path: str, given: Mapping[str, str]) -> dict[str, Any]:
+    """Return the text of a file and its version, and on request its check as a description.
 
     For a drive of the catalogue, return a text that starts from it, and None.
     """
-    if is_in_catalogue(path):
-        return f'drive = "{path}"\n', None
-    return workspace.read(path)
+    text, version = (f'drive = "{path}"\n', None) if is_in_catalogue(path) else workspace.read(path)
+    about = {"checked": checked(workspace, path, text)} if "checked" in given else {}
+    return {"text": text, "sha256": version, **about}
+
+
+def written_file(workspace: Workspace, path: str, text: str, if_match: str) -> dict[str, str]:
+    """Write a file that has not changed since the page read it."""
+    if basename(path) == "layout.toml":  # an unreadable recording must not hide the others
+        from pneudrive.signals.layout import Layout
+
+        Layout.loads(text, "layout.toml")
+    return {"sha256": workspace.write(path, text, if_match or None)}
+
+
+def shown_fmu(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Return the description of an FMU of the workspace, its hash, and the lines that run it in FMPy.
+
+    Raises
+    ------
+    CommandError
+        The file is not an FMU.
+    """
+    file = workspace.path(path, FMUS)
+    data, fmu = read_bytes(file, CommandError), read_fmu(file)
+    inputs, outputs = ([one.name for one in fmu.variables if one.causality == kind] for kind in ("input", "output"))
+    commands = {name: FULL_OPENING for name in inputs if name.rpartition(".")[2] == COMMAND}
+    start = f", start_values={commands}" if commands else ""
+    last = f'run["{outputs[0]}"][-1]' if outputs else "run[-1]"
+    run = f"run = simulate_fmu({path!r}{start}, stop_time=0.5, output_interval=1e-3)"
+    with zipfile.ZipFile(file) as archive:
+        systems = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
+    return {
+        **{key: getattr(fmu, key) for key in ("title", "tool", "version", "token", "kinds")},
+        "platforms": sorted(systems - {""}),
+        "variables": [vars(variable) for variable in fmu.variables],
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "size": len(data),
+        "fmpy": f"from fmpy import simulate_fmu\n\n{run}\nprint({last})\n",
+    }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 import time
 from functools import lru_cache, wraps
 from pathlib import Path
@@ -19,8 +18,8 @@ from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.errors import CommandError
 from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import positive, run
-from pneudrive.web.requests import PageRequest, Pixels, Value
-from pneudrive.web.workspace import COMMANDS, is_in_catalogue, safe
+from pneudrive.web.requests import PageRequest, Pixels, Value, call, shell
+from pneudrive.web.workspace import COMMANDS, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
     from pneudrive.progress import Flag
     from pneudrive.simulation.simulate import Run
-    from pneudrive.web.workspace import Workspace
 
 Found = TypeVar("Found")
 
@@ -145,13 +143,7 @@ class RunRequest(PageRequest):
 
     def run_of(self, described: Drive | Circuit, workspace: Workspace, cancel: Flag | None = None) -> Run:
         """Simulate the result of `described`. Errors are those of `run`."""
-        samples = positive(self.duration, "s", "duration") * positive(self.rate, "1/s", "sample_rate")
-        if not math.isfinite(samples) or samples > MOST_SAMPLES:
-            raise CommandError(
-                f"{samples:.3g} samples are too many for the page",
-                rule=f"at most {MOST_SAMPLES:.0e}",
-                remedy="Copy the command and run it in a terminal.",
-            )
+        check_samples(positive(self.duration, "s", "duration") * positive(self.rate, "1/s", "sample_rate"))
         watch = Watch(cancel=cancel or RunLimit())
         options: dict[str, Any] = {"initial": self.initial or None, "sample_rate": self.rate, "watch": watch}
         return run(described, self.command_of(described, workspace), self.duration, **options)
@@ -165,8 +157,7 @@ class RunRequest(PageRequest):
             The name of a file leads out of the workspace.
         """
         if "" not in described.commandable:
-            lines = self.command if isinstance(self.command, list) else [self.command] if self.command.strip() else None
-            return lines and [_placed(one, workspace) for one in lines]
+            return [_placed(line, workspace) for line in self.lines] or None
         return _placed(self.command if isinstance(self.command, str) else ", ".join(self.command), workspace)
 
     def check_saved(self, workspace: Workspace) -> None:
@@ -183,34 +174,41 @@ class RunRequest(PageRequest):
 
     def as_command(self, out: str) -> str:
         """Return the shell line that makes the same run in the folder of the workspace, into a file `out`."""
-        words = ["pneudrive", "simulate", safe(self.path), *self.command_words()]
-        words += ["--duration", self.duration, "--sample-rate", self.rate]
-        words += ["--initial", self.initial] if self.initial else []
-        for key, value in self.changes.items():
-            words += ["--set", f"{key} = {value}"]
-        return shlex.join([*words, "--out", out])
+        changes = [f"{key} = {value}" for key, value in self.changes.items()]
+        times = {"duration": self.duration, "sample_rate": self.rate}
+        return shell("simulate", self.path, command=self.lines, **times, initial=self.initial, set=changes, out=out)
 
-    def command_words(self) -> list[str]:
-        """Return the options for the words of the command."""
+    @property
+    def lines(self) -> list[str]:
+        """Each command that is not empty."""
         each = self.command if isinstance(self.command, list) else [self.command]
-        return [word for one in each if one.strip() for word in ("--command", one)]
+        return [line for line in each if line.strip()]
 
-    def as_python(self, described: Drive | Circuit) -> str:
-        """Return the Python lines that make the same run in the folder of the workspace."""
-        lines = ["import pneudrive as pn", "", f"drive = pn.{type(described).__name__}.load({self.path!r})"]
+    def as_python(self, described: Drive | Circuit, number: str = "") -> str:
+        """Return the Python lines that make the same run. The names of its drive and its run end with a number."""
+        lines = [f"drive{number} = pn.{type(described).__name__}.load({self.path!r})"]
         if self.changes:
-            lines.append(f"drive = drive.replace({dict(self.changes)!r})")
-        command, initial = self.python_options()
-        lines.append(f"run = pn.simulate(drive, {command!r}, {self.duration!r}{initial}, sample_rate={self.rate!r})")
-        return "\n".join([*lines, ""])
+            lines.append(f"drive{number} = drive{number}.replace({dict(self.changes)!r})")
+        return "\n".join([*lines, f"run{number} = {self.call('pn.simulate', number, sample_rate=self.rate)}"])
 
-    def python_options(self) -> tuple[Any, str]:
-        """Return the command as a Python expression, and the argument of the start state."""
-        return self.command or None, f", initial={self.initial!r}" if self.initial else ""
+    def call(self, function: str, number: str = "", **options: Any) -> str:  # noqa: ANN401 - any value
+        """Return a call in Python with the drive, its command, its duration and its start state."""
+        values = (f"drive{number}", repr(self.command or None), repr(self.duration))
+        return call(function, *values, initial=self.initial, **options)
 
     def stem(self) -> str:
         """Return the beginning of the names of files that are made from the description."""
         return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem).lstrip("-") or "run"
+
+
+def check_samples(samples: float) -> None:
+    """Refuse a run that is too long for the page."""
+    if not math.isfinite(samples) or samples > MOST_SAMPLES:
+        raise CommandError(
+            f"{samples:.3g} samples are too many for the page",
+            rule=f"at most {MOST_SAMPLES:.0e}",
+            remedy="Copy the command and run it in a terminal.",
+        )
 
 
 def _placed(command: str, workspace: Workspace) -> str:

@@ -27,7 +27,7 @@ FIRST = Path(__file__).with_name("first_task.toml")
 MOST_TASKS = 500  # number of kept tasks
 
 
-def checked_or_first(_: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+def checked_or_first(given: Mapping[str, Any]) -> dict[str, Any]:
     """Check the text of a task. Without a text, return an example task."""
     text = given.get("text")
     return checked_task(text) if isinstance(text, str) else {"text": read_text(FIRST, CommandError)}
@@ -46,7 +46,7 @@ def checked_task(text: str) -> dict[str, Any]:
     return {"problems": [], "name": task.name, "values": values, "follows": follows}
 
 
-def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
+def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
     """Return a search from its folder: its task, the simulated candidates, and the ranking once it exists.
 
     If the folder does not exist yet because the search has just started, the answer is ``{"waits": True}``.
@@ -56,12 +56,12 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
     CommandError
         The folder does not contain a sizing.
     """
-    folder = workspace.folder(name)
+    folder = workspace.folder(path)
     if not folder.exists():
         return {"waits": True}
-    about = _json(folder / ABOUT, name, "task", "draws")
+    about = _json(folder / ABOUT, path, "task", "draws")
     simulated, short = _choices(folder / LINES)
-    summary = _json(folder / SUMMARY, name) if (folder / SUMMARY).is_file() else {}
+    summary = _json(folder / SUMMARY, path) if (folder / SUMMARY).is_file() else {}
     asked = summary.get("asked")
     early = folder / PROVISIONAL
     provisional = read_text(early, CommandError).strip() if early.is_file() and not summary else ""
@@ -76,7 +76,7 @@ def shown_sizing(workspace: Workspace, name: str) -> dict[str, Any]:
             "task": _file_of(workspace, task),
             "draws": about["draws"][0],
             "limits": {"out": task.outward_s * shares, "back": task.back_s * shares},
-            "candidates": [_candidate(one, places.get(one.name), name) for one in simulated],
+            "candidates": [_candidate(one, places.get(one.name), path) for one in simulated],
             "meets": len(ranked),
             "short": short,
             "done": bool(summary) and not summary.get("interrupted", False),

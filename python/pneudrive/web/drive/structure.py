@@ -17,7 +17,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import CommandError
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.requests import WRONG_REQUEST, PageRequest
+from pneudrive.web.requests import PageRequest, wrong_request
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,7 +35,7 @@ def starters() -> dict[str, dict[str, Any]]:
     return toml.read(STARTERS)[0]
 
 
-def kinds(_: Workspace) -> dict[str, Any]:
+def kinds() -> dict[str, Any]:
     """Return the kinds that can be added, with their titles and ports."""
     every = component_kinds()
     return {"kinds": [{"kind": one, "title": every[one]["title"], "gas": _gas(one)} for one in starters()]}
@@ -95,7 +95,7 @@ def restructured(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, st
         case "remove":
             change.remove(asked.one)
         case _:
-            raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+            raise wrong_request()
     return {"text": change.written(), "chosen": chosen}
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import getpass
 import math
-import shlex
 import threading
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.running.live import read_live
@@ -17,14 +17,13 @@ from pneudrive.campaign.storage.folder import CYCLES, LOG
 from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, protocol_named
 from pneudrive.web.messages import pack
-from pneudrive.web.workspace import DESCRIPTIONS, safe
+from pneudrive.web.requests import shell
+from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from pneudrive.campaign.status import Finished, Status
-    from pneudrive.web.workspace import Workspace
 
 PAUSE_S = 0.3  # least time between two readings of a folder with changed cycles; a slow reading lengthens it
 LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal
@@ -56,7 +55,7 @@ def planned(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
         f"rig, asked = load_rig({RIG!r}), read_protocol({name!r})\n"
         "plan = lay_out(asked, rig.identity(), rig.limits())\nprint(show(plan))\n"
     )
-    command = shlex.join(["pneudrive", "campaign", "plan", safe(name), "--rig", RIG])
+    command = shell("campaign plan", name, rig=RIG)
     about = {"text": show(plan), "time_s": plan.time_s, "cycles": len(plan.planned)}
     return {**about, "command": command, "python": python}
 
@@ -107,14 +106,6 @@ class WatchedCampaign:
             "groups": _groups(points, status.campaign.identity.ambient_pressure_pa),
         }
 
-    def live(self) -> bytes:
-        """Return the running cycle as a frame. If no cycle is running, the head does not contain a cycle."""
-        found = read_live(self.folder) if holder(self.folder) is not None else None
-        if found is None:
-            return pack({"cycle": ""}, {})
-        head = {"cycle": found.cycle, "left": found.left, "samples": found.samples}
-        return pack(head, {**found.points})
-
     def _changed(self) -> int:
         """Return when a cycle was last stored. The file of a cycle gets its final name when it is complete."""
         try:
@@ -143,21 +134,49 @@ class WatchedCampaign:
         except OSError:
             return []
 
-    def ask(self, word: object, *, control: bool) -> None:
-        """Send one of the four requests of a campaign to the process that runs it.
 
-        Raises
-        ------
-        CommandError
-            The server only watches, or the request is unknown.
-        CampaignError
-            No process runs the campaign.
-        """
-        if not control:
-            raise CommandError("this server only watches", remedy=CONTROL)
-        if word not in WORDS:
-            raise CommandError(f"{word!r} is not a request", rule=", ".join(WORDS))
-        ask(self.folder, str(word), f"{getpass.getuser()}, from the page")
+class WatchedCampaigns(dict[Path, WatchedCampaign]):
+    """Campaigns that the page has shown, by folder."""
+
+    def __init__(self, _: Workspace) -> None:
+        super().__init__()
+
+
+def _watched(workspace: Workspace, path: str) -> WatchedCampaign:
+    folder = workspace.folder(path)
+    return workspace.state(WatchedCampaigns).setdefault(folder, WatchedCampaign(folder))
+
+
+def shown_campaign(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Return the state of a campaign."""
+    return _watched(workspace, path).about()
+
+
+def running_cycle(workspace: Workspace, path: str) -> bytes:
+    """Return the running cycle as a frame. If no cycle is running, the head does not contain a cycle."""
+    folder = workspace.folder(path)
+    found = read_live(folder) if holder(folder) is not None else None
+    if found is None:
+        return pack({"cycle": ""}, {})
+    return pack({"cycle": found.cycle, "left": found.left, "samples": found.samples}, found.points)
+
+
+def ask_campaign(workspace: Workspace, path: str, given: Mapping[str, Any], control: bool) -> None:
+    """Send one of the four requests of a campaign to the process that runs it.
+
+    Raises
+    ------
+    CommandError
+        The server only watches, or the request is unknown.
+    CampaignError
+        No process runs the campaign.
+    """
+    folder, word = workspace.folder(path), given.get("word")
+    if not control:
+        raise CommandError("this server only watches", remedy=CONTROL)
+    if word not in WORDS:
+        raise CommandError(f"{word!r} is not a request", rule=", ".join(WORDS))
+    ask(folder, str(word), f"{getpass.getuser()}, from the page")
 
 
 def _groups(points: list[Finished], ambient_pa: float) -> list[dict[str, Any]]:

@@ -1,46 +1,143 @@
-"""Friction maps and fits as the page draws them."""
+"""Friction maps and fits as the page draws them: points, curves, cuts, differences, residuals, next points."""
 
 from __future__ import annotations
 
-import shlex
 from collections import Counter
+from pathlib import Path
 from posixpath import basename, dirname
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, PneudriveError
+from pneudrive.friction.conditions import ALL_RECORDINGS, LEVELS, group_of
 from pneudrive.friction.friction_map import AMBIENT, read_map
 from pneudrive.friction.sentences import flag_sentences
-from pneudrive.identify.files import common, curve_differences
+from pneudrive.identify.base import shown_in
+from pneudrive.identify.design import next_measurements
+from pneudrive.identify.files import common, curve_differences, read_fit
 from pneudrive.identify.static.fit import fit_file
-from pneudrive.identify.static.result import FrictionFit
+from pneudrive.identify.static.result import (
+    PROBABILITIES,
+    FrictionFit,
+    Prediction,
+    SlidingFit,
+    ellipses,
+    profiles,
+    with_map,
+)
+from pneudrive.rig.loading import load_rig
 from pneudrive.views import ShownCurve, View
-from pneudrive.web.lineage import recordings_of_map
-from pneudrive.web.measured.map_fits import FIT, assemblies_of, fits_of
-from pneudrive.web.requests import WRONG_REQUEST
-from pneudrive.web.workspace import safe
+from pneudrive.web.jobs import RIG, design_python
+from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage, recordings_of_map
+from pneudrive.web.messages import number
+from pneudrive.web.requests import shell, wrong_request
+from pneudrive.web.results import sent
+from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     import xarray as xr
+    from numpy.typing import NDArray
 
-    from pneudrive.identify.static.result import Prediction
-    from pneudrive.web.workspace import Workspace
+    from pneudrive.identify.files import AnyFit
+
+    Array = NDArray[Any]
 
 MAPS = (".parquet", ".csv")
+FIT = "fit.toml"
 MOST_POINTS = 10_000
 MOST_CURVES = 8  # of each seal, mounting and drive: as many as there are line styles
+MOST_NEXT = 200  # largest number of proposed points
 HEAT_COLUMNS, HEAT_ROWS = 24, 60
 SPEEDS = 120  # points of a curve
 NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 SAME_PA = 1e4  # chamber pressures that differ by less make one curve
 
 
-def shown_map(workspace: Workspace, name: str, fit: str) -> dict[str, Any]:
+class Group(NamedTuple):
+    """Rows of a map with one assembly (mounting, seal, drive) and one pair of chamber pressures.
+
+    Attributes
+    ----------
+    assembly : str
+    rows : ndarray of int
+    gauges : ndarray, shape (2,)
+        Mean gauge pressures of chambers a and b, Pa.
+    """
+
+    assembly: str
+    rows: Array
+    gauges: Array
+
+    @property
+    def label(self) -> str:
+        """Pressures as text."""
+        a, b = map(bar, self.gauges)
+        return f"a {a}, b {b} bar gauge"
+
+
+def groups_of(table: xr.Dataset) -> list[Group]:
+    """Return the groups of a map in the order of their first rows, by assembly."""
+    rows = np.arange(min(table.sizes["row"], MOST_POINTS))
+    columns = {name: table[name].to_numpy()[rows].astype(str).tolist() for name in LEVELS if name in table}
+    labels = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+    assemblies = np.array([group_of(row) for row in labels] if columns else [ALL_RECORDINGS] * len(rows))
+    # Both pressures of a row are the means of its recording.
+    recordings = np.unique(table["recording"].to_numpy()[rows].astype(str), return_inverse=True)[1]
+    sizes = np.bincount(recordings)
+    means = [np.bincount(recordings, table[f"pressure_{side}_pa"].to_numpy()[rows]) / sizes for side in "ab"]
+    gauges = np.column_stack(means)[recordings] - float(table.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
+    groups = []
+    for name in dict.fromkeys(assemblies.tolist()):
+        own = np.flatnonzero(assemblies == name)
+        groups += [Group(name, own[part], gauges[own[part]].mean(axis=0)) for part in alike(gauges[own])]
+    return groups
+
+
+def alike(pairs: Array) -> list[Array]:
+    """Return the rows of each group of pressures that differ by less than `SAME_PA` from those of its first row."""
+    left, out = np.arange(len(pairs)), []
+    while len(left):
+        near = (np.abs(pairs[left] - pairs[left[0]]) < SAME_PA).all(axis=1)
+        out.append(left[near])
+        left = left[~near]
+    return out
+
+
+def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, FrictionFit], str]:
+    """Return the fit of each assembly, and reasons for missing fits.
+
+    In a map with several assemblies, the usual name refers to the fit of each. Another file belongs to one seal,
+    mounting or drive.
+    """
+    files = {name: fit_file(name) for name in names if fit_name in (FIT, fit_file(name))}
+    if len(names) == 1:
+        files = {names[0]: fit_name}
+    if not files:
+        return {}, f"{fit_name} is a fit over several seals or mountings: its curve belongs to none of them."
+    fits, reasons = {}, []
+    for name, file in files.items():
+        place = path.parent / file
+        if not place.is_file():
+            reasons.append(f"There is no {file} beside the map.")
+            continue
+        try:
+            fit = read_fit(place)
+        except PneudriveError as error:
+            reasons.append(error.what)
+            continue
+        if isinstance(fit, FrictionFit):
+            fits[name] = fit
+        else:
+            reasons.append(f"{file} is the fit of a {fit.KIND}, which has no curve over speed.")
+    return fits, " ".join(dict.fromkeys(reasons))
+
+
+def shown_map(workspace: Workspace, path: str, fit: str) -> dict[str, Any]:
     """Return a friction map with the curves of its fit, and which recordings are in the workspace.
 
     Raises
@@ -50,11 +147,29 @@ def shown_map(workspace: Workspace, name: str, fit: str) -> dict[str, Any]:
     RecordingError
         The file is not a friction map.
     """
-    fits = [one.path for one in workspace.files() if one.kind == "fit" and dirname(one.path) == dirname(name)]
+    fits = [file.path for file in workspace.files() if file.kind == "fit" and dirname(file.path) == dirname(path)]
     if fit and fit not in fits:
         raise CommandError(f"there is no fit {fit[:80]} beside the map")
-    found = drawn_map(workspace.path(name, MAPS), basename(fit) or FIT)
-    return {**found, "fits": fits, "recordings": recordings_of_map(workspace, name)}
+    found = drawn_map(workspace.path(path, MAPS), basename(fit) or FIT)
+    return {**found, "fits": fits, "recordings": recordings_of_map(workspace, path)}
+
+
+def _drawn_groups(path: Path, fit_name: str) -> tuple[xr.Dataset, list[dict[str, Any]], dict[str, FrictionFit], str]:
+    """Return a map, its groups as plain data, the fit of each assembly, and reasons for missing fits."""
+    table = read_map(path)
+    found = groups_of(table)
+    names = list(dict.fromkeys(group.assembly for group in found))
+    found.sort(key=lambda group: (names.index(group.assembly), *group.gauges))
+    groups = [
+        {
+            "assembly": group.assembly,
+            "gauges": group.gauges.tolist(),
+            "label": f"{group.assembly}: {group.label}" if len(names) > 1 else group.label,
+            "points": _points(table, group.rows),
+        }
+        for group in found
+    ]
+    return table, groups, *fits_of(path, fit_name, names)
 
 
 def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
@@ -68,73 +183,47 @@ def drawn_map(path: Path, fit_name: str = FIT) -> dict[str, Any]:
     RecordingError
         The file is not a friction map.
     """
-    found = read_map(path)
-    ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
-    rows = np.arange(min(found.sizes["row"], MOST_POINTS))
-    pairs = _pressures(found, rows) - ambient
-    assemblies = assemblies_of(found, rows)
-    names = list(dict.fromkeys(assemblies.tolist()))
-    groups = []
-    for name in names:
-        own = np.flatnonzero(assemblies == name)
-        for inside in (own[part] for part in alike(pairs[own])):
-            gauges = pairs[inside].mean(axis=0)
-            label = f"{name}: {_label(gauges)}" if len(names) > 1 else _label(gauges)
-            points = _points(found, rows[inside])
-            groups.append({"assembly": name, "gauges": gauges.tolist(), "label": label, "points": points})
-    groups.sort(key=lambda one: (names.index(one["assembly"]), *one["gauges"]))
-    fits, why = fits_of(path, fit_name, names)
-    ends = np.abs(found["velocity_m_s"].to_numpy())
+    table, groups, fits, why = _drawn_groups(path, fit_name)
+    ends = np.abs(table["velocity_m_s"].to_numpy())
     speeds = np.geomspace(ends.min(), ends.max(), SPEEDS) if ends.min() < ends.max() else ends[:1]
     curves = Counter[str]()
     for group in groups:
         fit = fits.get(group["assembly"])
         curves[group["assembly"]] += 1
         if fit is not None and curves[group["assembly"]] <= MOST_CURVES:
-            predicted = fit.predict(speeds, *group["gauges"])
-            own = [one["speed"] for one in group["points"]]
-            group["curve"] = {
-                "speed": speeds.tolist(),
-                **_band(predicted),
-                "measured": [min(own), max(own)],
-            }
+            own = [point["speed"] for point in group["points"]]
+            band = _band(fit.predict(speeds, *group["gauges"]))
+            group["curve"] = {"speed": speeds.tolist(), **band, "measured": [min(own), max(own)]}
     return {
         "groups": groups,
         "heat": _heat(groups, fits),
         "fit": why,
-        "left_out": int(found.sizes["row"] - len(rows)),
-        "flags": flag_sentences(flag for text in found["flags"].to_numpy() for flag in str(text).split(",")),
+        "left_out": max(int(table.sizes["row"]) - MOST_POINTS, 0),
+        "flags": flag_sentences(flag for text in table["flags"].to_numpy() for flag in str(text).split(",")),
     }
 
 
 def view_of_map(workspace: Workspace, path: str) -> View:
     """Return friction over speed, a curve of measured points for each assembly and pair of pressures."""
-    found = read_map(workspace.path(path, MAPS))
-    rows = np.arange(min(found.sizes["row"], MOST_POINTS))
-    ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
-    pairs, assemblies = _pressures(found, rows) - ambient, assemblies_of(found, rows)
-    speed, friction = np.abs(found["velocity_m_s"].to_numpy()), found["friction_n"].to_numpy()
-    reach = 2.0 * np.hypot(found["stderr_n"].to_numpy(), found["u_systematic_n"].to_numpy())  # U, k = 2
+    table = read_map(workspace.path(path, MAPS))
+    speed, friction = np.abs(table["velocity_m_s"].to_numpy()), table["friction_n"].to_numpy()
+    reach = 2.0 * np.hypot(table["stderr_n"].to_numpy(), table["u_systematic_n"].to_numpy())  # U, k = 2
     curves = []
-    for name in dict.fromkeys(assemblies.tolist()):
-        own = np.flatnonzero(assemblies == name)
-        for inside in (own[part] for part in alike(pairs[own])):
-            part = inside[np.argsort(speed[inside], kind="stable")]
-            label = _label(pairs[part].mean(axis=0))
-            band = (friction[part] - reach[part], friction[part] + reach[part])
-            titles = ("speed", "friction", "m/s", "N", band)
-            known = np.ones(len(part), dtype=bool)
-            curves.append(ShownCurve(label, f"{name}: {label}", speed[part], friction[part], *titles, known, name))
-    return View(f"{len(rows)} points of friction", curves=tuple(curves))
+    for group in groups_of(table):
+        part = group.rows[np.argsort(speed[group.rows], kind="stable")]
+        titles = ("speed", "friction", "m/s", "N", (friction[part] - reach[part], friction[part] + reach[part]))
+        name, known = f"{group.assembly}: {group.label}", np.ones(len(part), dtype=bool)
+        curves.append(ShownCurve(group.label, name, speed[part], friction[part], *titles, known, group.assembly))
+    return View(f"{min(table.sizes['row'], MOST_POINTS)} points of friction", curves=tuple(curves))
 
 
-def map_slice(workspace: Workspace, name: str, fit: str, speed: str) -> dict[str, Any]:
+def map_slice(workspace: Workspace, path: str, fit: str, speed: str) -> dict[str, Any]:
     """Return a map at one speed: friction over the gauge pressure of one chamber, for each pressure of the other.
 
     Parameters
     ----------
     workspace : Workspace
-    name : str
+    path : str
         Name of the map.
     fit : str
         Name of the fit next to the map whose curves are drawn.
@@ -151,52 +240,51 @@ def map_slice(workspace: Workspace, name: str, fit: str, speed: str) -> dict[str
     try:
         fit_name, speed_m_s = basename(fit) or FIT, float(speed)
     except ValueError:
-        raise CommandError(WRONG_REQUEST, remedy="Reload the page.") from None
+        raise wrong_request() from None
     if not (np.isfinite(speed_m_s) and speed_m_s > 0.0):
         raise CommandError(f"speed = {speed_m_s} m/s", rule="a speed above zero")
-    path = workspace.path(name, MAPS)
-    found = drawn_map(path, fit_name)
-    gauges = np.array([one["gauges"] for one in found["groups"]])
+    _, drawn, fits, _ = _drawn_groups(workspace.path(path, MAPS), fit_name)
+    gauges = np.array([group["gauges"] for group in drawn])
     along = int(np.ptp(gauges[:, 1]) >= np.ptp(gauges[:, 0]))
-    assemblies = np.array([one["assembly"] for one in found["groups"]])
+    assemblies = np.array([group["assembly"] for group in drawn])
     names = list(dict.fromkeys(assemblies.tolist()))
-    fits, _ = fits_of(path, fit_name, names)
-    parts = [np.flatnonzero(assemblies == one) for one in names]
-    groups, others = [], []
-    for inside in (part[near] for part in parts for near in alike(gauges[part][:, [1 - along]])):
-        own = [found["groups"][k] for k in inside]
-        of_seal, title = fits.get(own[0]["assembly"]), f"{own[0]['assembly']}: " if len(names) > 1 else ""
-        points = [
-            {**point, "gauge": group["gauges"][along]}
-            for group in own
-            for point in group["points"]
-            if abs(np.log(point["speed"] / speed_m_s)) <= NEAR
-        ]
-        other = float(gauges[inside, 1 - along].mean())
-        label = f"{title}chamber {'ba'[along]} at {bar(other)} bar gauge"
-        groups.append({"assembly": own[0]["assembly"], "label": label, "points": points})
-        reach = gauges[inside, along]
-        if of_seal is not None and np.ptp(reach) > SAME_PA:
-            over = np.linspace(reach.min(), reach.max(), SPEEDS)
-            pair = (over, other) if along == 0 else (other, over)
-            said = of_seal.predict(np.full(SPEEDS, speed_m_s), *pair)
-            known = [point["gauge"] for point in points] or [np.inf, -np.inf]
-            groups[-1]["curve"] = {"gauge": over.tolist(), "measured": [min(known), max(known)], **_band(said)}
-            groups[-1]["curve"]["measured"] = [number(one) for one in groups[-1]["curve"]["measured"]]
-            file = fit_file(own[0]["assembly"]) if len(names) > 1 else fit_name
-            others.append((_fit_name(name, file), other, float(reach.min()), float(reach.max())))
-    pair = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
+    groups, levels = [], []
+    for name in names:
+        part = np.flatnonzero(assemblies == name)
+        for inside in (part[near] for near in alike(gauges[part][:, [1 - along]])):
+            points = [
+                {**point, "gauge": drawn[k]["gauges"][along]}
+                for k in inside
+                for point in drawn[k]["points"]
+                if abs(np.log(point["speed"] / speed_m_s)) <= NEAR
+            ]
+            other = float(gauges[inside, 1 - along].mean())
+            title = f"{name}: " if len(names) > 1 else ""
+            label = f"{title}chamber {'ba'[along]} at {bar(other)} bar gauge"
+            group: dict[str, Any] = {"assembly": name, "label": label, "points": points}
+            groups.append(group)
+            reach = gauges[inside, along]
+            if name in fits and np.ptp(reach) > SAME_PA:
+                over = np.linspace(reach.min(), reach.max(), SPEEDS)
+                pair = (over, other) if along == 0 else (other, over)
+                known = [point["gauge"] for point in points] or [np.inf, -np.inf]
+                measured = [number(end) for end in (min(known), max(known))]
+                band = _band(fits[name].predict(np.full(SPEEDS, speed_m_s), *pair))
+                group["curve"] = {"gauge": over.tolist(), "measured": measured, **band}
+                file = fit_file(name) if len(names) > 1 else fit_name
+                levels.append((_beside(path, file), other, float(reach.min()), float(reach.max())))
+    ends = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
     python = (
         "import numpy as np\nfrom pneudrive.identify.static.result import FrictionFit\n\n"
         f"# fit, gauge pressure of chamber {'ba'[along]}, and the ends of that of chamber {'ab'[along]}, Pa\n"
-        f"levels = {others!r}\n"
-        f"found = [FrictionFit.from_toml(file).predict({speed_m_s!r}, {pair}) for file, other, low, high in levels]\n"
+        f"levels = {levels!r}\n"
+        f"found = [FrictionFit.from_toml(file).predict({speed_m_s!r}, {ends}) for file, other, low, high in levels]\n"
     )
-    return {"chamber": "ab"[along], "groups": groups, "python": python if others else ""}
+    return {"chamber": "ab"[along], "groups": groups, "python": python if levels else ""}
 
 
-def _fit_name(map_name: str, fit_name: str) -> str:
-    return f"{map_name.rpartition('/')[0]}/{fit_name}".lstrip("/")
+def _beside(path: str, name: str) -> str:
+    return f"{path.rpartition('/')[0]}/{name}".lstrip("/")
 
 
 def map_difference(workspace: Workspace, path: str, fit: str, other: str) -> dict[str, Any]:
@@ -211,34 +299,32 @@ def map_difference(workspace: Workspace, path: str, fit: str, other: str) -> dic
     CommandError
         The maps have no pressures in common.
     """
-    names, fit_name = (path, other), basename(fit) or FIT
-    places = [workspace.path(name, MAPS) for name in names]
-    beside = [fit_name, FIT]
-    old, new = (drawn_map(place, one)["groups"] for place, one in zip(places, beside, strict=True))
+    names, files = (path, other), (basename(fit) or FIT, FIT)
+    (_, old, old_fits, old_why), (_, new, new_fits, new_why) = (
+        _drawn_groups(workspace.path(name, MAPS), file) for name, file in zip(names, files, strict=True)
+    )
     # Maps with one assembly each are always compared. Otherwise equal assemblies are compared.
-    several = all(len({one["assembly"] for one in groups}) == 1 for groups in (old, new))
-    listed = (list(dict.fromkeys(one["assembly"] for one in groups)) for groups in (old, new))
-    fits = [fits_of(place, own, one) for place, own, one in zip(places, beside, listed, strict=True)]
+    are_single = all(len({group["assembly"] for group in groups}) == 1 for groups in (old, new))
     groups, pairs = [], []
-    for one in old:
-        alike_pairs = (two for two in new if np.abs(np.subtract(one["gauges"], two["gauges"])).max() < SAME_PA)
-        pair = next((two for two in alike_pairs if several or two["assembly"] == one["assembly"]), None)
-        if pair is None:
+    for before in old:
+        near = (one for one in new if np.abs(np.subtract(before["gauges"], one["gauges"])).max() < SAME_PA)
+        after = next((one for one in near if are_single or one["assembly"] == before["assembly"]), None)
+        if after is None:
             continue
-        group: dict[str, Any] = {"label": one["label"], "points": _paired(one["points"], pair["points"])}
-        first, second = (fits[k][0].get(side["assembly"]) for k, side in enumerate((one, pair)))
+        group = {"label": before["label"], "points": _paired(before["points"], after["points"])}
+        groups.append(group)
+        first, second = old_fits.get(before["assembly"]), new_fits.get(after["assembly"])
         low, high = (0.0, -1.0) if first is None or second is None else common(first, second, "speed_m_s")
         if first is not None and second is not None and low < high:
             speeds = np.geomspace(low, high, SPEEDS)
-            found = curve_differences(first, second, speeds, *one["gauges"])
+            found = curve_differences(first, second, speeds, *before["gauges"])
             ends = {"friction": "value", "low": "low", "high": "high"}
             curve = {name: [number(getattr(each, key)) for each in found] for name, key in ends.items()}
             group["curve"] = {"speed": speeds.tolist(), "measured": [low, high], **curve}
-            pairs.append(tuple(one["gauges"]))
-        groups.append(group)
+            pairs.append(tuple(before["gauges"]))
     if not groups:
         raise CommandError("the maps have no pair of chamber pressures in common", value=" and ".join(names))
-    fit_names = list(map(_fit_name, names, beside))
+    fit_names = list(map(_beside, names, files))
     python = (
         "import numpy as np\nfrom pneudrive.identify.files import common, curve_differences\n"
         "from pneudrive.identify.static.result import FrictionFit\n\n"
@@ -247,9 +333,8 @@ def map_difference(workspace: Workspace, path: str, fit: str, other: str) -> dic
         f"gauges = {pairs!r}  # gauge pressures of chambers a and b, Pa\n"
         "found = [curve_differences(before, after, speeds, *pair) for pair in gauges]\n"
     )
-    command = shlex.join(["pneudrive", "compare", *map(safe, fit_names)])
-    about = {"groups": groups, "fit": " ".join(why for _, why in fits if why)}
-    return about | {"command": command if pairs else "", "python": python if pairs else ""}
+    about = {"groups": groups, "fit": " ".join(filter(None, (old_why, new_why)))}
+    return about | {"command": shell("compare", *fit_names) if pairs else "", "python": python if pairs else ""}
 
 
 def _paired(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -258,21 +343,24 @@ def _paired(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[dict[s
     The uncertainties of both maps are treated as independent.
     """
     left, out = list(new), []
-    for one in old:
-        near = [two for two in left if two["direction"] == one["direction"]]
-        near.sort(key=lambda two: abs(np.log(two["speed"] / one["speed"])))
-        if not near or abs(np.log(near[0]["speed"] / one["speed"])) > NEAR:
+    for before in old:
+        distances = [
+            (abs(np.log(after["speed"] / before["speed"])), place)
+            for place, after in enumerate(left)
+            if after["direction"] == before["direction"]
+        ]
+        distance, place = min(distances, default=(np.inf, 0))
+        if distance > NEAR:
             continue
-        two = near[0]
-        left.remove(two)
-        spreads = (one["spread"], two["spread"])
+        after = left.pop(place)
+        spreads = (before["spread"], after["spread"])
         spread = None if None in spreads else float(np.hypot(*spreads))
-        out.append({**two, "friction": two["friction"] - one["friction"], "spread": spread})
+        out.append({**after, "friction": after["friction"] - before["friction"], "spread": spread})
     return out
 
 
-def _band(said: Prediction) -> dict[str, list[float]]:
-    return {"friction": said.friction_n.tolist(), "low": said.lower_n.tolist(), "high": said.upper_n.tolist()}
+def _band(curve: Prediction) -> dict[str, list[float]]:
+    return {"friction": curve.friction_n.tolist(), "low": curve.lower_n.tolist(), "high": curve.upper_n.tolist()}
 
 
 def _heat(groups: list[dict[str, Any]], fits: Mapping[str, FrictionFit]) -> dict[str, Any]:
@@ -281,67 +369,40 @@ def _heat(groups: list[dict[str, Any]], fits: Mapping[str, FrictionFit]) -> dict
     Each pair of pressures has one row of cells ``[friction, kind]``. The kind is ``"measured"``, ``"fit"`` between the
     measured speeds of the row, or ``"extrapolated"`` beyond them. A cell without point and fit has the value None.
     """
-    speeds = np.array([one["speed"] for group in groups for one in group["points"]])
+    speeds = np.array([point["speed"] for group in groups for point in group["points"]])
     if not len(speeds) or not 0.0 < speeds.min() < speeds.max():
         return {"edges": [], "rows": []}
     edges = np.geomspace(speeds.min(), speeds.max(), HEAT_COLUMNS + 1)
     middles = np.sqrt(edges[1:] * edges[:-1])
     rows = []
     for group in groups[:HEAT_ROWS]:
-        own = np.array([one["speed"] for one in group["points"]])
-        friction = np.array([one["friction"] for one in group["points"]])
+        own, friction = (np.array([point[key] for point in group["points"]]) for key in ("speed", "friction"))
         column = np.clip(np.searchsorted(edges, own, side="right") - 1, 0, HEAT_COLUMNS - 1)
         fit = fits.get(group["assembly"])
-        known = None if fit is None else fit.predict(middles, *group["gauges"]).friction_n
-        cells: list[list[Any] | None] = []
-        for place, middle in enumerate(middles):
-            inside = friction[column == place]
-            if len(inside):
-                cells.append([float(inside.mean()), "measured"])
-            elif known is None:
-                cells.append(None)
-            else:
-                between = own.min() <= middle <= own.max()
-                cells.append([float(known[place]), "fit" if between else "extrapolated"])
+        cells: list[list[Any] | None] = [None] * HEAT_COLUMNS
+        if fit is not None:
+            between = (own.min() <= middles) & (middles <= own.max())
+            kinds = np.where(between, "fit", "extrapolated").tolist()
+            known = fit.predict(middles, *group["gauges"]).friction_n.tolist()
+            cells = [list(cell) for cell in zip(known, kinds, strict=True)]
+        for place in set(column.tolist()):
+            cells[place] = [float(friction[column == place].mean()), "measured"]
         rows.append({"label": group["label"], "assembly": group["assembly"], "cells": cells})
     return {"edges": edges.tolist(), "rows": rows}
 
 
-def _pressures(found: xr.Dataset, rows: Any) -> Any:  # noqa: ANN401 - arrays of numbers
-    """Return the absolute pressures of both chambers, the mean of each recording, shape (rows, 2), Pa."""
-    names = np.unique(found["recording"].to_numpy()[rows].astype(str), return_inverse=True)[1]
-    each = np.bincount(names)
-    means = [np.bincount(names, found[f"pressure_{side}_pa"].to_numpy()[rows]) / each for side in "ab"]
-    return np.column_stack(means)[names]
-
-
-def alike(pairs: Any) -> list[Any]:  # noqa: ANN401 - arrays of numbers
-    """Return the rows of each group of pressures that differ by less than `SAME_PA` from those of its first row."""
-    left, out = np.arange(len(pairs)), []
-    while len(left):
-        near = (np.abs(pairs[left] - pairs[left[0]]) < SAME_PA).all(axis=1)
-        out.append(left[near])
-        left = left[~near]
-    return out
-
-
-def _points(found: xr.Dataset, rows: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - an array of numbers
-    part = found.isel(row=rows)
+def _points(table: xr.Dataset, rows: Array) -> list[dict[str, Any]]:
+    part = table.isel(row=rows)
     spread = 2.0 * np.hypot(part["stderr_n"].to_numpy(), part["u_systematic_n"].to_numpy())  # U, k = 2
     columns = {
         "recording": part["recording"].to_numpy().tolist(),
         "direction": part["direction"].to_numpy().tolist(),
         "speed": np.abs(part["velocity_m_s"].to_numpy()).tolist(),
         "friction": part["friction_n"].to_numpy().tolist(),
-        "spread": [None if np.isnan(one) else float(one) for one in spread],
+        "spread": [None if np.isnan(value) else float(value) for value in spread],
         "flags": part["flags"].to_numpy().tolist(),
     }
-    return [dict(zip(columns, one, strict=True)) for one in zip(*columns.values(), strict=True)]
-
-
-def _label(gauges: Any) -> str:  # noqa: ANN401 - two numbers
-    a, b = map(bar, gauges)
-    return f"a {a}, b {b} bar gauge"
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def bar(gauge_pa: float) -> str:
@@ -349,6 +410,105 @@ def bar(gauge_pa: float) -> str:
     return f"{0.0 if abs(gauge_pa) < 0.5 * SAME_PA else gauge_pa / 1e5:.3g}"
 
 
-def number(value: object) -> float | None:
-    """Return a number for JSON, which supports neither infinity nor NaN."""
-    return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
+def _fit(workspace: Workspace, path: str) -> AnyFit:
+    return read_fit(workspace.path(path, DESCRIPTIONS))
+
+
+def shown_fit(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Return a fit of any kind: values with intervals, undetermined values, notes.
+
+    Raises
+    ------
+    FitError
+        The file is not a fit.
+    """
+    fit = _fit(workspace, path)
+    about = {"kind": fit.KIND, "title": fit.TITLE, "synthetic": fit.synthetic, "converged": fit.converged}
+    about |= {"statements": len(fit.statements())}
+    return about | {"view": sent(fit.view()), "recordings": list(fit.recordings)}
+
+
+def view_of_fit(workspace: Workspace, path: str) -> View:
+    """Return the values of a fit of any kind."""
+    return _fit(workspace, path).view()
+
+
+def behind_fit(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Return the details of a fit: ellipses of its values and, with its map, residuals and profiles.
+
+    Numbers are in the displayed units.
+
+    Raises
+    ------
+    FitError
+        The file is not a fit.
+    """
+    fit = _fit(workspace, path)
+    scales = {name: shown_in(unit) for name, unit in fit.units.items()}
+    found: dict[str, Any] = {
+        "ellipses": [
+            {
+                "x": {"name": one.x, "unit": scales[one.x][1]},
+                "y": {"name": one.y, "unit": scales[one.y][1]},
+                "correlation": one.correlation,
+                "points": (one.points / [scales[one.x][0], scales[one.y][0]]).tolist(),
+            }
+            for one in (ellipses(fit) if fit.covariance.size and fit.intervals else ())
+        ],
+        "residuals": [],
+        "profiles": [],
+        "designs": isinstance(fit, FrictionFit),
+    }
+    if not isinstance(fit, SlidingFit):
+        return found | {"why": f"The {fit.TITLE} keeps no samples: Validation compares it with its recordings."}
+    (edge,) = Lineage(workspace, MOST_TRACED).edges(path)
+    if edge.state != SAME:
+        return found | {"why": "Residuals and profiles need the map of the fit: it was removed or changed."}
+    table = read_map(workspace.path(edge.path))
+    data = with_map(fit, table).compared()["friction"]
+    found["residuals"] = list(zip(data.at.tolist(), (data.measured - data.model).tolist(), strict=True))
+    lines = [
+        "from pneudrive.characterise import read_map",
+        "from pneudrive.identify.files import read_fit",
+        "from pneudrive.identify.static.result import ellipses, profiles, with_map\n",
+        f"curves = read_map({edge.path!r})\nfit = with_map(read_fit({path!r}), curves)",
+        'data = fit.compared()["friction"]\nresiduals = data.measured - data.model',
+        "outlines = ellipses(fit)",
+    ]
+    if isinstance(fit, FrictionFit) and fit.model.knee_pa is None:
+        lines.append("ends = profiles(fit, curves)")
+        for name, ends in profiles(fit, table).items():
+            (size, unit), value = scales[name], fit.free_values()[name]
+            low, high = ([number(end / size) for end in ends[:, side]] for side in (0, 1))
+            own = {"name": name, "unit": unit, "value": value / size, "low": low, "high": high}
+            found["profiles"].append({**own, "probability": PROBABILITIES})
+    command = shell("report", path, map=edge.path, out=f"{path.removesuffix('.toml')}-report")
+    return found | {"map": edge.path, "why": "", "command": command, "python": "\n".join(lines) + "\n"}
+
+
+def next_points(workspace: Workspace, path: str, points: str) -> dict[str, Any]:
+    """Return the next points to measure for a fit on the simulated rig, with their expected benefit.
+
+    Raises
+    ------
+    FitError
+        The file is not the fit of a friction map, or the number of points is below 1.
+    """
+    if points and not (points.isdecimal() and 1 <= int(points) <= MOST_NEXT):
+        raise CommandError(f"points = {points[:20]} is out of bounds", rule=f"1 to {MOST_NEXT}, or none")
+    count = int(points) if points else None
+    fit = FrictionFit.from_toml(workspace.path(path, DESCRIPTIONS))
+    rig = load_rig(RIG)
+    plan = next_measurements(fit, limits_of(fit, rig.identity(), rig.limits()), points=count)
+    expected = []
+    for name, then in plan.half_widths_then.items():
+        size, unit = shown_in(fit.units[name])
+        now = number(plan.half_widths_now[name] / size)
+        expected.append({"name": name, "unit": unit, "now": now, "then": number(then / size)})
+    return {
+        "points": [vars(point) for point in plan.points],
+        "seconds": plan.seconds,
+        "expected": expected,
+        "command": shell("design", path, rig=RIG, points=count),
+        "python": f"import pneudrive as pn\n{design_python(path, count)}\n",
+    }

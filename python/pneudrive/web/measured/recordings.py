@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import Field, FiniteFloat, StrictStr
 
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.files.content import unreadable
 from pneudrive.progress import Watch
-from pneudrive.signals.channels import open_channels, pairs
+from pneudrive.signals.channels import ChannelFile, FileChannel, open_channels, pairs
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.load import load_drive_motion, load_recording
@@ -25,20 +26,17 @@ from pneudrive.signals.samples import find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.signals.trajectories import is_trajectory, read_trajectory
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
-from pneudrive.web.cache import cache_folder
-from pneudrive.web.measured.samples import KeptSamples
-from pneudrive.web.measured.tiles import BLOCK, Pyramid, TileWindow
-from pneudrive.web.messages import fault_of
-from pneudrive.web.workspace import TABLES, safe
+from pneudrive.web.measured.tiles import BLOCK, KeptSamples, Pyramid, TileWindow
+from pneudrive.web.messages import fault_of, pack, plain, problems_of
+from pneudrive.web.requests import MOST_PIXELS, PageRequest
+from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.signals.channels import ChannelFile, FileChannel
     from pneudrive.signals.recording import Recording
-    from pneudrive.web.workspace import Listed, Workspace
 
     Array = NDArray[Any]
 
@@ -226,58 +224,209 @@ class Recordings:
         is_changed = found is not None and found.file.table.path == path and _key(path) != key.partition("-")[0]
         return None if is_changed else found  # a converted file does not change
 
-    def motion(self, name: str) -> dict[str, Any]:
-        """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
 
-        A stroke has start, end, direction and speed. A kind of fault has a count, and places as first and last time. If
-        samples are counted or too many, strokes and faults are None, and a reason is given.
+class ViewRequest(PageRequest):
+    """A part of a recording: from and to in s or samples, width of the drawing, names of columns on lines.
+
+    Attributes
+    ----------
+    start, end : float
+    pixels : int
+    columns : str
+    beside : str or None
+        Another recording that is drawn over it.
+    shift : float
+        Time shift of the other recording, s.
+    """
+
+    start: FiniteFloat = Field(alias="from")
+    end: FiniteFloat = Field(alias="to")
+    pixels: int = 1000
+    columns: StrictStr = ""
+    beside: Any = None
+    shift: FiniteFloat = 0.0
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """From and to.
+
+        Raises
+        ------
+        CommandError
+            They do not rise, or the drawing is too wide.
         """
-        path = self.workspace.path(name, TABLES)
-        reading = self.opened(name)
-        if reading.goes_on:  # the file was replaced, and the new one is not shown yet
-            return {"strokes": [], "faults": {}}
-        opened, layout = reading.need(name), layout_in(self.workspace, path)
-        moves = layout is not None or (path.suffix in SUFFIXES and is_trajectory(path))
-        note = _hindrance(name, opened, layout) if moves else ""
-        if note:
-            return {"strokes": [], "faults": {}, "note": note}
-        recording = motion_of(path, layout)
-        if recording is None:
-            return {"strokes": [], "faults": {}}
-        times = recording.time_s
-        found = find_strokes(recording.name, times, recording.position_m)
-        every = [(float(times[one.start]), float(times[one.stop - 1]), one) for one in found]
-        strokes = [
-            {"from": begin, "to": end, "direction": one.direction, "speed": one.speed_m_s}
-            for begin, end, one in every[:MOST_STROKES]
-        ]
-        if len(every) > MOST_STROKES:
-            note = f"The first {MOST_STROKES:,} of {len(every):,} strokes are shaded."
-        faults = {
+        if not (self.start < self.end and 1 <= self.pixels <= MOST_PIXELS):
+            raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
+        return self.start, self.end
+
+    def columns_in(self, recording: OpenRecording) -> list[str]:
+        """Return the requested columns that a recording has."""
+        known = [channel.column for channel in recording.channels]
+        return [name for name in self.columns.split("\n") if name in known]
+
+
+def shown_recording(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Open a recording, or report the progress of its reading or its errors: the file may be half written."""
+    file = workspace.path(path, TABLES)
+    try:
+        reading = workspace.state(Recordings).opened(path)
+        if reading.goes_on:
+            return {"share": reading.share}
+        found, layout = reading.need(path), layout_in(workspace, file)
+    except PneudriveError as error:
+        return {"problems": problems_of(error)}
+    return {
+        "key": found.key,
+        "channels": [{"column": one.column, "label": one.label, "unit": one.unit} for one in found.channels],
+        "span": found.span,
+        "samples": found.pyramid.count,
+        "time": found.time is not None,
+        "layout": "own names" if needs_none(file) else None if layout is None else layout.kind,
+        "notes": found.notes if layout else found.notes + layout_above(workspace, file),
+    }
+
+
+def shown_window(workspace: Workspace, given: Mapping[str, Any]) -> bytes:
+    """Return a view of a recording with the requested key as a frame, or None if the recording has another key.
+
+    A view of the changed recording would have times and channels that do not match those in the page.
+    """
+    name, key = str(given.get("path", "")), str(given.get("key", ""))
+    head: dict[str, Any] = {"number": given.get("number"), "path": given.get("path"), "key": None}
+    recordings = workspace.state(Recordings)
+    if (found := recordings.version(name, key)) is None:
+        return pack(head, {})
+    asked = ViewRequest.of(given)
+    columns, span = asked.columns_in(found), asked.span
+    view = found.window(span, asked.pixels, columns)
+    if recordings.version(name, key) is None:  # the file was replaced during the reading
+        return pack(head, {})
+    head |= {"key": found.key, "from": span[0], "to": span[1]}
+    head |= {"missing": view.missing, "samples": view.samples, "raw": view.raw}
+    arrays = {"time": view.time_s, **view.channels}
+    if asked.beside:
+        other = recordings.need(str(asked.beside))
+        arrays |= _beside(found, other, span, asked.shift, asked.pixels, columns)
+    return pack(head, arrays, drawn=True)
+
+
+def shown_spectrum(workspace: Workspace, path: str, given: Mapping[str, str]) -> bytes:
+    """Return the spectra of channels within a view as a frame."""
+    found = workspace.state(Recordings).need(path)
+    asked = ViewRequest.of(given)
+    span = asked.span
+    arrays = {}
+    for name in asked.columns_in(found):
+        arrays[f"hz/{name}"], arrays[f"density/{name}"] = found.spectrum(span, name)
+    return pack({"from": span[0], "to": span[1]}, arrays)
+
+
+def shown_strokes(workspace: Workspace, path: str) -> dict[str, Any]:
+    """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
+
+    A stroke has start, end, direction and speed. A kind of fault has a count, and places as first and last time. If
+    samples are counted or too many, there are no strokes and faults, and a reason is given.
+    """
+    file, nothing = workspace.path(path, TABLES), {"strokes": [], "faults": {}}
+    reading = workspace.state(Recordings).opened(path)
+    if reading.goes_on:  # the file was replaced, and the new one is not shown yet
+        return nothing
+    opened, layout = reading.need(path), layout_in(workspace, file)
+    moves = layout is not None or (file.suffix in SUFFIXES and is_trajectory(file))
+    if moves and (note := _hindrance(path, opened, layout)):
+        return {**nothing, "note": note}
+    recording = motion_of(file, layout)
+    if recording is None:
+        return nothing
+    times = recording.time_s
+    strokes = [
+        {
+            "from": float(times[one.start]),
+            "to": float(times[one.stop - 1]),
+            "direction": one.direction,
+            "speed": one.speed_m_s,
+        }
+        for one in find_strokes(recording.name, times, recording.position_m)
+    ]
+    is_cut = len(strokes) > MOST_STROKES
+    return {
+        "strokes": strokes[:MOST_STROKES],
+        "faults": {
             kind: {"count": one.count, "places": one.places[:MOST_PLACES]}
             for kind, one in find_faults(recording).items()
-        }
-        return {"strokes": strokes, "faults": faults, "note": note}
+        },
+        "note": f"The first {MOST_STROKES:,} of {len(strokes):,} strokes are shaded." if is_cut else "",
+    }
 
-    def beside(
-        self,
-        own: OpenRecording,
-        name: str,
-        span: tuple[float, float],
-        shift: float,
-        pixels: int,
-        columns: Sequence[str],
-    ) -> dict[str, Array]:
-        """Return a view of another recording with the columns, units and clock of this one."""
-        other = self.need(name)
-        both = [one for one in pairs(own.file, other.file) if one.own.column in columns]
-        low, high = other.span
-        first, last = span[0] - shift, span[1] - shift
-        if not both or last < low or first > high:
-            return {"beside/time": np.empty(0)}
-        found = other.window((first, last), pixels, [one.other.column for one in both])
-        values = {f"beside/{one.own.column}": one.of(found.channels[one.other.column]) for one in both}
-        return {"beside/time": found.time_s + shift, **values}
+
+def _beside(
+    own: OpenRecording,
+    other: OpenRecording,
+    span: tuple[float, float],
+    shift: float,
+    pixels: int,
+    columns: Sequence[str],
+) -> dict[str, Array]:
+    """Return a view of another recording with the columns, units and clock of a recording."""
+    both = [pair for pair in pairs(own.file, other.file) if pair.own.column in columns]
+    low, high = other.span
+    first, last = span[0] - shift, span[1] - shift
+    if not both or last < low or first > high:
+        return {"beside/time": np.empty(0)}
+    found = other.window((first, last), pixels, [pair.other.column for pair in both])
+    values = {f"beside/{pair.own.column}": pair.of(found.channels[pair.other.column]) for pair in both}
+    return {"beside/time": found.time_s + shift, **values}
+
+
+class MeasureRequest(PageRequest):
+    """Two times at which the page measures a recording.
+
+    Attributes
+    ----------
+    path : str
+    at : (float, float)
+        s, or numbers of samples.
+    columns : tuple of str
+    beside : str
+        Another recording. Empty for no other.
+    shift : float
+        Time shift of the other recording, s.
+    """
+
+    path: StrictStr
+    at: tuple[FiniteFloat, FiniteFloat]
+    columns: tuple[StrictStr, ...]
+    beside: StrictStr
+    shift: FiniteFloat
+
+
+def measured(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the channels of a recording at the samples nearest to two times, also of another recording.
+
+    Values of the other recording have the units and the clock of the first.
+    """
+    asked, recordings, rows = MeasureRequest.of(given), workspace.state(Recordings), list[dict[str, Any]]()
+
+    def measure(name: str, recording: OpenRecording, shift: float, channels: Mapping[str, Any]) -> None:
+        """Add a row for each channel: column -> label, unit and conversion."""
+        ends = [recording.sample_at(at - shift, list(channels)) for at in asked.at]
+        times = [time + shift for time, _ in ends]
+        for column, (label, unit, convert) in channels.items():
+            first, second = (convert(values[column]) for _, values in ends)
+            between = times[1] - times[0]
+            slope = (second - first) / between if between else None
+            row = {"recording": name, "label": label, "unit": unit, "time_s": times, "values": [first, second]}
+            rows.append({**row, "difference": second - first, "slope": slope})
+
+    own = recordings.need(asked.path)
+    shown = {one.column: (one.label, one.unit, float) for one in own.channels if one.column in asked.columns}
+    measure(asked.path, own, 0.0, shown)
+    if asked.beside:
+        other = recordings.need(asked.beside)
+        both = [pair for pair in pairs(own.file, other.file) if pair.own.column in shown]
+        converted = {pair.other.column: (pair.own.label, pair.own.unit, pair.of) for pair in both}
+        measure(asked.beside, other, asked.shift, converted)
+    return {"rows": plain(rows)}
 
 
 def nearest_sample(time_s: Array, at: float) -> int:
@@ -412,7 +561,7 @@ def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid
     return pyramid
 
 
-def proposed(workspace: Workspace, name: str) -> dict[str, Any]:
+def proposed(workspace: Workspace, path: str) -> dict[str, Any]:
     """Propose a layout for a recording: its text, the open points, and the reason for each column.
 
     Raises
@@ -422,14 +571,11 @@ def proposed(workspace: Workspace, name: str) -> dict[str, Any]:
     """
     from pneudrive.signals.proposal.propose import propose_layout
 
-    found = propose_layout(workspace.path(name, TABLES))
-    guesses = [
-        {"role": one.role, "column": str(one.column), "unit": one.unit, "why": one.reason} for one in found.guesses
-    ]
+    found = propose_layout(workspace.path(path, TABLES))
     return {
-        "text": found.text,
-        "problem": found.problem,
-        "kind": found.kind,
+        **{key: getattr(found, key) for key in ("text", "problem", "kind")},
         "strokes": len(found.strokes),
-        "guesses": guesses,
+        "guesses": [
+            {"role": one.role, "column": str(one.column), "unit": one.unit, "why": one.reason} for one in found.guesses
+        ],
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import shlex
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -28,25 +27,23 @@ from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownValue, View
 from pneudrive.web.drive.description import field_of
-from pneudrive.web.drive.drives import MOST_DRIVES, drive_at, hash_at, is_fit
 from pneudrive.web.drive.run_request import Changes, described_at, with_changes
-from pneudrive.web.lineage import MOST_TRACED, Input, Lineage
+from pneudrive.web.lineage import MOST_DRIVES, MOST_TRACED, Input, Lineage, drive_at, hash_at, is_fit
 from pneudrive.web.measured.recordings import by_stem
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import pack, plain
-from pneudrive.web.requests import MOST_PIXELS, WRONG_REQUEST, PageRequest
-from pneudrive.web.workspace import DESCRIPTIONS, TABLES, is_in_catalogue, safe
+from pneudrive.web.requests import MOST_PIXELS, PageRequest, shell, wrong_request
+from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.identify.files import AnyFit
-    from pneudrive.web.workspace import Workspace
 
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
 
 
-def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
+def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
     """Return a validation from its file, with the drive and the recordings in the workspace.
 
     Raises
@@ -54,11 +51,11 @@ def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
     CommandError
         The file is not one of `pneudrive validate`.
     """
-    content = _read(workspace, name)
+    content = _read(workspace, path)
     provenance = content["provenance"]
     recordings = {name: paths[0] for name, paths in by_stem(workspace.files()).items() if len(paths) == 1}
     lineage = Lineage(workspace, MOST_TRACED)
-    path, drive = _of_hash(workspace, provenance["description_hash"])
+    place, drive = _of_hash(workspace, provenance["description_hash"])
     for record in content["record"]:
         named = Input("recording", record["source"] or record["name"], record["sha256"])
         record["file"] = lineage.file_of(named)
@@ -69,8 +66,8 @@ def shown_validation(workspace: Workspace, name: str) -> dict[str, Any]:
             "diagnosis": content["diagnosis"],
             "name": provenance["drive"],
             "version": provenance["version"],
-            "drive": path,
-            "editable": drive is not None and (is_in_catalogue(path) or not is_fit(workspace.path(path))),
+            "drive": place,
+            "editable": drive is not None and (is_in_catalogue(place) or not is_fit(workspace.path(place))),
             "suspects": _suspects(drive, content["diagnosis"]),
             "values": _values(workspace, drive, recordings, provenance.get("identified", {})),
             "channels": [{"column": column, "label": label, **_unit(column)} for column, label in CHANNELS.items()],
@@ -176,7 +173,7 @@ def _values(
 def _fits(workspace: Workspace) -> dict[str, str]:
     """Return the files of fits by the hash that values carry."""
     found = [one for one in workspace.files() if one.kind == "fit"][:MOST_DRIVES]
-    return {hash_at(workspace.path(one.path), one.changed): one.path for one in found}
+    return {hash_at(workspace, one.path, one.changed): one.path for one in found}
 
 
 class FrameRequest(PageRequest):
@@ -220,7 +217,7 @@ def frame_of(workspace: Workspace, asked: Mapping[str, Any], number: object) -> 
     name, span, changes = request.path, request.span, request.changes
     records = _read(workspace, name)["record"]
     if request.record >= len(records):
-        raise CommandError(WRONG_REQUEST, remedy="Reload the page.")
+        raise wrong_request()
     path = workspace.path(f"{name.rpartition('/')[0]}/{records[request.record]['run']}".lstrip("/"), TABLES)
     if not path.is_file():
         raise CommandError(f"{path.name} is missing beside {name}", remedy="Validate again.")
@@ -292,7 +289,7 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     return {
         "values": [difference._asdict() for difference in differences(*sources)],
         "lines": lines,
-        "command": shlex.join(["pneudrive", "compare", *map(safe, names)]),
+        "command": shell("compare", *names),
         "python": python,
     }
 
