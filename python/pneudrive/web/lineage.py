@@ -127,6 +127,11 @@ class Lineage:
         return known | {self._of(_circuit_hash, file.path): file.path for file in self._of_kind("drive")}
 
     @cached_property
+    def fits(self) -> dict[str, str]:
+        """Files of fits by the hash that identified values carry."""
+        return {self._of(hash_at, file.path): file.path for file in reversed(self._of_kind("fit"))}
+
+    @cached_property
     def _recordings(self) -> dict[str, list[str]]:
         return by_stem(self.files.values())
 
@@ -151,17 +156,13 @@ class Lineage:
         return alike[0], DIFFERS if self.files[of].kind == "recording" else CHANGED
 
     def _fit(self, each: Input, _of: str) -> tuple[str, str]:
-        fits = [file.path for file in self._of_kind("fit")]
-        same = [path for path in fits if self._of(hash_at, path) == each.digest]
-        alike = (
-            path
-            for path in fits
-            if (fit := self._of(_fit_at, path)) is not None
-            and each.part in fit.values
-            and set(each.name.split(", ")) <= set(fit.recordings)
-        )
-        path = same[0] if same else next(alike, "")
-        return path, SAME if same else CHANGED if path else MISSING
+        if each.digest in self.fits:
+            return self.fits[each.digest], SAME
+        for file in self._of_kind("fit"):
+            fit = self._of(_fit_at, file.path)
+            if fit is not None and each.part in fit.values and set(each.name.split(", ")) <= set(fit.recordings):
+                return file.path, CHANGED
+        return "", MISSING
 
     def _map(self, each: Input, of: str) -> tuple[str, str]:
         def is_beside(path: str) -> bool:
@@ -195,6 +196,11 @@ class Lineage:
             return UNREAD
         digests = _digests(self.workspace, path, each.part, self.files[path].changed)
         return SAME if each.digest in digests else CHANGED if digests else UNREAD
+
+    def drive_of(self, digest: str) -> tuple[str, Drive | None]:
+        """Return the file whose drive has this hash, and the drive, or "" if it no longer exists."""
+        path = self._drives[0].get(digest, "")
+        return path, self._of(drive_at, path) if path in self.files else _catalogue().get(path)
 
     def file_of(self, each: Input) -> str:
         """Return the file of a recording by its name, or by its hash among several of that name, or None."""

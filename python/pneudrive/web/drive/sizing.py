@@ -16,34 +16,36 @@ from pneudrive.sizing.result import READ, SUMMARY, WRITTEN, answer_of, set_to
 from pneudrive.sizing.search import is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.messages import plain, problems_of
+from pneudrive.web.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.web.workspace import Workspace
-
 #: A task to begin with.
 FIRST = Path(__file__).with_name("first_task.toml")
 MOST_TASKS = 500  # number of kept tasks
+#: Values of a sized drive that the page gets under their names.
+SENT = ("name", "draws", "met", "time_out", "time_back", "end_speed", "energy", "margin", "binding", "load_ratio")
+SENT += ("measure", "explains")
 
 
 def checked_or_first(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Check the text of a task. Without a text, return an example task."""
+    """Check the text of a task and return its problems, or its full content. Without a text, return an example task."""
     text = given.get("text")
-    return checked_task(text) if isinstance(text, str) else {"text": read_text(FIRST, CommandError)}
-
-
-def checked_task(text: str) -> dict[str, Any]:
-    """Check the text of a task and return its problems, or its full content."""
+    if not isinstance(text, str):
+        return {"text": read_text(FIRST, CommandError)}
     try:
         task = SizingTask.load(text if "\n" in text else f"{text}\n")
     except PneudriveError as error:
         return {"problems": problems_of(error)}
-    values = [
-        {"key": one.key, "text": one.text, "given": one.is_given, "meaning": one.meaning} for one in values_of(task)
-    ]
-    follows = [{"what": what, "value": value, "unit": unit} for what, value, unit in follows_from(task)]
-    return {"problems": [], "name": task.name, "values": values, "follows": follows}
+    return {
+        "problems": [],
+        "name": task.name,
+        "values": [
+            {"key": one.key, "text": one.text, "given": one.is_given, "meaning": one.meaning} for one in values_of(task)
+        ],
+        "follows": [dict(zip(("what", "value", "unit"), row, strict=True)) for row in follows_from(task)],
+    }
 
 
 def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
@@ -62,30 +64,26 @@ def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
     about = _json(folder / ABOUT, path, "task", "draws")
     simulated, short = _choices(folder / LINES)
     summary = _json(folder / SUMMARY, path) if (folder / SUMMARY).is_file() else {}
-    asked = summary.get("asked")
-    early = folder / PROVISIONAL
-    provisional = read_text(early, CommandError).strip() if early.is_file() and not summary else ""
-    ranked = ["+".join(one["parts"].values()) for one in summary.get("ranked", [])]
-    places = {one: place for place, one in enumerate(ranked)}
-    checks = [MachineCheck(**one) for one in summary.get("checks", [])]
+    asked, early = summary.get("asked"), folder / PROVISIONAL
+    places = {"+".join(one["parts"].values()): place for place, one in enumerate(summary.get("ranked", []))}
     task = SizingTask.model_validate(about["task"])
-    shares = 1.0 - task.margin
+    fraction = 1.0 - task.margin
     return plain(
         {
             "name": task.name,
             "task": _file_of(workspace, task),
             "draws": about["draws"][0],
-            "limits": {"out": task.outward_s * shares, "back": task.back_s * shares},
+            "limits": {"out": task.outward_s * fraction, "back": task.back_s * fraction},
             "candidates": [_candidate(one, places.get(one.name), path) for one in simulated],
-            "meets": len(ranked),
+            "meets": len(summary.get("ranked", [])),
             "short": short,
             "done": bool(summary) and not summary.get("interrupted", False),
             "searched": is_held(folder / LOCK),
             "feasible": summary.get("feasible"),
-            "checks": [check._asdict() for check in checks],
+            "checks": [MachineCheck(**one)._asdict() for one in summary.get("checks", [])],
             "miss": summary.get("miss"),
             "said": [answer_of(summary), *summary.get("said", [])[1:]] if summary else [],
-            "provisional": provisional,
+            "provisional": read_text(early, CommandError).strip() if early.is_file() and not summary else "",
             "asked": asked if asked and is_of_command(asked) else None,
         }
     )
@@ -115,50 +113,35 @@ def _choices(path: Path) -> tuple[list[SizedDrive], int]:
 
 
 def _candidate(one: SizedDrive, place: int | None, folder: str) -> dict[str, Any]:
+    # The load ratio has the interval of the stroke with the larger one.
+    ratios = [one.intervals[name] for name in ("load_ratio_out", "load_ratio_back") if name in one.intervals]
+    ratio = max(ratios, key=lambda ends: ends[1], default=None)
+    limits = []
+    for name, (value, limit, unit) in one.worst.items():
+        factor, read = READ.get(unit, (1.0, unit))
+        about = {"name": name, "value": factor * value, "limit": factor * limit, "unit": read}
+        limits.append({**about, "margin": one.margins[name], "interval": _scaled(one.intervals.get(name), factor)})
     return {
-        "name": one.name,
+        **{name: getattr(one, name) for name in SENT},
         "parts": dict(one.parts),
         "setting": set_to(one),
-        "draws": one.draws,
-        "met": one.met,
         "at_least": one.probability_bound,
-        "time_out": one.time_out,
-        "time_back": one.time_back,
-        "end_speed": one.end_speed,
-        "energy": one.energy,
         "air": one.air_litres_anr,
-        "margin": one.margin,
-        "binding": one.binding,
-        "load_ratio": one.load_ratio,
         "intervals": {
             **{name: one.intervals.get(name) for name in ("time_out", "time_back", "end_speed", "energy")},
             "air": _scaled(one.intervals.get("air"), ANR_LITRES_PER_KG),
-            "load_ratio": _scaled(_wider(one), 100.0),
+            "load_ratio": _scaled(ratio, 100.0),
         },
-        "limits": [_limit(name, *found, one) for name, found in one.worst.items()],
+        "limits": limits,
         "meets": place is not None,
         "misses": not one.is_feasible,
         "place": place,
         "file": f"{folder}/{place + 1:02d}.toml" if place is not None and place < WRITTEN else "",
-        "measure": one.measure,
-        "explains": one.explains,
     }
-
-
-def _wider(one: SizedDrive) -> tuple[float, float] | None:
-    """Return the interval of the load ratio, for the stroke with the larger ratio."""
-    known = [one.intervals[name] for name in ("load_ratio_out", "load_ratio_back") if name in one.intervals]
-    return max(known, key=lambda ends: ends[1], default=None)
 
 
 def _scaled(ends: tuple[float, float] | None, factor: float) -> list[float] | None:
     return None if ends is None else [factor * end for end in ends]
-
-
-def _limit(name: str, value: float, limit: float, unit: str, one: SizedDrive) -> dict[str, Any]:
-    factor, read = READ.get(unit, (1.0, unit))
-    found = {"name": name, "value": factor * value, "limit": factor * limit, "unit": read}
-    return {**found, "margin": one.margins[name], "interval": _scaled(one.intervals.get(name), factor)}
 
 
 def _file_of(workspace: Workspace, task: SizingTask) -> str:

@@ -6,7 +6,7 @@ import hashlib
 import os
 import shutil
 import threading
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from pydantic import Field, FiniteFloat, StrictStr
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.files.content import unreadable
 from pneudrive.progress import Watch
-from pneudrive.signals.channels import ChannelFile, FileChannel, open_channels, pairs
+from pneudrive.signals.channels import ChannelFile, open_channels, pairs
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.load import load_drive_motion, load_recording
@@ -57,21 +57,6 @@ class OpenRecording:
     pyramid: Pyramid
     key: str = ""  # changes with the file and with its layout
 
-    @property
-    def time(self) -> FileChannel | None:
-        """Column of the time. None if samples are counted instead of times."""
-        return self.file.time
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes on how the file was read."""
-        return self.file.notes
-
-    @property
-    def channels(self) -> tuple[FileChannel, ...]:
-        """Displayed metadata."""
-        return self.file.channels
-
     def sample_at(self, at: float, columns: Sequence[str]) -> tuple[float, dict[str, float]]:
         """Return time and values of the sample nearest to a time."""
         block = max(int(np.searchsorted(self.pyramid.time[:, 0], at, "right")) - 1, 0)
@@ -94,7 +79,7 @@ class OpenRecording:
         RecordingError
             As for `pneudrive.signals.spectrum.amplitude_density`.
         """
-        if self.time is None:
+        if self.file.time is None:
             raise CommandError("a spectrum needs times", remedy="Name the column of time in layout.toml.")
         blocks = self.pyramid.time
         first = int(np.searchsorted(blocks[:, 1], span[0]))
@@ -122,19 +107,36 @@ class OpenRecording:
         return (first, last) if first < last else (first - 0.5, last + 0.5)
 
 
-@dataclass
-class Reading:
-    """A recording that is being read for the first time."""
+class Reading(threading.Thread):
+    """A recording that is being read for the first time, in the background. Its end sets `done` or `error`."""
 
-    share: float = 0.0
-    error: PneudriveError | None = None
-    done: OpenRecording | None = None
-    ended: threading.Event = field(default_factory=threading.Event)
+    def __init__(self, path: Path, layout: Layout | None, key: tuple[str, str]) -> None:
+        super().__init__(daemon=True)
+        self.path, self.layout, self.key = path, layout, key
+        self.share = 0.0
+        self.error: PneudriveError | None = None
+        self.done: OpenRecording | None = None
 
     @property
     def goes_on(self) -> bool:
         """The reading has not ended."""
         return self.done is None and self.error is None
+
+    def run(self) -> None:
+        """Read the recording."""
+
+        def tell(done: float, total: float, _: str) -> None:
+            self.share = done / total if total else 0.0
+
+        try:
+            found = _opened(self.path, self.layout, cache_folder() / self.key[0], Watch(tell))
+            self.done = replace(found, key="-".join(self.key))
+        except PneudriveError as error:
+            self.error = error
+        except OSError as error:  # the file was removed, or the disk is full
+            self.error = unreadable(self.path, error, RecordingError)
+        except BaseException as fault:  # unexpected error; without an end the page would wait forever
+            self.error = fault_of(fault)
 
     def need(self, name: str) -> OpenRecording:
         """Return the recording after reading.
@@ -157,8 +159,7 @@ class Recordings:
     """Open recordings of a workspace. Each recording is read once, in the background.
 
     A file may change while it is shown. Data that were read have the key that the file had before reading. Later
-    additions give the
-    file another key, so that the next request reads it again.
+    additions give the file another key, so that the next request reads it again.
     """
 
     def __init__(self, workspace: Workspace) -> None:
@@ -177,10 +178,10 @@ class Recordings:
             if found is None:
                 while len(self._open) >= MOST_OPEN:
                     self._open.pop(next(iter(self._open)))
-                found = self._open[key] = Reading()
+                found = self._open[key] = Reading(path, layout, key)
                 self._forget_older(path, key[0])
-                threading.Thread(target=self._read, args=(path, layout, key, found), daemon=True).start()
-        found.ended.wait(0.2)
+                found.start()
+        found.join(0.2)
         return found
 
     def _forget_older(self, path: Path, key: str) -> None:
@@ -194,22 +195,6 @@ class Recordings:
             for one in [one for one in self._open if one[0] == older]:
                 del self._open[one]
             shutil.rmtree(cache_folder() / older, ignore_errors=True)
-
-    def _read(self, path: Path, layout: Layout | None, key: tuple[str, str], reading: Reading) -> None:
-        def tell(done: float, total: float, _: str) -> None:
-            reading.share = done / total if total else 0.0
-
-        try:
-            found = _opened(path, layout, cache_folder() / key[0], Watch(tell))
-            reading.done = replace(found, key="-".join(key))
-        except PneudriveError as error:
-            reading.error = error
-        except OSError as error:  # the file was removed, or the disk is full
-            reading.error = unreadable(path, error, RecordingError)
-        except BaseException as fault:  # unexpected error; without an end the page would wait forever
-            reading.error = fault_of(fault)
-        finally:
-            reading.ended.set()
 
     def need(self, name: str) -> OpenRecording:
         """Return a recording that has been read. See `Reading.need`."""
@@ -261,7 +246,7 @@ class ViewRequest(PageRequest):
 
     def columns_in(self, recording: OpenRecording) -> list[str]:
         """Return the requested columns that a recording has."""
-        known = [channel.column for channel in recording.channels]
+        known = [channel.column for channel in recording.file.channels]
         return [name for name in self.columns.split("\n") if name in known]
 
 
@@ -277,12 +262,12 @@ def shown_recording(workspace: Workspace, path: str) -> dict[str, Any]:
         return {"problems": problems_of(error)}
     return {
         "key": found.key,
-        "channels": [{"column": one.column, "label": one.label, "unit": one.unit} for one in found.channels],
+        "channels": [{"column": one.column, "label": one.label, "unit": one.unit} for one in found.file.channels],
         "span": found.span,
         "samples": found.pyramid.count,
-        "time": found.time is not None,
+        "time": found.file.time is not None,
         "layout": "own names" if needs_none(file) else None if layout is None else layout.kind,
-        "notes": found.notes if layout else found.notes + layout_above(workspace, file),
+        "notes": found.file.notes if layout else found.file.notes + layout_above(workspace, file),
     }
 
 
@@ -419,7 +404,7 @@ def measured(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, Any]:
             rows.append({**row, "difference": second - first, "slope": slope})
 
     own = recordings.need(asked.path)
-    shown = {one.column: (one.label, one.unit, float) for one in own.channels if one.column in asked.columns}
+    shown = {one.column: (one.label, one.unit, float) for one in own.file.channels if one.column in asked.columns}
     measure(asked.path, own, 0.0, shown)
     if asked.beside:
         other = recordings.need(asked.beside)
@@ -462,16 +447,12 @@ def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
     """Return the reason why strokes and faults of a recording are not shown. Empty if they are."""
     count = opened.pyramid.count
     if count > MOST_SAMPLES_OF_STROKES:
-        strokes = (
-            ""
-            if layout is not None and layout.kind != "rig"
-            else f". In a terminal: pneudrive characterise {safe(name)} finds strokes"
-        )
-        return (
-            f"Strokes and faults are not searched: {count:,} samples, at most {MOST_SAMPLES_OF_STROKES:,} here"
-            f"{strokes}."
-        )
-    return "Strokes and faults are not shown: they have times, but samples are counted." if opened.time is None else ""
+        reason = f"Strokes and faults are not searched: {count:,} samples, at most {MOST_SAMPLES_OF_STROKES:,} here"
+        is_of_rig = layout is None or layout.kind == "rig"
+        return reason + (f". In a terminal: pneudrive characterise {safe(name)} finds strokes." if is_of_rig else ".")
+    if opened.file.time is None:
+        return "Strokes and faults are not shown: they have times, but samples are counted."
+    return ""
 
 
 def layout_in(workspace: Workspace, path: Path) -> Layout | None:

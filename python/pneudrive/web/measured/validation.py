@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,9 +15,8 @@ from pneudrive import units
 from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
-from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError
-from pneudrive.free.parameters import Parameter, numbers_of, with_shape
+from pneudrive.free.parameters import numbers_of, with_shape
 from pneudrive.identify.files import differences, read_fit
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
 from pneudrive.simulation.trajectory import columns_in, read_columns
@@ -28,7 +28,7 @@ from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownValue, View
 from pneudrive.web.drive.description import field_of
 from pneudrive.web.drive.run_request import Changes, described_at, with_changes
-from pneudrive.web.lineage import MOST_DRIVES, MOST_TRACED, Input, Lineage, drive_at, hash_at, is_fit
+from pneudrive.web.lineage import MOST_TRACED, Input, Lineage, is_fit
 from pneudrive.web.measured.recordings import by_stem
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import pack, plain
@@ -55,7 +55,7 @@ def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
     provenance = content["provenance"]
     recordings = {name: paths[0] for name, paths in by_stem(workspace.files()).items() if len(paths) == 1}
     lineage = Lineage(workspace, MOST_TRACED)
-    place, drive = _of_hash(workspace, provenance["description_hash"])
+    place, drive = lineage.drive_of(provenance["description_hash"])
     for record in content["record"]:
         named = Input("recording", record["source"] or record["name"], record["sha256"])
         record["file"] = lineage.file_of(named)
@@ -69,8 +69,12 @@ def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
             "drive": place,
             "editable": drive is not None and (is_in_catalogue(place) or not is_fit(workspace.path(place))),
             "suspects": _suspects(drive, content["diagnosis"]),
-            "values": _values(workspace, drive, recordings, provenance.get("identified", {})),
-            "channels": [{"column": column, "label": label, **_unit(column)} for column, label in CHANNELS.items()],
+            "values": _values(lineage, drive, recordings, provenance.get("identified", {})),
+            "channels": [
+                {"column": column, "label": label, "size": size, "unit": unit}
+                for column, label in CHANNELS.items()
+                for size, unit in (readable(_si_unit(column)),)
+            ],
         }
     )
 
@@ -79,18 +83,15 @@ def view_of_validation(workspace: Workspace, name: str) -> View:
     """Return the agreement of each record and channel, and the verdicts."""
     content = _read(workspace, name)
     rows = []
-    for record in content["record"]:
-        for column, title in CHANNELS.items():
-            found, label = record[column], f"{record['name']}: {title}"
-            unit = "m" if column.endswith("_m") else "Pa"
-            for key, quantity, value, of in (
-                ("fit", "fit, %", found["free"].get("fit_percent"), ""),
-                ("rms", "rms", found["free"]["rms"], unit),
-                ("largest", "largest", found["free"]["largest"], unit),
-                ("restarted", "from measured states: fit, %", found["restarted"].get("fit_percent"), ""),
-            ):
-                given = float("nan") if value is None else float(value)
-                rows.append(ShownValue(f"{label}.{key}", label, quantity, given, of))
+    for record, (column, title) in product(content["record"], CHANNELS.items()):
+        found, label = record[column], f"{record['name']}: {title}"
+        for key, quantity, value, unit in (
+            ("fit", "fit, %", found["free"].get("fit_percent", np.nan), ""),
+            ("rms", "rms", found["free"]["rms"], _si_unit(column)),
+            ("largest", "largest", found["free"]["largest"], _si_unit(column)),
+            ("restarted", "from measured states: fit, %", found["restarted"].get("fit_percent", np.nan), ""),
+        ):
+            rows.append(ShownValue(f"{label}.{key}", label, quantity, float(value), unit))
     notes = [*(one["text"] for one in content["verdict"]), *content["notes"]]
     return View(f"{content['provenance']['drive']} against its recordings", tuple(rows), notes=tuple(notes))
 
@@ -105,29 +106,8 @@ def _read(workspace: Workspace, name: str) -> dict[str, Any]:
     return content
 
 
-def _unit(column: str) -> dict[str, Any]:
-    size, unit = readable("m" if column.endswith("_m") else "Pa")
-    return {"size": size, "unit": unit}
-
-
-def _of_hash(workspace: Workspace, wanted: str) -> tuple[str, Drive | None]:
-    """Return the file whose drive has this hash, and the drive, or "" if it no longer exists.
-
-    Drives come before fits, and newer files first.
-    """
-    files = [one for one in workspace.files() if one.kind in ("drive", "fit")]
-    for one in sorted(files, key=lambda file: (file.kind, -file.changed))[:MOST_DRIVES]:
-        drive = drive_at(workspace, one.path, one.changed)
-        if drive is not None and drive.description_hash == wanted:
-            return one.path, drive
-    for one in entries().values():
-        if one.is_drive and (drive := Drive.load(f"catalogue:{one.name}")).description_hash == wanted:
-            return f"catalogue:{one.name}", drive
-    return "", None
-
-
-def _written(one: Parameter) -> str | float:
-    return one.value if one.unit in ("", "1") else units.write(one.value, one.unit, readable(one.unit)[1])
+def _si_unit(column: str) -> str:
+    return "m" if column.endswith("_m") else "Pa"
 
 
 def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -139,41 +119,32 @@ def _suspects(drive: Drive | None, diagnosis: Mapping[str, Any]) -> list[dict[st
         return []
     given = {one.key for one in values_of(drive)}
     keys = [key for cause in diagnosis.get("culprit", []) for key in cause["free"] if key not in given]
-    said = "follows from other values of the file"
     known = numbers_of(with_shape(drive, keys))
-    return [
-        field_of(DescribedValue(one.name, _written(one), said, "given"))
-        for one in (known[key] for key in dict.fromkeys(keys) if key in known)
-    ]
+    fields = []
+    for one in (known[key] for key in dict.fromkeys(keys) if key in known):
+        value = one.value if one.unit in ("", "1") else units.write(one.value, one.unit, readable(one.unit)[1])
+        fields.append(field_of(DescribedValue(one.name, value, "follows from other values of the file", "given")))
+    return fields
 
 
 def _values(
-    workspace: Workspace, drive: Drive | None, recordings: Mapping[str, str], identified: Mapping[str, Any]
+    lineage: Lineage, drive: Drive | None, recordings: Mapping[str, str], identified: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
     """Return the values of the drive with their sources, or without the drive the identified values."""
     known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
-    fits = _fits(workspace) if known else {}
-    own = [] if drive is None else values_of(drive)
     out: list[dict[str, Any]] = [
-        {"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin} for one in own
+        {"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin}
+        for one in (() if drive is None else values_of(drive))
     ]
     out = out or [{"key": key, "text": "", "kind": "identified", "origin": ""} for key in known]
-    for one in out:
-        origin = known.get(one["key"])
-        if origin is None:
-            continue
-        names = [name.strip() for name in origin["source"].split(",")]
-        one["origin"] = ""
-        one["interval"] = " … ".join(str(end) for end in origin["interval"])
-        one["source"] = [{"name": name, "file": recordings.get(name, "")} for name in names]
-        one["fit"] = fits.get(origin.get("fit", ""), "")
+    for value in out:
+        if origin := known.get(value["key"]):
+            names = [name.strip() for name in origin["source"].split(",")]
+            value["origin"] = ""
+            value["interval"] = " … ".join(str(end) for end in origin["interval"])
+            value["source"] = [{"name": name, "file": recordings.get(name, "")} for name in names]
+            value["fit"] = lineage.fits.get(origin.get("fit", ""), "")
     return out
-
-
-def _fits(workspace: Workspace) -> dict[str, str]:
-    """Return the files of fits by the hash that values carry."""
-    found = [one for one in workspace.files() if one.kind == "fit"][:MOST_DRIVES]
-    return {hash_at(workspace, one.path, one.changed): one.path for one in found}
 
 
 class FrameRequest(PageRequest):
