@@ -67,8 +67,8 @@ def _of_campaign(workspace: Workspace, path: str) -> str:
 
 
 def _of_fmu(workspace: Workspace, path: str) -> str:
-    found = read_fmu(workspace.path(path))
-    return f"{found.title}, FMI {found.version}"
+    fmu = read_fmu(workspace.path(path))
+    return f"{fmu.title}, FMI {fmu.version}"
 
 
 #: Kind of a file -> function that returns its line.

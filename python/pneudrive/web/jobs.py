@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import CommandError
 from pneudrive.files import child
 from pneudrive.web.requests import words
-from pneudrive.web.workspace import DESCRIPTIONS, Workspace, log_folder
+from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines, log_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -140,14 +140,7 @@ class PageJob:
 
     def about(self) -> dict[str, Any]:
         """Return the displayed data, with the last lines of the output and the last reported progress."""
-        state = self.state
-        try:
-            with self.log.open("rb") as file:
-                size = file.seek(0, os.SEEK_END)
-                file.seek(max(size - LAST_BYTES, 0))
-                lines = file.read().decode("utf-8", "replace").splitlines()[size > LAST_BYTES :]  # the first is cut
-        except OSError:
-            lines = []
+        state, lines = self.state, last_lines(self.log, LAST_BYTES)
         reports = [line for line in lines if line.startswith(REPORT)]
         progress = None
         for line in reports[-2:]:  # the last line may be incomplete

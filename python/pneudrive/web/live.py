@@ -14,18 +14,17 @@ from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.web.drive.beside import ExtrasRequest
-from pneudrive.web.drive.run_request import RunLimit, RunRequest
+from pneudrive.web.drive.run_request import Run, RunLimit, RunRequest
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import fault_of, pack, problems_of
+from pneudrive.web.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from starlette.websockets import WebSocket
 
-    from pneudrive.simulation.simulate import Run
-    from pneudrive.web.workspace import Workspace
 
 #: Panels of the page: quantity of the columns in it, its SI unit, and its title.
 PANELS = (

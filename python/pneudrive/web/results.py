@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from mimetypes import guess_type
 from typing import TYPE_CHECKING, Any
@@ -80,28 +80,19 @@ def sent(view: View) -> dict[str, Any]:
     """Return a view as plain data."""
     head, table = view.table() if view.rows else ((), [])
     rows = [
-        vars(SentValue(one.key, one.label, one.quantity, _number(one.value), one.text, one.usual_unit, one.origin))
+        SentValue(one.key, one.label, one.quantity, _number(one.value), one.text, one.usual_unit, one.origin)
         for one in view.rows
     ]
-    curves = [vars(_curve(curve)) for curve in view.curves]
-    return vars(SentView(view.title, list(head), list(map(list, table)), rows, curves, list(view.notes)))  # type: ignore[arg-type]
+    curves = [_curve(curve) for curve in view.curves]
+    return asdict(SentView(view.title, list(head), list(map(list, table)), rows, curves, list(view.notes)))
 
 
-def _curve(one: ShownCurve) -> SentCurve:
-    (x_size, x_unit), (size, unit) = readable(one.x_unit), readable(one.unit)
-    low, high = one.band if one.band is not None else ((), ())
-    return SentCurve(
-        one.key,
-        one.label,
-        one.group,
-        f"{one.x_quantity}, {x_unit}",
-        f"{one.quantity}, {unit}",
-        x=_scaled(one.x, x_size),
-        y=_scaled(one.y, size),
-        low=_scaled(low, size),
-        high=_scaled(high, size),
-        measured=one.measured.tolist(),
-    )
+def _curve(curve: ShownCurve) -> SentCurve:
+    (x_size, x_unit), (size, unit) = readable(curve.x_unit), readable(curve.unit)
+    titles = f"{curve.x_quantity}, {x_unit}", f"{curve.quantity}, {unit}"
+    low, high = (_scaled(end, size) for end in curve.band or ((), ()))
+    line = _scaled(curve.x, x_size), _scaled(curve.y, size), low, high
+    return SentCurve(curve.key, curve.label, curve.group, *titles, *line, curve.measured.tolist())
 
 
 def _number(value: float | str) -> float | str | None:

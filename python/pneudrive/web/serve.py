@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, PneudriveError, PneudriveWarning
-from pneudrive.web.guard import NAMES, Guard, address, new_token
+from pneudrive.web.guard import NAMES, BuiltPage, Guard, Opening, address, new_token
 from pneudrive.web.workspace import Workspace, built_page, cache_folder, forget_unused
 
 if TYPE_CHECKING:
@@ -74,8 +74,6 @@ def serve(
         from concurrent.futures import Future
 
         import uvicorn
-
-        from pneudrive.web.guard import BuiltPage, Opening
 
         sys.setswitchinterval(SWITCH_S)
         whole: Future[App] = Future()

@@ -19,7 +19,7 @@ import threading
 import time
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -43,6 +43,8 @@ LONGEST = 1024  # longest name, characters
 MOST_FILES = 20_000
 HEAD = 1 << 16  # bytes of a TOML file that are read to find its kind
 LONGEST_UNUSED_S = 30 * 86400.0  # a recording that was not opened for so long is removed from the cache, s
+#: Signs that no name of a file has in the page, and those of a name on the disk that cannot be sent to it.
+_FORBIDDEN, _NO_UTF8 = re.compile(r"[\x00-\x1f\x7f\\\ud800-\udfff]"), re.compile(r"[\ud800-\udfff]")
 #: Kinds of TOML files by the beginning of a line; a task by its stroke, before any table. No pattern runs over lines:
 #: many empty lines would take quadratic time.
 _TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke[ \t]*=")
@@ -134,9 +136,8 @@ class Workspace:
         if not isinstance(name, str):
             raise _refused(name)
         parts = name.split("/")
-        if not 0 < len(name) <= LONGEST or any(not part or part.startswith(".") for part in parts):
-            raise _refused(name)
-        if any(ord(sign) < 32 or sign in "\\\x7f" or 0xD800 <= ord(sign) < 0xE000 for sign in name):
+        is_wrong = not 0 < len(name) <= LONGEST or _FORBIDDEN.search(name)
+        if is_wrong or any(not part or part.startswith(".") for part in parts):
             raise _refused(name)
         try:
             place = self.root.joinpath(*parts).resolve()
@@ -164,32 +165,29 @@ class Workspace:
 
         Names that begin with a dot are ignored.
         """
-        found: list[Listed] = []
         left_out: list[str] = []
-        for entry, path in self._walk(self.root, "", left_out):
-            status = entry.stat()
-            kind = _folder_kind(entry.path) if entry.is_dir() else _kind(entry.path, status.st_mtime_ns, status.st_size)
-            found.append(Listed(path, kind, status.st_size, status.st_mtime))
-            if len(found) == MOST_FILES:
-                break
-        return sorted(found, key=lambda one: one.path), len(left_out)
+        found = islice(self._walk(self.root, "", left_out), MOST_FILES)
+        return sorted(found, key=lambda file: file.path), len(left_out)
 
-    def _walk(self, folder: Path, before: str, left_out: list[str]) -> Iterator[tuple[os.DirEntry[str], str]]:
+    def _walk(self, folder: Path, before: str, left_out: list[str]) -> Iterator[Listed]:
         try:
             entries = list(os.scandir(folder))
         except OSError:
             return
         for entry in entries:
+            path, is_folder = f"{before}{entry.name}", entry.is_dir(follow_symlinks=False)
             if entry.name.startswith("."):
                 continue
-            if not _is_utf8(entry.name):
+            if _NO_UTF8.search(entry.name):
                 left_out.append(entry.name)
-            elif entry.is_dir(follow_symlinks=False) and _folder_kind(entry.path):
-                yield entry, f"{before}{entry.name}"
-            elif entry.is_dir(follow_symlinks=False):
-                yield from self._walk(Path(entry.path), f"{before}{entry.name}/", left_out)
-            elif entry.name.lower().endswith(SUFFIXES) and entry.is_file(follow_symlinks=False):
-                yield entry, f"{before}{entry.name}"
+                continue
+            kind = _folder_kind(entry.path) if is_folder else ""
+            if is_folder and not kind:
+                yield from self._walk(Path(entry.path), f"{path}/", left_out)
+            elif kind or (entry.name.lower().endswith(SUFFIXES) and entry.is_file(follow_symlinks=False)):
+                status = entry.stat()
+                kind = kind or _kind(entry.path, status.st_mtime_ns, status.st_size)
+                yield Listed(path, kind, status.st_size, status.st_mtime)
 
     def read(self, name: str) -> tuple[str, str]:
         """Return the text of a file and its version. See `write`."""
@@ -279,6 +277,17 @@ def built_page(built: Path = BUILT) -> dict[str, bytes]:
     }
 
 
+def last_lines(path: Path, most_bytes: int) -> list[str]:
+    """Return the last complete lines of a log. Empty if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(size - most_bytes, 0))
+            return file.read().decode("utf-8", "replace").splitlines()[size > most_bytes :]
+    except OSError:
+        return []
+
+
 def fingerprint(text: str) -> str:
     """Return the SHA-256 of a text."""
     return hashlib.sha256(text.encode()).hexdigest()
@@ -294,15 +303,6 @@ def is_in_catalogue(name: str) -> bool:
 def safe(name: str) -> str:
     """Return a name that commands do not read as an option."""
     return f"./{name}" if name.startswith("-") else name
-
-
-def _is_utf8(name: str) -> bool:
-    """Return whether a file name can be sent to the page."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _refused(name: object) -> CommandError:

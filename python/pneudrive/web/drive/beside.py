@@ -19,7 +19,7 @@ from pneudrive.progress import Watch
 from pneudrive.report.platform.scene import INKS, LOOKS, platform_scene
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse, readable
-from pneudrive.web.drive.run_request import RunLimit, RunRequest, described_at
+from pneudrive.web.drive.run_request import Described, Run, RunLimit, RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.requests import PageRequest, shell, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue
@@ -29,10 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
     from pneudrive.ensemble.study import EnsembleStudy
-    from pneudrive.simulation.simulate import Run
 
     Array = NDArray[Any]
 
@@ -78,7 +75,7 @@ class ExtrasRequest(PageRequest):
         self,
         workspace: Workspace,
         asked: RunRequest,
-        described: Drive | Circuit,
+        described: Described,
         run: Run,
         shown: Sequence[str],
         limit: RunLimit,
@@ -124,7 +121,7 @@ class ExtrasRequest(PageRequest):
         return head, arrays
 
     def _band(
-        self, workspace: Workspace, described: Drive | Circuit, asked: RunRequest, shown: Sequence[str], limit: RunLimit
+        self, workspace: Workspace, described: Described, asked: RunRequest, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import Gathered, results, study_of
@@ -309,7 +306,7 @@ def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[s
     return {what: {name: one for name, one in of.items() if math.isfinite(one)} for what, of in told.items()}
 
 
-def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iterator[dict[str, Any]]:
+def _cylinders(described: Described, columns: Mapping[str, Array]) -> Iterator[dict[str, Any]]:
     """Yield name, stroke and columns of each double-acting cylinder."""
     for name, sizes in chamber_sizes(described.circuit.core_json()).items():
         for place in _PLACES:
@@ -319,7 +316,7 @@ def _cylinders(described: Drive | Circuit, columns: Mapping[str, Array]) -> Iter
                 break
 
 
-def _loops(described: Drive | Circuit, columns: Mapping[str, Array], pixels: int) -> dict[str, dict[str, Array]]:
+def _loops(described: Described, columns: Mapping[str, Array], pixels: int) -> dict[str, dict[str, Array]]:
     """Return volume and pressure of each chamber. Long runs are thinned."""
     each = chamber_sizes(described.circuit.core_json())
     count = len(columns["time_s"])
@@ -365,7 +362,7 @@ class SentPlatform(NamedTuple):
 
 
 def platform_motion(
-    described: Circuit | Drive, columns: Mapping[str, Array], rows: NDArray[np.int64]
+    described: Described, columns: Mapping[str, Array], rows: NDArray[np.int64]
 ) -> tuple[list[dict[str, Any]], dict[str, Array]]:
     """Return the platforms of a run as plain data, and arrays of their points and outputs at some of its samples."""
     sent, arrays = [], {}

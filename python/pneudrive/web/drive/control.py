@@ -23,7 +23,7 @@ from pneudrive.control.tuning import laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.progress import Watch
-from pneudrive.web.drive.run_request import RunLimit, check_samples, described_at
+from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
 from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import number, pack
@@ -33,9 +33,6 @@ from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_cat
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
-    from pneudrive.simulation.simulate import Run
 
 MOST_SECONDS = 10.0  # longest computing time of a run under control
 MOST_MEMBERS = 10_000
@@ -138,7 +135,7 @@ class ControlRequest(PageRequest):
         line.insert(3, f"--reference={self.reference}")
         return text + shlex.join(["pneudrive", *line])
 
-    def as_python(self, described: Drive | Circuit) -> str:
+    def as_python(self, described: Described) -> str:
         """Return the lines of Python that make the same run in the folder of the workspace."""
         lines = ["import pneudrive as pn", "", f"drive = pn.{type(described).__name__}.load({self.path!r})"]
         law = f"controller={self.law!r}" if _is_file(self.law) else repr(self.law)
@@ -372,11 +369,8 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> dict[str, 
     failed = [f"{run.law} along {run.reference}, {run.seed}: {run.reason}" for run in card.runs if run.reason]
     tables = {track: card.table(track, spread=False) for track in card.references} if card.is_finished else {}
     return {
-        "drive": card.drive,
+        **{key: getattr(card, key) for key in ("drive", "mismatch", "spread", "count")},
         "setup": [card.setup, str(card.about.get("setup_about", ""))],
-        "mismatch": card.mismatch,
-        "spread": card.spread,
-        "count": card.count,
         "total": card.count * len(card.references) * len(told),
         "finished": card.is_finished,
         "done": len(card.runs),

@@ -12,7 +12,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable
 
-from pneudrive.describe.all_values import leaves, values_of
+from pneudrive.describe.all_values import DescribedValue, leaves, values_of
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.kinds import COMMAND
@@ -22,7 +22,7 @@ from pneudrive.files.content import read_bytes
 from pneudrive.fmu.description import read_fmu
 from pneudrive.simulation.start import start
 from pneudrive.units import in_unit, like
-from pneudrive.web.drive.run_request import described_at
+from pneudrive.web.drive.run_request import Described, described_at
 from pneudrive.web.messages import problems_of
 from pneudrive.web.requests import wrong_request
 from pneudrive.web.workspace import FMUS, Workspace, is_in_catalogue
@@ -30,9 +30,6 @@ from pneudrive.web.workspace import FMUS, Workspace, is_in_catalogue
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pneudrive.describe.all_values import DescribedValue
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
 FULL_OPENING = 1.0  # command that every valve takes, also one that switches
@@ -74,7 +71,7 @@ def _copies(text: str) -> dict[str, list[str]]:
     return {name: names for names in lists for name in names}
 
 
-def fields_of(described: Drive | Circuit) -> dict[str, Any]:
+def fields_of(described: Described) -> dict[str, Any]:
     """Return the name, values, assumptions and commands of a description, and the initial sliders."""
     owner = _owners(described)
     every = values_of(described)
@@ -93,7 +90,7 @@ def fields_of(described: Drive | Circuit) -> dict[str, Any]:
     }
 
 
-def _absent(described: Drive | Circuit, every: Sequence[DescribedValue]) -> set[str]:
+def _absent(described: Described, every: Sequence[DescribedValue]) -> set[str]:
     """Return the keys of defaults that are not valid alone, such as those of an absent cushion."""
     logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
     out = {f"{key.removesuffix('growth')}exponent" for key in logs}
@@ -106,7 +103,7 @@ def _absent(described: Drive | Circuit, every: Sequence[DescribedValue]) -> set[
     return out
 
 
-def _lowest_commands(described: Drive | Circuit) -> dict[str, int]:
+def _lowest_commands(described: Described) -> dict[str, int]:
     """Return the lowest command of each component that has one: -1, or 0 for an on-off valve."""
     named = [name for name in described.commandable if name]
     try:
@@ -116,7 +113,7 @@ def _lowest_commands(described: Drive | Circuit) -> dict[str, int]:
     return {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in named}
 
 
-def _owners(described: Drive | Circuit) -> Callable[[str], str]:
+def _owners(described: Described) -> Callable[[str], str]:
     """Return a function from a key to its component in the drawing. Empty: no component."""
     # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
     ordered = described.component_places

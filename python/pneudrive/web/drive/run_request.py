@@ -12,23 +12,23 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, Field, StrictStr, field_validator
 
+from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files.load import described_in
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.errors import CommandError
 from pneudrive.progress import Watch
-from pneudrive.simulation.simulate import positive, run
+from pneudrive.simulation.simulate import Run, positive, run
 from pneudrive.web.requests import PageRequest, Pixels, Value, call, shell
 from pneudrive.web.workspace import COMMANDS, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pneudrive.describe.circuit import Circuit
     from pneudrive.progress import Flag
-    from pneudrive.simulation.simulate import Run
 
 Found = TypeVar("Found")
+Described = Drive | Circuit
 
 MOST_SAMPLES = 1_000_000
 MOST_SECONDS = 2.0  # longest computing time of a run: the page waits for it
@@ -55,7 +55,7 @@ def check_changes(changes: dict[str, Any]) -> dict[str, Any]:
 
 #: Changed values that a page sends: dotted keys, with numbers and texts.
 Changes = Annotated[dict[str, Value], AfterValidator(check_changes)]
-_read: dict[tuple[str, str, str], Drive | Circuit] = {}
+_read: dict[tuple[str, str, str], Described] = {}
 _reading = Lock()
 
 
@@ -119,7 +119,7 @@ class RunRequest(PageRequest):
         """Return the same run of another drive or circuit, without changes."""
         return self.model_copy(update={"path": path, "text": None, "changes": {}})
 
-    def described(self, workspace: Workspace) -> Drive | Circuit:
+    def described(self, workspace: Workspace) -> Described:
         """Return the drive or circuit with its changes.
 
         Raises
@@ -141,14 +141,14 @@ class RunRequest(PageRequest):
         """
         return self.run_of(self.described(workspace), workspace, cancel)
 
-    def run_of(self, described: Drive | Circuit, workspace: Workspace, cancel: Flag | None = None) -> Run:
+    def run_of(self, described: Described, workspace: Workspace, cancel: Flag | None = None) -> Run:
         """Simulate the result of `described`. Errors are those of `run`."""
         check_samples(positive(self.duration, "s", "duration") * positive(self.rate, "1/s", "sample_rate"))
         watch = Watch(cancel=cancel or RunLimit())
         options: dict[str, Any] = {"initial": self.initial or None, "sample_rate": self.rate, "watch": watch}
         return run(described, self.command_of(described, workspace), self.duration, **options)
 
-    def command_of(self, described: Drive | Circuit, workspace: Workspace) -> Any:  # noqa: ANN401 - any form of a command
+    def command_of(self, described: Described, workspace: Workspace) -> Any:  # noqa: ANN401 - any form of a command
         """Return the command in the form of a description; files are given by their path.
 
         Raises
@@ -184,7 +184,7 @@ class RunRequest(PageRequest):
         each = self.command if isinstance(self.command, list) else [self.command]
         return [line for line in each if line.strip()]
 
-    def as_python(self, described: Drive | Circuit, number: str = "") -> str:
+    def as_python(self, described: Described, number: str = "") -> str:
         """Return the Python lines that make the same run. The names of its drive and its run end with a number."""
         lines = [f"drive{number} = pn.{type(described).__name__}.load({self.path!r})"]
         if self.changes:
@@ -217,7 +217,7 @@ def _placed(command: str, workspace: Workspace) -> str:
     return f"{found[1]}{workspace.path(found[2], COMMANDS)}" if found else command
 
 
-def described_at(workspace: Workspace, path: str, text: str | None = None) -> Drive | Circuit:
+def described_at(workspace: Workspace, path: str, text: str | None = None) -> Described:
     """Read a drive or a circuit of the workspace or the catalogue, or a text in its place.
 
     Each is read once, except those that refer to files.
@@ -276,7 +276,7 @@ def _names_files(workspace: Workspace, name: str, _changed: float) -> bool:
         return False
 
 
-def with_changes(described: Drive | Circuit, changes: Mapping[str, Any]) -> Drive | Circuit:
+def with_changes(described: Described, changes: Mapping[str, Any]) -> Described:
     """Return a drive or a circuit with values that have passed `check_changes`.
 
     Raises

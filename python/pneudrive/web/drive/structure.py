@@ -12,18 +12,17 @@ import tomlkit
 from pydantic import StrictStr
 
 from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Port
+from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Port, Wiring
 from pneudrive.describe.files import toml
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import CommandError
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.requests import PageRequest, wrong_request
+from pneudrive.web.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.describe.connections import Wiring
-    from pneudrive.web.workspace import Workspace
 
 STARTERS = Path(__file__).with_name("starters.toml")
 ASSUMED = "Assumed initial values."

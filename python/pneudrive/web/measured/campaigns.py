@@ -6,11 +6,12 @@ import getpass
 import math
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.running.live import read_live
-from pneudrive.campaign.status import finished_of, status_of
+from pneudrive.campaign.status import Finished, Status, finished_of, status_of
 from pneudrive.campaign.storage.control import WORDS, ask
 from pneudrive.campaign.storage.files import holder
 from pneudrive.campaign.storage.folder import CYCLES, LOG
@@ -18,12 +19,11 @@ from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, protocol_named
 from pneudrive.web.messages import pack
 from pneudrive.web.requests import shell
-from pneudrive.web.workspace import DESCRIPTIONS, Workspace
+from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.campaign.status import Finished, Status
 
 PAUSE_S = 0.3  # least time between two readings of a folder with changed cycles; a slow reading lengthens it
 LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal
@@ -79,8 +79,9 @@ class WatchedCampaign:
             The folder is not a campaign.
         """
         with self._lock:
-            began = time.monotonic()
-            changed = self._changed()
+            began, changed = time.monotonic(), 0
+            with suppress(OSError):  # the file of a cycle gets its final name when it is complete
+                changed = (self.folder / CYCLES).stat().st_mtime_ns
             if self._status is None or (changed != self._seen and began >= self._next):
                 self._look()
                 self._seen, took = changed, time.monotonic() - began
@@ -90,28 +91,18 @@ class WatchedCampaign:
             points = list(self._points.values())
         running = holder(self.folder)
         return {
+            **{key: getattr(status, key) for key in ("extra", "planned", "remaining_s", "flags")},
             "name": status.campaign.about.get("name") or self.folder.name,
             "rig": status.campaign.identity.name,
             "synthetic": status.campaign.synthetic,
             "done": len(status.files) - status.extra,
-            "extra": status.extra,
-            "planned": status.planned,
-            "remaining_s": status.remaining_s,
             "state": None if running is None else running.state,
             "text": "" if running is None else str(running),
             "cycle": "" if running is None else running.cycle,
-            "flags": status.flags,
             "problems": [str(problem) for problem in status.problems],
-            "log": self._log(),
+            "log": last_lines(self.folder / LOG, LAST_BYTES)[-LAST_LINES:],
             "groups": _groups(points, status.campaign.identity.ambient_pressure_pa),
         }
-
-    def _changed(self) -> int:
-        """Return when a cycle was last stored. The file of a cycle gets its final name when it is complete."""
-        try:
-            return (self.folder / CYCLES).stat().st_mtime_ns
-        except OSError:
-            return 0
 
     def _look(self) -> None:
         status = status_of(self.folder)
@@ -124,15 +115,6 @@ class WatchedCampaign:
         found = finished_of(list(sound.values()), status.campaign.identity)
         self._points = known | dict(zip(sound, found, strict=True))
         self._status = status
-
-    def _log(self) -> list[str]:
-        try:
-            with (self.folder / LOG).open("rb") as file:
-                size = file.seek(0, 2)
-                file.seek(max(size - LAST_BYTES, 0))
-                return file.read().decode("utf-8", "replace").splitlines()[-LAST_LINES:]
-        except OSError:
-            return []
 
 
 class WatchedCampaigns(dict[Path, WatchedCampaign]):
