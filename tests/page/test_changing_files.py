@@ -186,6 +186,7 @@ def test_late_and_other_answers(server: Server, open_tab: Open) -> None:
     for name in ("axis.toml", "other.toml"):
         page.check(f"input[aria-label='Compare {name}']")
     page.wait_for_selector("[data-differs='friction.coulomb'] >> text=20 N")
+    page.wait_for_selector("section[aria-label=Differences] th >> text=other")
     (server.folder / "other.toml").write_text(DRIVE.replace("28 N", "21 N"))
     page.click("text=Read the folder again")
     page.wait_for_selector("[data-differs='friction.coulomb'] >> text=21 N")

@@ -139,6 +139,18 @@ def test_a_text_that_is_saved_while_another_one_is_opened(server: Server, open_t
     tab.check()
 
 
+def test_the_editor_of_a_task_outlives_its_text(server: Server, open_tab: Open) -> None:
+    (server.folder / "push.toml").write_text(TASK)
+    page = open_tab(server.address).page
+    go(page, "sizing", "push.toml")
+    page.click(EDITOR)
+    page.keyboard.press("ControlOrMeta+A")
+    page.keyboard.press("Delete")
+    page.wait_for_selector("section[aria-label=Task] .problem")
+    page.keyboard.type("name = 1")
+    assert page.inner_text(EDITOR) == "name = 1"
+
+
 def test_the_text_of_a_task_and_of_a_layout_is_kept(server: Server, open_tab: Open) -> None:
     (server.folder / "push.toml").write_text(TASK)
     (server.folder / "lift.toml").write_text(TASK.replace('"push"', '"lift"'))

@@ -84,6 +84,7 @@ const meant = signal<Task | null>(null);
 const said = signal("");
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
+const isLoaded = signal(false); // a loaded text may be empty
 const file = signal("task.toml");
 const least = signal(10); // of a search that is continued
 const found = signal<(Sizing & { folder: string }) | null>(null);
@@ -125,6 +126,7 @@ async function change(next: string): Promise<void> {
 async function load(at: string): Promise<void> {
   [text.value, saved.value, sha256.value, file.value] = ["", "", "", at || "task.toml"]; // the name at once: it can be typed before the text is there
   if (said.value !== wasSaved(at)) said.value = "";
+  isLoaded.value = false;
   task.value = meant.value = null;
   await attempt(async () => {
     const one = at ? await read<{ text: string; sha256: string }>("/api/file", { path: at }) : { ...(await ask<{ text: string }>("/api/task", {})), sha256: "" };
@@ -132,7 +134,9 @@ async function load(at: string): Promise<void> {
     const draft = drafts.get(at);
     [saved.value, sha256.value] = [one.text, draft?.sha256 ?? one.sha256];
     if (draft && draft.sha256 !== one.sha256) said.value = `${at} has changed on disk since you opened it.`;
-    await change(draft?.text ?? one.text);
+    const checked = change(draft?.text ?? one.text);
+    isLoaded.value = true;
+    await checked;
   });
 }
 
@@ -211,7 +215,7 @@ function TaskView() {
   const place = useRef<HTMLDivElement>(null);
   const editor = useRef<Editor | null>(null);
   const now = task.value;
-  const isReady = text.value !== "";
+  const isReady = isLoaded.value;
   useEffect(() => {
     let gone = false;
     if (place.current && isReady)

@@ -9,13 +9,14 @@ export interface Compared {
   python: string;
 }
 
-export function Differences({ values, lines }: Compared) {
+/** `names`: the files that are compared, where they are no states of one drive. */
+export function Differences({ values, lines, names: [before, after] = ["Before", "After"] }: Compared & { names?: string[] }) {
   if (!values.length) return <p role="status">No value differs.</p>;
   return (
     <section aria-label="Differences">
       <Table
         label="Values that differ"
-        heads={["Value", "Before", "95 % before", "After", "95 % after", "Change, %"]}
+        heads={["Value", before!, "95 %", after!, "95 %", "Change, %"]}
         rows={values.map((one) => ({
           cells: [one.key, ...[one.before, one.interval_before, one.after, one.interval_after].map((text) => text || "–"), one.change === null ? "–" : digits(100 * one.change, 3)],
           data: { "data-differs": one.key },

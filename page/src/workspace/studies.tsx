@@ -137,7 +137,7 @@ function Compare() {
     <section class="panel" aria-label="Compare two">
       <h2>{pair.value.length < 2 ? `Compare ${pair.value[0]} with another drive or fit: tick its box` : pair.value.join(" and ")}</h2>
       <Problems of={apart.value} />
-      {compared.value && <Differences {...compared.value} />}
+      {compared.value && <Differences {...compared.value} names={pair.value.map((path) => path.replace(/\.toml$/, ""))} />}
       {compared.value && <Copied {...compared.value} />}
     </section>
   );
