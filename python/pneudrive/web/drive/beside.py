@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import re
 from contextlib import suppress
-from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field, StrictStr, field_validator
@@ -329,7 +329,8 @@ def _loops(described: Described, columns: Mapping[str, Array], pixels: int) -> d
     return out
 
 
-class SentLine(NamedTuple):
+@dataclass(frozen=True)
+class SentLine:
     """A line of a drawing: its look, and its points in px, or their number if they move."""
 
     width: float
@@ -340,7 +341,8 @@ class SentLine(NamedTuple):
     moving: int
 
 
-class SentOutput(NamedTuple):
+@dataclass(frozen=True)
+class SentOutput:
     """An output of a platform: its column, its name in words, and the unit with its size in SI."""
 
     column: str
@@ -349,7 +351,8 @@ class SentOutput(NamedTuple):
     size: float
 
 
-class SentPlatform(NamedTuple):
+@dataclass(frozen=True)
+class SentPlatform:
     """A platform of a run. The array ``platform/NAME`` has the moving points of each sample, the origin last."""
 
     name: str
@@ -382,8 +385,7 @@ def platform_motion(
         labels = [(text, float(x), float(y)) for text, (x, y) in scene.labels]
         about = list(map(_output, outputs))
         one = SentPlatform(own.name, *scene.size, lines, labels, (INKS["light"][1], INKS["dark"][1]), about)
-        plain = {"lines": [line._asdict() for line in lines], "outputs": [output._asdict() for output in about]}
-        sent.append(one._asdict() | plain)
+        sent.append(asdict(one))
     return sent, arrays
 
 

@@ -7,7 +7,6 @@ import re
 import time
 from functools import lru_cache, wraps
 from pathlib import Path
-from threading import Lock
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, Field, StrictStr, field_validator
@@ -55,8 +54,6 @@ def check_changes(changes: dict[str, Any]) -> dict[str, Any]:
 
 #: Changed values that a page sends: dotted keys, with numbers and texts.
 Changes = Annotated[dict[str, Value], AfterValidator(check_changes)]
-_read: dict[tuple[str, str, str], Described] = {}
-_reading = Lock()
 
 
 class RunLimit:
@@ -227,27 +224,19 @@ def described_at(workspace: Workspace, path: str, text: str | None = None) -> De
     CommandError, DescriptionError
         As for `RunRequest.described`.
     """
-    if text is None and is_in_catalogue(path):
-        key = (path, "", "")
-    else:
-        text = workspace.read(path)[0] if text is None else text
-        key = (str(workspace.root), path, text)
-    found = _read.get(key)
-    if found is not None:
-        return found
+    if text is None and not is_in_catalogue(path):
+        text = workspace.read(path)[0]
+    read = _described.__wrapped__ if text is not None and FILE_PREFIX in text else _described
+    return read(workspace, path, text)
+
+
+@lru_cache(_KEPT)
+def _described(workspace: Workspace, path: str, text: str | None) -> Described:
     if text is None:
-        found = Drive.load(path)
-    else:
-        place = workspace.root / "unnamed.toml" if is_in_catalogue(path) else workspace.path(path)
-        name = place.relative_to(workspace.root).as_posix()
-        found = described_in(text, place, lambda tables: workspace.check_named(name, tables))
-    if text is not None and FILE_PREFIX in text:
-        return found
-    with _reading:
-        while len(_read) >= _KEPT:
-            _read.pop(next(iter(_read)))
-        _read[key] = found
-    return found
+        return Drive.load(path)
+    place = workspace.root / "unnamed.toml" if is_in_catalogue(path) else workspace.path(path)
+    name = place.relative_to(workspace.root).as_posix()
+    return described_in(text, place, lambda tables: workspace.check_named(name, tables))
 
 
 def kept(most: int) -> Callable[[Callable[..., Found]], Callable[..., Found]]:
