@@ -110,33 +110,32 @@ class Guard:
 
     def check(self, scope: Scope) -> None:
         """Raise `RefusedError` for a request that is not from this page of this user."""
-        headers = _headers(scope)
         is_socket = scope["type"] == "websocket"
         method = "GET" if is_socket else scope["method"]
         if method not in METHODS:
             raise RefusedError(405, "method not allowed")
-        host = _one(headers, "host")
+        host = _header(scope, "host")
         if host not in {f"{name}:{self.port}" for name in NAMES}:
             raise RefusedError(421, "the host is not this server")
-        origin = _one(headers, "origin")
+        origin = _header(scope, "origin")
         if origin is not None and origin != f"http://{host}":
             raise RefusedError(403, "the origin is another page")
         if origin is None and (is_socket or method not in READING):
             raise RefusedError(403, "the origin is missing")
-        opens_page = (_one(headers, "sec-fetch-mode"), _one(headers, "sec-fetch-dest")) == ("navigate", "document")
-        if _one(headers, "sec-fetch-site") not in (None, "same-origin", "none") and not (
+        opens_page = (_header(scope, "sec-fetch-mode"), _header(scope, "sec-fetch-dest")) == ("navigate", "document")
+        if _header(scope, "sec-fetch-site") not in (None, "same-origin", "none") and not (
             opens_page and scope["path"] == "/"  # the file that leads a browser here is another site
         ):
             raise RefusedError(403, "another site asks")
         if is_socket and self.sockets >= MOST_SOCKETS:
             raise RefusedError(503, f"{MOST_SOCKETS} sockets are open")
-        self._check_token(scope, headers, is_socket=is_socket)
-        length = _one(headers, "content-length")
+        self._check_token(scope, is_socket=is_socket)
+        length = _header(scope, "content-length")
         is_number = length is not None and length.isascii() and length.isdigit()
         if length is not None and not (is_number and (_is_drop(scope) or int(length) <= MOST_BODY)):
             raise RefusedError(413, TOO_LONG)
 
-    def _check_token(self, scope: Scope, headers: dict[str, list[str]], *, is_socket: bool) -> None:
+    def _check_token(self, scope: Scope, *, is_socket: bool) -> None:
         path = scope["path"]
         if is_socket:
             given = next((p for p in scope.get("subprotocols", ()) if p.startswith(TOKEN_PROTOCOL)), "")
@@ -144,7 +143,7 @@ class Guard:
         elif path in self.open_paths or self._is_report(path):
             return
         else:
-            scheme, _, given = (_one(headers, "authorization") or "").partition(" ")
+            scheme, _, given = (_header(scope, "authorization") or "").partition(" ")
             given = given if scheme == "Bearer" else ""
         if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
             raise RefusedError(401, "the token is missing or wrong: open the address that the server printed")
@@ -185,16 +184,9 @@ def _is_drop(scope: Scope) -> bool:
     return scope["type"] == "http" and scope["path"] == DROP and scope["method"] == "PUT"
 
 
-def _headers(scope: Scope) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for name, value in scope["headers"]:
-        found.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
-    return found
-
-
-def _one(headers: dict[str, list[str]], name: str) -> str | None:
+def _header(scope: Scope, name: str) -> str | None:
     """Return a header that may occur once, or None."""
-    values = headers.get(name, [])
+    values = [value.decode("latin-1") for key, value in scope["headers"] if key.decode("latin-1").lower() == name]
     if len(values) > 1:
         raise RefusedError(400, f"{name} is given twice")
     return values[0] if values else None
