@@ -466,12 +466,12 @@ function Wizard({ path }: { path: string }) {
   );
 }
 
-/** Friction of a recording, by the same command as in a terminal. */
+/** Friction of a recording, alone or together with others, by the same command as in a terminal. */
 function Characterise({ path }: { path: string }) {
   return (
     <section aria-label="Friction">
       <h2>Friction of this recording</h2>
-      <JobForm kind="characterise" given={{ recordings: [path] }} start={{ name: nameOf(path).replace(/\..*$/, "") }} />
+      <JobForm kind="characterise" start={{ recordings: [path], name: nameOf(path).replace(/\..*$/, "") }} />
     </section>
   );
 }

@@ -121,6 +121,7 @@ function Recordings({ label, paths, chosen, put: change }: { label: string; path
     <fieldset>
       <legend>{label}</legend>
       {!files.length && <p>There is no such recording in the folder.</p>}
+      {files.length > 1 && <button type="button" onClick={() => change(files.map(({ path }) => path))}>All {files.length}</button>}
       {others > 0 && <p class="note">Not offered: {others} recordings without these channels or without a layout.</p>}
       {files.length > MOST_LISTED && <p class="note">The first {MOST_LISTED} of {files.length}; the command takes any.</p>}
       {files.slice(0, MOST_LISTED).map(({ path }) => (
