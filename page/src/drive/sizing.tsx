@@ -124,9 +124,8 @@ async function change(next: string): Promise<void> {
 }
 
 async function load(at: string): Promise<void> {
-  [text.value, saved.value, sha256.value, file.value] = ["", "", "", at || "task.toml"]; // the name at once: it can be typed before the text is there
+  [isLoaded.value, text.value, saved.value, sha256.value, file.value] = [false, "", "", "", at || "task.toml"]; // the name at once: it can be typed before the text is there
   if (said.value !== wasSaved(at)) said.value = "";
-  isLoaded.value = false;
   task.value = meant.value = null;
   await attempt(async () => {
     const one = at ? await read<{ text: string; sha256: string }>("/api/file", { path: at }) : { ...(await ask<{ text: string }>("/api/task", {})), sha256: "" };
@@ -134,9 +133,8 @@ async function load(at: string): Promise<void> {
     const draft = drafts.get(at);
     [saved.value, sha256.value] = [one.text, draft?.sha256 ?? one.sha256];
     if (draft && draft.sha256 !== one.sha256) said.value = `${at} has changed on disk since you opened it.`;
-    const checked = change(draft?.text ?? one.text);
     isLoaded.value = true;
-    await checked;
+    await change(draft?.text ?? one.text);
   });
 }
 
@@ -215,10 +213,9 @@ function TaskView() {
   const place = useRef<HTMLDivElement>(null);
   const editor = useRef<Editor | null>(null);
   const now = task.value;
-  const isReady = isLoaded.value;
   useEffect(() => {
     let gone = false;
-    if (place.current && isReady)
+    if (place.current && isLoaded.value)
       void import("./editor").then(({ edit }) => {
         if (!gone && place.current) editor.current = edit(place.current, text.value, (next) => void type(next));
       });
@@ -227,7 +224,7 @@ function TaskView() {
       editor.current?.end();
       editor.current = null;
     };
-  }, [path.value, isReady]);
+  }, [path.value, isLoaded.value]);
   useEffect(() => editor.current?.show(text.value, now?.problems ?? []), [text.value, now]);
   const files = studies.value?.files ?? [];
   const results = files.filter((one) => one.kind === "sizing");
@@ -243,7 +240,7 @@ function TaskView() {
             <label>
               File <input value={file.value} disabled={sha256.value !== ""} onInput={(event) => (file.value = event.currentTarget.value)} />
             </label>
-            <SaveButton isSaved={isSaved || !isReady} save={save} />
+            <SaveButton isSaved={isSaved || !isLoaded.value} save={save} />
             {path.value && text.value !== saved.value && <button type="button" onClick={dropChanges}>Drop these changes and show the file</button>}
             <span role="status">{said.value}</span>
           </p>

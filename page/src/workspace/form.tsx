@@ -42,9 +42,7 @@ export function JobForm({ kind, given = {}, start = {}, isReady = true, after, j
   const wrong = useSignal<Problem[]>([]);
   const attempt = attempting(wrong);
   const form = forms.value[kind];
-  useEffect(() => {
-    void follow();
-  }, []);
+  useEffect(() => void follow(), []);
   // The offered recordings change with the folder.
   useEffect(() => void attempt(async () => void (forms.value = await read("/api/forms"))), [studies.value]);
   const free = typeof start["name"] === "string" ? { ...start, name: freeName(start["name"]) } : start;

@@ -253,8 +253,7 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive)]
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
     python = (
-        "from pneudrive.identify.files import differences\n"
-        "from pneudrive.identify.files import read_source\n\n"
+        "from pneudrive.identify.files import differences, read_source\n\n"
         f"for one in differences(read_source({before!r}), read_source({after!r})):\n    print(one)\n"
     )
     return {
