@@ -1,18 +1,31 @@
-"""Bulk work: creation of many small objects, and work ahead of a loop that waits for a disk or a process."""
+"""Bulk work: many small objects, work ahead of a loop that waits for a disk or a process, and worker processes."""
 
 from __future__ import annotations
 
 import gc
+import os
+import pickle
+import signal
+import subprocess
+import sys
 from collections import deque
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from itertools import chain, islice
 from typing import TYPE_CHECKING, TypeVar
 
+from pneudrive.errors import PneudriveError, RecordingError
+from pneudrive.files import child
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     Item = TypeVar("Item")
     Result = TypeVar("Result")
+
+MOST_WORKERS = 8  # each takes about 300 MB
+THREADS = ("POLARS_MAX_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")  # variables: each worker has one thread
+EXIT_INTERRUPTED = 130
 
 
 @contextmanager
@@ -37,8 +50,6 @@ def in_advance(work: Callable[[Item], Result], items: Iterable[Item], threads: i
     if len(first) < 2:  # no next item: no threads needed
         yield from map(work, first)
         return
-    from concurrent.futures import ThreadPoolExecutor
-
     with ThreadPoolExecutor(threads) as pool:
         waiting = deque()
         try:
@@ -51,3 +62,92 @@ def in_advance(work: Callable[[Item], Result], items: Iterable[Item], threads: i
         finally:
             for left in waiting:
                 left.cancel()
+
+
+def share_out(
+    work: Callable[..., list[Result]], items: Sequence, *rest: object, least: int, processes: int | None = None
+) -> list[Result]:
+    """Call ``work(items, *rest)``, in several processes if there is enough work.
+
+    Parameters
+    ----------
+    work : callable
+        A function of a module that returns a list with one result for each item.
+    items : sequence
+    *rest
+        Further arguments, equal for all.
+    least : int
+        Items below which starting processes costs more than it saves.
+    processes : int, optional
+        None: one for each available processor, at most 8.
+
+    Returns
+    -------
+    list
+        One result for each item, in their order.
+    """
+    affinity = hasattr(os, "sched_getaffinity")  # not known on every system
+    available = len(os.sched_getaffinity(0)) if affinity else os.cpu_count() or 1
+    number = min(processes or min(available, MOST_WORKERS), len(items))
+    if len(items) < least or number < 2:
+        return work(items, *rest)
+    parts = in_processes(work, [(items[first::number], *rest) for first in range(number)])
+    return [parts[place % number][place // number] for place in range(len(items))]
+
+
+def in_processes(work: Callable[..., Result], tasks: Sequence[tuple]) -> list[Result]:
+    """Call a function once for each task, each call in its own process. Return the results in the order of the tasks.
+
+    Parameters
+    ----------
+    work : callable
+        A function of a module.
+    tasks : sequence of tuple
+        Arguments of each call.
+
+    Raises
+    ------
+    RecordingError
+        If a process dies.
+    PneudriveError
+        The error of `work`.
+    """
+    command, environment = child.command(__name__), {**os.environ, **dict.fromkeys(THREADS, "1")}
+    pipe = subprocess.PIPE
+    processes = [subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment) for _ in tasks]
+
+    def call(process: subprocess.Popen[bytes], task: tuple) -> Result:
+        answer, _ = process.communicate(pickle.dumps((work, task)))
+        if process.returncode in (-signal.SIGINT, EXIT_INTERRUPTED):
+            raise KeyboardInterrupt
+        if process.returncode != 0:
+            status = f"a worker process ended with status {process.returncode}"
+            raise RecordingError(status, remedy="see the message of that process above")
+        with many_objects():
+            result = pickle.loads(answer)
+        if isinstance(result, PneudriveError):
+            raise result
+        return result
+
+    with ThreadPoolExecutor(len(tasks)) as threads:  # each waits for one process
+        futures = [threads.submit(call, *pair) for pair in zip(processes, tasks, strict=True)]
+        try:
+            for future in as_completed(futures):
+                future.result()  # the first error ends the other processes
+        finally:
+            for process in processes:
+                process.kill()
+    return [future.result() for future in futures]
+
+
+def main() -> None:
+    """Do the work of a child process: read (function, arguments) from stdin, write the result or the error."""
+    with many_objects():
+        work, task = pickle.load(sys.stdin.buffer)
+    try:
+        result: object = work(*task)
+    except PneudriveError as error:
+        result = error
+    except KeyboardInterrupt:
+        sys.exit(EXIT_INTERRUPTED)
+    pickle.dump(result, sys.stdout.buffer)

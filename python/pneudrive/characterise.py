@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from pneudrive.friction.motion import Settled, SourcePaper
     from pneudrive.friction.stick_slip import StickSlip, find_stick_slip
     from pneudrive.signals.layout import Layout
-    from pneudrive.signals.load import load_recordings
+    from pneudrive.signals.load import from_run, load_recordings
     from pneudrive.signals.recording import Recording
-    from pneudrive.signals.trajectories import from_run
 
 __all__ = [
     "Characterisation",
@@ -47,8 +46,7 @@ __getattr__ = lazy(
         "pneudrive.friction.motion": ["Settled", "SourcePaper"],
         "pneudrive.friction.stick_slip": ["StickSlip", "find_stick_slip"],
         "pneudrive.signals.layout": ["Layout"],
-        "pneudrive.signals.load": ["load_recordings"],
+        "pneudrive.signals.load": ["from_run", "load_recordings"],
         "pneudrive.signals.recording": ["Recording"],
-        "pneudrive.signals.trajectories": ["from_run"],
     },
 )

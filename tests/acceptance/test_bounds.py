@@ -16,7 +16,7 @@ from oracle.campaigns import World, write_campaign
 from pneudrive.campaign.planning.protocol import ready_protocols
 from pneudrive.cli.main import run
 from pneudrive.rig.description import DEFAULT
-from pneudrive.signals.proposal.propose import propose_layout
+from pneudrive.signals.proposal import propose_layout
 
 LOOK, STOPS = "quick-look", "paper-stops"
 PROTOCOLS = {

@@ -33,9 +33,8 @@ from pneudrive.rig.description import DEFAULT, open_file
 from pneudrive.rig.interface import Hold, Identity, Samples
 from pneudrive.rig.loading import load_rig
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import load_recording
-from pneudrive.signals.proposal.propose import propose_layout
-from pneudrive.signals.trajectories import read_trajectory
+from pneudrive.signals.load import load_recording, read_trajectory
+from pneudrive.signals.proposal import propose_layout
 from pneudrive.simulation.command import steps
 from pneudrive.simulation.trajectory import read_columns, save
 

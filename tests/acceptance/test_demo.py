@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
+from pneudrive import batching
 from pneudrive.cli.hand_over import AXIS, SHIPPED
 from pneudrive.cli.main import run
 from pneudrive.errors import CampaignError
 from pneudrive.friction.characterisation import characterise_recordings
 from pneudrive.report.recording.closure import draw
-from pneudrive.signals import pool
 
 
 def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
@@ -69,7 +69,7 @@ def test_the_seed_is_that_of_the_rigs(tmp_path, monkeypatch):
         seeds.extend(job[-1] for job in jobs)
         raise CampaignError("stopped")
 
-    monkeypatch.setattr(pool, "in_processes", stop)
+    monkeypatch.setattr(batching, "in_processes", stop)
     assert run(["reproduce", "--out", str(tmp_path / "out"), "--seed", "7"]) == 2
     assert seeds == [7, 7, 7, 7]
 

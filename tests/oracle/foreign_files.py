@@ -417,7 +417,7 @@ def judge(path: Path, truth: Truth) -> tuple[str, str]:
     """
     from pneudrive.characterise import Layout, characterise_recordings
     from pneudrive.errors import PneudriveError
-    from pneudrive.signals.proposal.propose import propose_layout
+    from pneudrive.signals.proposal import propose_layout
 
     try:
         proposal = propose_layout(path)

@@ -22,11 +22,10 @@ from pneudrive.control.results.card import SO_FAR
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.report.page import FIGURES, Report
+from pneudrive.signals.columns import family_of, header_unit, split_name
 from pneudrive.signals.layout import labels_from_name
-from pneudrive.signals.tables.column_units import header_unit, split_name
-from pneudrive.signals.tables.names import family_of
-from pneudrive.signals.tables.sniff import read_preamble
-from pneudrive.signals.tables.text_table import TextForm
+from pneudrive.signals.sniff import read_preamble
+from pneudrive.signals.text_table import TextForm
 from pneudrive.simulation.trajectory import whole
 from pneudrive.units import parse
 from pneudrive.web.drive.description import edited

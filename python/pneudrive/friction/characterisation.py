@@ -31,11 +31,19 @@ from pneudrive.friction.sentences import flag_sentences, sentence
 from pneudrive.friction.strokes import StrokeUse, stroke_notes
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
-from pneudrive.signals.cycles import Cycles, find_cycles, read_cycles
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import LongFile, RecordingFile, find_long, recording_files
+from pneudrive.signals.load import (
+    Cycles,
+    LongFile,
+    RecordingFile,
+    find_cycles,
+    find_long,
+    from_run,
+    is_run,
+    read_cycles,
+    recording_files,
+)
 from pneudrive.signals.recording import CHANNELS, Recording
-from pneudrive.signals.trajectories import from_run, is_run
 from pneudrive.views import ShownValue, View
 
 if TYPE_CHECKING:

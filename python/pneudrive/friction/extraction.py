@@ -22,9 +22,9 @@ from pneudrive.friction.level import RecordingResult, level_of
 from pneudrive.friction.motion import RecordedMotion
 from pneudrive.friction.strokes import Strokes, stroke_grid, stroke_use
 from pneudrive.progress import UNWATCHED
-from pneudrive.signals.levels import speed_levels
+from pneudrive.signals.motion import speed_levels
 from pneudrive.signals.pressure_delay import pressure_delay
-from pneudrive.signals.samples import clean
+from pneudrive.signals.recording import clean
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from pneudrive.friction.bins import bin_means
-from pneudrive.signals.impossible import refuse_impossible
-from pneudrive.signals.levels import speed_levels
-from pneudrive.signals.motion import find_strokes, local_slope, straight_line
+from pneudrive.signals.motion import find_strokes, local_slope, speed_levels, straight_line
+from pneudrive.signals.plausible import refuse_impossible
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

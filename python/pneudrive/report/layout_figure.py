@@ -11,7 +11,7 @@ from pneudrive.report import style
 from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
-    from pneudrive.signals.proposal.propose import Proposal
+    from pneudrive.signals.proposal import Proposal
 
 SHOWN_STROKES = 6
 FIRST_SAMPLES = 4000

@@ -13,8 +13,8 @@ import numpy as np
 
 from pneudrive.errors import CommandError, DescriptionError, LayoutError, RecordingError
 from pneudrive.files.tables import open_table
-from pneudrive.signals.importer import TEXT_KINDS, names_of, read_foreign, read_table
-from pneudrive.signals.tables.sniff import sniff_format
+from pneudrive.signals.importer import TEXT_KINDS, names_of, read_channels, read_foreign
+from pneudrive.signals.sniff import sniff_format
 from pneudrive.simulation.trajectory import meaning, save_columns
 from pneudrive.units import converter, is_unit
 
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
     from pneudrive.files.tables import Table
     from pneudrive.signals.force_calibration import ForceCalibration
-    from pneudrive.signals.layout import FileLayout, Layout
-    from pneudrive.signals.layout_tables import ColumnTable
+    from pneudrive.signals.layout import Column, FileLayout, Layout
 
     Array = NDArray[Any]
 
@@ -51,7 +50,7 @@ class FileChannel:
         Name by which the columns of two files are the same: that of the layout, or of the column without its unit.
     slope, zero : float
         SI value = slope * shown number + zero; pressures absolute. NaN: no such line is known.
-    said : ColumnTable or None
+    said : Column or None
         Conversion from the file's numbers to the unit by the layout. None: the numbers are already in the unit.
     curve : ForceCalibration or None
         Calibration of the force sensor.
@@ -63,7 +62,7 @@ class FileChannel:
     quantity: str
     slope: float = math.nan
     zero: float = math.nan
-    said: ColumnTable | None = None
+    said: Column | None = None
     curve: ForceCalibration | None = None
 
     def of(self, raw: Array) -> Array:
@@ -192,7 +191,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     said: FileLayout | None = None
     notes: tuple[str, ...] = ()
     try:
-        said = None if layout is None else layout.for_any_file(path)
+        said = None if layout is None else layout.for_file(path, layout.kind)
         opened = _open(path, said, cache)
     except (RecordingError, LayoutError) as error:
         if layout is None:
@@ -213,12 +212,13 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
         begin = opened.table.get([time.column], (0, first + 1))[time.column].astype("datetime64[ns]")
         origin = next((one for one in begin if not np.isnat(one)), begin[0])
     found = [
-        _channel(name, opened.roles.get(name), said, opened.units.get(name, "") or _unit(name))
+        _channel(name, opened.roles.get(name), said, opened.units.get(name, ""))
         for name in sorted(kinds, key=lambda one: one not in opened.roles)
         if kinds[name] in "iuf" and (time is None or name != time.column)
     ]
     notes += () if time is not None else ("no column of times: samples are counted",)
-    notes += _delays(said)
+    if late := [role for role, column in (said.channels.items() if said else ()) if column.delay_s]:
+        notes += (f"shown as recorded, without the layout's delay_s: {', '.join(late)}",)
     shown = {one.column for one in (*found, *([time] if time else []))}
     if others := [*opened.texts, *(name for name in opened.table.names[:MOST_COLUMNS] if name not in shown)]:
         notes += (f"no numbers, and not shown: {reprlib.repr(', '.join(others))[1:-1]}",)
@@ -260,13 +260,14 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
 
 def _channel(name: str, role: str | None, said: FileLayout | None, unit: str) -> FileChannel:
     if role is not None and said is not None:
-        column = said.columns[role]
+        column = said.channels[role]
         line = column.conversion
-        zero = line.shift + (said.ambient_pressure_pa if line.gauge else 0.0)
+        zero = line.shift + (said.ambient_pa if line.gauge else 0.0)
         label = f"{role.replace('_', ' ')} ({name})"
-        curve = said.tables.force_calibration if role == "force" else None
+        curve = said.force_calibration if role == "force" else None
         return FileChannel(name, label, line.text, role, line.factor, zero, column, curve)
     quantity, si_unit, _ = meaning(name)
+    unit = unit or ("" if si_unit == "1" else si_unit)
     slope, zero = (1.0, 0.0) if unit == si_unit != "1" else (math.nan, math.nan)
     return FileChannel(name, quantity.replace("_", " "), unit, quantity, slope, zero)
 
@@ -286,10 +287,10 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> _OpenTable:
         if said is None:
             return _OpenTable(table)
         names = names_of(said.places, table.names, path)
-        kinds = [table.get([name], (0, 16))[name].dtype.kind for name in names]
+        kinds = [table.get([name], (0, 16))[name].dtype.kind for name in names.values()]
         if said.is_plain and not any(kind in TEXT_KINDS for kind in kinds):
-            return _OpenTable(table, roles=dict(zip(names, said.columns, strict=True)))
-    how = (said.format, said.tables.text_form, said.columns) if said is not None else ()
+            return _OpenTable(table, roles={names[column.column]: channel for channel, column in said.channels.items()})
+    how = (said.format, said.text_form, said.channels) if said is not None else ()
     converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"
     if not converted.is_file():
         columns, about = _converted(path, said)
@@ -301,16 +302,18 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> _OpenTable:
 
 def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], dict[str, Any]]:
     """Read every numeric column by name, with further data of an open table."""
-    if said is not None:
-        found = read_table(path, said, others=True)
-        roles = dict(zip(found.names, said.columns, strict=False))
-        units = dict(zip(found.names, found.units, strict=True))
-        return dict(zip(found.names, found.columns, strict=True)), {"units": units, "roles": roles}
-    form, columns = read_foreign(path)
-    names = form.names if len(set(form.names)) == len(columns) else [f"column {at}" for at in range(len(columns))]
-    numbers = {name: one for at, (name, one) in enumerate(zip(names, columns, strict=True)) if at not in form.words}
-    units = dict(zip(names, form.units, strict=False))
-    return numbers, {"units": units, "texts": [names[at] for at in sorted(form.words)]}
+    if said is None:
+        form, values = read_foreign(path)
+        names = form.names if len(set(form.names)) == len(values) else [f"column {at}" for at in range(len(values))]
+        numbers = {name: values[at] for at, name in enumerate(names) if at not in form.words}
+        units = dict(zip(names, form.units, strict=False))
+        return numbers, {"units": units, "texts": [names[at] for at in sorted(form.words)]}
+    table, channels = read_channels(path, said, others=True)
+    # A time at a rate has no column.
+    names = {role: table.places.get(column.column, "time at a rate") for role, column in said.channels.items()}
+    rest = {name: column for name, column in table.columns.items() if name not in table.places.values()}
+    about = {"units": table.units, "roles": {name: role for role, name in names.items()}}
+    return {names[role]: values for role, values in channels.items()} | rest, about
 
 
 def _kinds(table: Table) -> dict[str, str]:
@@ -336,13 +339,3 @@ def _time(said: FileLayout | None, opened: _OpenTable, kinds: dict[str, str]) ->
             except DescriptionError:
                 continue
     return None
-
-
-def _delays(said: FileLayout | None) -> tuple[str, ...]:
-    late = [] if said is None else [role for role, one in said.columns.items() if one.delay_s]
-    return (f"shown as recorded, without the layout's delay_s: {', '.join(late)}",) if late else ()
-
-
-def _unit(name: str) -> str:
-    unit = meaning(name)[1]
-    return "" if unit == "1" else unit

@@ -14,11 +14,10 @@ from pneudrive.errors import RecordingError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
 from pneudrive.repr_tables import Shown
-from pneudrive.signals.importer import read_raw, si_columns
-from pneudrive.signals.impossible import refuse_pressure
+from pneudrive.signals.importer import import_file
 from pneudrive.signals.layout import FileLayout, Layout, stem
-from pneudrive.signals.load import find_layout, layout_beside
-from pneudrive.signals.trajectories import is_run
+from pneudrive.signals.load import find_layout, is_run, layout_beside
+from pneudrive.signals.plausible import refuse_pressure
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
@@ -157,14 +156,28 @@ def drive_recording(
         If a column is missing or not finite, lengths differ, times do not rise, or a command is outside -1 .. 1.
     """
     where = str(source or name)
+    rule = f"a recording of a drive has {', '.join(needed)}"
     remedy = "name the columns like `pneudrive simulate --out`, or name them in a layout"
-    _need(columns, needed, where, f"a recording of a drive has {', '.join(needed)}", remedy)
-    used = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in (*NEEDED, *OPTIONAL) if c in columns}
-    _check(used, where, gaps=gaps)
+    used = _arrays(columns, needed, (*NEEDED, *OPTIONAL), where, rule, remedy)
     time = used["time_s"]
-    kept = {**used, "time_s": time - time[0]}
-    digest, synthetic = _digest(used.values()), set(columns) >= _SIMULATED
-    return DriveRecording(name, kept, dict(labels or {}), source, digest, synthetic, float(time[0]))
+    if time.size < LEAST_SAMPLES:
+        raise RecordingError(f"the recording has {time.size} samples", where=where, rule=f"at least {LEAST_SAMPLES}")
+    for column in used if not gaps else ("time_s", "command"):
+        bad = np.flatnonzero(~np.isfinite(used[column]))
+        if bad.size:
+            remedy = "cut the file there, or fill short gaps"
+            raise RecordingError(f"{column} is not finite", where=f"{where}, sample {bad[0]}", remedy=remedy)
+    _refuse_fall(time, np.diff(time) <= 0.0, "time_s does not rise", where)
+    _refuse_command(used["command"], -1.0, "the fraction of the valve's full opening, with sign", where)
+    for column in ("pressure_a_pa", "pressure_b_pa"):
+        low = float(np.fmin.reduce(used[column])) if column in used else np.inf
+        if low <= 0.0:
+            rule = "pressures must be absolute, Pa"
+            raise RecordingError(f"{column} = {low:g} Pa", where=where, rule=rule, remedy="gauge or abs?")
+    digest = hashlib.sha256(b"".join(values.tobytes() for values in used.values())).hexdigest()
+    synthetic = set(columns) >= _SIMULATED
+    used["time_s"] = time - time[0]
+    return DriveRecording(name, used, dict(labels or {}), source, digest, synthetic, float(time[0]))
 
 
 def volume_recording(
@@ -188,39 +201,44 @@ def volume_recording(
         "a fixed volume has time_s and pressure_pa (absolute), command where its line opens or shuts, and "
         "inlet_pressure_pa if recorded before a tube"
     )
-    _need(columns, OF_VOLUME[:2], where, rule)
-    values = {c: np.asarray(columns[c], dtype=np.float64).ravel() for c in OF_VOLUME if c in columns}
-    values.setdefault("command", np.ones(values["time_s"].size))
-    _same_length(values, where)
-    finite = np.all([np.isfinite(column) for column in values.values()], axis=0)
-    values = {name: column[finite] for name, column in values.items()}
-    _refuse_fall(values["time_s"], np.diff(values["time_s"]) < 0.0, "time runs backwards", where)
-    fresh = np.r_[True, np.diff(values["time_s"]) > 0.0][: values["time_s"].size]
-    values = {name: column[fresh] for name, column in values.items()}
-    time = values["time_s"]
+    used = _arrays(
+        {"command": np.ones(np.size(columns.get("time_s", ()))), **columns}, OF_VOLUME[:2], OF_VOLUME, where, rule
+    )
+    finite = np.all([np.isfinite(values) for values in used.values()], axis=0)
+    used = {column: values[finite] for column, values in used.items()}
+    _refuse_fall(used["time_s"], np.diff(used["time_s"]) < 0.0, "time runs backwards", where)
+    fresh = np.diff(used["time_s"], prepend=-np.inf) > 0.0
+    used = {column: values[fresh] for column, values in used.items()}
+    time = used["time_s"]
     if time.size < LEAST_OF_VOLUME:
         raise RecordingError(f"{time.size} samples are left", where=where, rule=f"at least {LEAST_OF_VOLUME}")
     for pressure in ("pressure_pa", "inlet_pressure_pa"):
-        if pressure in values:
-            refuse_pressure(pressure.removesuffix("_pa"), values[pressure], where)
-    _within(values["command"], 0.0, "the fraction of the line's full opening", where)
-    kept = {**values, "time_s": time - time[0]}
-    return VolumeRecording(name, kept, dict(labels or {}), source, _digest(values[c] for c in OF_VOLUME if c in values))
+        if pressure in used:
+            refuse_pressure(pressure.removesuffix("_pa"), used[pressure], where)
+    _refuse_command(used["command"], 0.0, "the fraction of the line's full opening", where)
+    digest = hashlib.sha256(b"".join(values.tobytes() for values in used.values())).hexdigest()
+    used["time_s"] = time - time[0]
+    return VolumeRecording(name, used, dict(labels or {}), source, digest)
 
 
-def _need(columns: Mapping[str, Any], needed: Sequence[str], where: str, rule: str, remedy: str | None = None) -> None:
-    missing = [c for c in needed if c not in columns]
-    if missing:
+def _arrays(
+    columns: Mapping[str, Any],
+    needed: Sequence[str],
+    known: Iterable[str],
+    where: str,
+    rule: str,
+    remedy: str | None = None,
+) -> dict[str, Array]:
+    """Return the known columns as arrays of one length; refuse missing ones."""
+    if missing := [column for column in needed if column not in columns]:
         shown = f"columns: {', '.join(map(str, columns))}"
-        raise RecordingError(
-            f"the recording lacks {', '.join(missing)}", where=where, value=shown, rule=rule, remedy=remedy
-        )
-
-
-def _same_length(columns: dict[str, Array], where: str) -> None:
-    if any(values.shape != (columns["time_s"].size,) for values in columns.values()):
-        shown = ", ".join(f"{c}: {values.shape}" for c, values in columns.items())
+        what = f"the recording lacks {', '.join(missing)}"
+        raise RecordingError(what, where=where, value=shown, rule=rule, remedy=remedy)
+    arrays = {c: np.ascontiguousarray(columns[c], dtype=np.float64) for c in known if c in columns}
+    if any(values.shape != (arrays["time_s"].size,) for values in arrays.values()):
+        shown = ", ".join(f"{column}: {values.shape}" for column, values in arrays.items())
         raise RecordingError("the columns differ in length", where=where, value=shown)
+    return arrays
 
 
 def _refuse_fall(time_s: Array, falls: NDArray[np.bool_], what: str, where: str) -> None:
@@ -230,7 +248,7 @@ def _refuse_fall(time_s: Array, falls: NDArray[np.bool_], what: str, where: str)
         raise RecordingError(what, where=f"{where}, sample {at + 1}", value=shown)
 
 
-def _within(command: Array, lowest: float, meaning: str, where: str) -> None:
+def _refuse_command(command: Array, lowest: float, meaning: str, where: str) -> None:
     beyond = np.flatnonzero((command < lowest) | (command > 1.0))
     if beyond.size:
         raise RecordingError(
@@ -239,31 +257,6 @@ def _within(command: Array, lowest: float, meaning: str, where: str) -> None:
             rule=f"{lowest:g} <= command <= 1: {meaning}",
             remedy="scale it in the layout: command = { column = ..., scale = ..., offset = ... }",
         )
-
-
-def _digest(columns: Iterable[Array]) -> str:
-    return hashlib.sha256(b"".join(values.tobytes() for values in columns)).hexdigest()
-
-
-def _check(columns: dict[str, Array], where: str, *, gaps: bool) -> None:
-    _same_length(columns, where)
-    n = columns["time_s"].size
-    if n < LEAST_SAMPLES:
-        raise RecordingError(f"the recording has {n} samples", where=where, rule=f"at least {LEAST_SAMPLES}")
-    for column, values in columns.items():
-        if gaps and column not in ("time_s", "command"):
-            continue
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            remedy = "cut the file there, or fill short gaps"
-            raise RecordingError(f"{column} is not finite", where=f"{where}, sample {bad[0]}", remedy=remedy)
-    _refuse_fall(columns["time_s"], np.diff(columns["time_s"]) <= 0.0, "time_s does not rise", where)
-    _within(columns["command"], -1.0, "the fraction of the valve's full opening, with sign", where)
-    for side in [side for side in "ab" if f"pressure_{side}_pa" in columns]:
-        low = float(np.fmin.reduce(columns[f"pressure_{side}_pa"]))
-        if low <= 0.0:
-            rule = "pressures must be absolute, Pa"
-            raise RecordingError(f"pressure_{side}_pa = {low:g} Pa", where=where, rule=rule, remedy="gauge or abs?")
 
 
 def read_drive_recordings(
@@ -292,12 +285,14 @@ def read_drive_recordings(
     RecordingError, LayoutError
         With file, value, rule and remedy.
     """
-    given, said = _given(recordings, layout)
+    items, layout = _items(recordings, layout)
     out: list[DriveRecording] = []
-    for number, item in enumerate(given, start=1):
-        read = _read(item, f"recording {number}", said, needed, gaps=gaps)
-        taken = {r.name for r in out}
-        if read.name in taken:
+    for number, item in enumerate(items, start=1):
+        read = item
+        if not isinstance(item, DriveRecording):
+            columns, name, labels, source = _drive_columns(item, f"recording {number}", layout, needed)
+            read = drive_recording(columns, name, labels, source, needed, gaps=gaps)
+        if read.name in {other.name for other in out}:
             folder = read.source.parent.name if read.source is not None else f"{number}"
             read = replace(read, name=f"{folder}/{read.name}")
         out.append(read)
@@ -322,87 +317,68 @@ def read_volume_recordings(
     RecordingError, LayoutError
         With file, value, rule and remedy.
     """
-    given, layout = _given(recordings, layout)
+    items, layout = _items(recordings, layout)
     out = []
-    for number, item in enumerate(given, start=1):
+    for number, item in enumerate(items, start=1):
         if isinstance(item, VolumeRecording):
             out.append(item)
         elif isinstance(item, Mapping):
             out.append(volume_recording(item, f"recording {number}"))
         else:
-            said = (layout or layout_beside(Path(item))).for_volume_file(Path(item))
-            out.append(volume_recording(_columns_of(Path(item), said), stem(Path(item)), said.labels, Path(item)))
+            path = Path(item)
+            said = (layout or layout_beside(path)).for_file(path, "fixed-volume")
+            out.append(volume_recording(_imported_columns(path, said), stem(path), said.labels, path))
     return out
 
 
-def _given(recordings: Any, layout: Layout | str | Path | None) -> tuple[list[Any], Layout | None]:  # noqa: ANN401
+def _items(recordings: Any, layout: Layout | str | Path | None) -> tuple[list[Any], Layout | None]:  # noqa: ANN401
     single = isinstance(recordings, str | Path | Mapping | DriveRecording) or is_run(recordings)
-    given: list[Any] = [recordings] if single else [*recordings]  # type: ignore[misc]
-    if not given:
+    items: list[Any] = [recordings] if single else [*recordings]  # type: ignore[misc]
+    if not items:
         raise RecordingError("no recording is given", remedy="give at least one file")
-    return given, layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
+    return items, layout if layout is None or isinstance(layout, Layout) else Layout.load(layout)
 
 
-def _read(
-    item: Given | DriveRecording, name: str, layout: Layout | None, needed: Sequence[str], *, gaps: bool
-) -> DriveRecording:
-    if isinstance(item, DriveRecording):
-        return item
+def _drive_columns(
+    item: Given, name: str, layout: Layout | None, needed: Sequence[str]
+) -> tuple[dict[str, Any], str, dict[str, str], Path | None]:
+    """Return columns in SI, name, labels and file of a recording in any form."""
+    known = (*NEEDED, *OPTIONAL, *_SIMULATED)
     if is_run(item):
-        known = {variable: column for column in (*NEEDED, *OPTIONAL, *_SIMULATED) for variable in [meaning(column)[0]]}
-        columns = {known[str(v)]: item[v].to_numpy() for v in item.variables if str(v) in known}
-        labels = item.attrs.get("labels")
-        return drive_recording(columns, name, labels if isinstance(labels, dict) else None, needed=needed, gaps=gaps)
+        variables = {meaning(column)[0]: column for column in known}
+        columns = {variables[str(v)]: item[v].to_numpy() for v in item.variables if str(v) in variables}
+        return columns, name, _labels(item.attrs), None
     if isinstance(item, Mapping):
-        return drive_recording({str(column): values for column, values in item.items()}, name, needed=needed, gaps=gaps)
+        return {str(column): values for column, values in item.items()}, name, {}, None
     path = Path(str(item))
-    if layout is None and (columns := _own_columns(path, needed)) is not None:
-        return drive_recording(columns, stem(path), _own_labels(path), path, needed, gaps=gaps)
-    said = (layout or _beside(path)).for_drive_file(path)
-    return drive_recording(_columns_of(path, said), stem(path), said.labels, path, needed, gaps=gaps)
+    if layout is None and set(needed) <= set(there := columns_in(path, known)):  # a file of `simulate`
+        text = open_table(path, "parquet").metadata.get("pneudrive", "{}") if path.suffix == ".parquet" else "{}"
+        return read_columns(path, there), stem(path), _labels(parse_json(text, str(path), RecordingError)), path
+    if layout is None:
+        layout = find_layout(path) if path.is_file() else layout_beside(path)
+    if layout is None:
+        with path.open("rb") as file:
+            line = file.readline(200)  # of a text file: mostly the names of its columns
+        raise RecordingError(
+            "the file is not a recording of a drive, and there is no layout to read it",
+            where=str(path),
+            value=f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None,
+            rule=f"a recording of a drive has {', '.join(NEEDED)}",
+            remedy="name time, command, position and both pressures in a layout: --layout LAYOUT.toml",
+        )
+    said = layout.for_file(path, "drive")
+    return _imported_columns(path, said), stem(path), said.labels, path
 
 
-def _own_columns(path: Path, needed: Sequence[str]) -> dict[str, Array] | None:
-    """Return the columns of a file of ``simulate``; None for other files."""
-    there = columns_in(path, (*NEEDED, *OPTIONAL, *_SIMULATED))
-    return read_columns(path, there) if set(needed) <= set(there) else None
+def _labels(about: object) -> dict[str, str]:
+    """Return the labels of a simulated drive among the data about a run."""
+    labels = about.get("labels") if isinstance(about, dict) else None
+    return {str(key): str(text) for key, text in labels.items()} if isinstance(labels, dict) else {}
 
 
-def _own_labels(path: Path) -> dict[str, str]:
-    """Return the labels of the simulated drive, if the file has them."""
-    if path.suffix != ".parquet":
-        return {}
-    metadata = open_table(path, "parquet").metadata.get("pneudrive", "{}")
-    kept = parse_json(metadata, str(path), RecordingError)
-    labels = kept.get("labels") if isinstance(kept, dict) else None
-    return {str(k): str(v) for k, v in labels.items()} if isinstance(labels, dict) else {}
-
-
-def _beside(path: Path) -> Layout:
-    if not path.is_file():
-        raise RecordingError("there is no such file", where=str(path))
-    beside = find_layout(path)
-    if beside is not None:
-        return beside
-    raise RecordingError(
-        "the file is not a recording of a drive, and there is no layout to read it",
-        where=str(path),
-        value=_first_line(path),
-        rule=f"a recording of a drive has {', '.join(NEEDED)}",
-        remedy="name time, command, position and both pressures in a layout: --layout LAYOUT.toml",
-    )
-
-
-def _first_line(path: Path) -> str | None:
-    """Return the start of a text file, which mostly names its columns."""
-    with path.open("rb") as file:
-        line = file.readline(200)
-    return f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None
-
-
-def _columns_of(path: Path, said: FileLayout) -> dict[str, Array]:
-    """Read a file through a layout: columns in SI, on one time base."""
-    raw, flags, _ = read_raw(path, said)
-    for flag, count in flags.items():
+def _imported_columns(path: Path, said: FileLayout) -> dict[str, Array]:
+    """Return the columns of a file in SI, and warn of flags."""
+    imported = import_file(path, said)
+    for flag, count in imported.flags.items():
         warn(f"{path.name} has the flag {flag} ({count}): see the flags in the guide, Your own recordings")
-    return si_columns(said, raw)
+    return {name: column.to_numpy() for name, column in imported.frame.to_dict().items()}

@@ -1,7 +1,8 @@
-"""One importer: a foreign file of any format becomes columns of numbers, and through a layout columns in SI.
+"""One importer: a foreign file of any format becomes one polars frame, through a layout with named columns in SI.
 
-`read_foreign` reads every column of a file without a layout. `read_raw` reads the channels of a layout. `si_columns`
-brings them to SI, with absolute pressures and one value for each time. Nothing behind this module knows the format.
+`read_foreign` reads every column of a file without a layout. `read_channels` reads the columns of a layout in the units
+of the file, each with one value for each time. `import_file` brings them to SI, with absolute pressures. Nothing behind
+this module knows the format.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,38 +18,40 @@ import numpy as np
 from pneudrive.errors import DescriptionError, RecordingError, warn
 from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
-from pneudrive.signals.layout_tables import UNITS
-from pneudrive.signals.tables.column_units import ColumnUnit, split_name
-from pneudrive.signals.tables.date_times import ISO, UNIT, guess_form, seconds
-from pneudrive.signals.tables.names import SECONDARY, role_of, side_of, words_of
-from pneudrive.signals.tables.sniff import FileForm, sniff_format, sniff_text
-from pneudrive.signals.tables.text_table import (
-    NumberTable,
+from pneudrive.signals.columns import SECONDARY, ColumnUnit, role_of, side_of, split_name, words_of
+from pneudrive.signals.layout import UNITS
+from pneudrive.signals.sniff import FileForm, sniff_format, sniff_text
+from pneudrive.signals.text_table import (
+    ForeignTable,
     TextForm,
     column_number,
     measurable,
     read_bytes,
     read_text,
 )
-from pneudrive.signals.tables.timing import (
+from pneudrive.signals.times import (
     COUNTERS,
+    DATE_TIME,
+    ISO,
     clocks_of,
     filled,
+    guess_form,
     on_clock,
     overlap,
     refuse_equal_stamps,
+    seconds,
     unwrapped,
 )
-from pneudrive.units import converter
+from pneudrive.units import converter, suffix
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
+    import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.signals.layout import FileLayout
-    from pneudrive.signals.layout_tables import TimeTable
+    from pneudrive.signals.layout import FileLayout, TimeColumn
 
     Array = NDArray[np.float64]
     Columns = dict[str, Array]
@@ -56,15 +60,27 @@ WITH_CLOCKS = ("tdms", "mf4")  # formats in which each channel has its own times
 TEXT_KINDS = frozenset("OSTU")  # kinds of arrays of texts
 GUESSED_FROM = 400  # number of values for a guess of the format of dates
 #: Channel of a layout -> name of its column in SI.
-SI_NAMES = {
-    "time": "time_s",
-    "position": "position_m",
-    "force": "force_n",
-    "velocity": "velocity_m_s",
-    **{name: f"{name}_pa" for name in ("pressure", "inlet_pressure", "pressure_a", "pressure_b")},
-    **{name: f"{name}_k" for name in ("temperature_a", "temperature_b")},
-}
+SI_NAMES = {channel: f"{channel}_{suffix(unit)}" if unit else channel for channel, unit in UNITS.items()}
 SIGNAL_NOISE = 0.02  # of full opening: largest excess of a measured signal over its range (assumed)
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A file as one frame.
+
+    Attributes
+    ----------
+    frame : polars.DataFrame
+        Columns in SI by the names of `SI_NAMES`, and the forces of ``[[force]]`` by ``force 1``; pressures absolute.
+    flags : dict
+        Counts of faults on reading.
+    sha256 : str or None
+        Hash of the file; None for a part of it.
+    """
+
+    frame: pl.DataFrame
+    flags: dict[str, int] = field(default_factory=dict)
+    sha256: str | None = None
 
 
 def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
@@ -76,58 +92,54 @@ def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
         The file does not exist, is empty or of an unknown format, or has no table of numbers.
     """
     form = sniff_format(path)
-    if form != "csv":
-        return _read_all(form, path)
-    reading = sniff_text(path)
-    wanted: list[int | str] = [at for at in range(reading.columns) if at not in reading.words]
-    found = dict(
-        zip(wanted, read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates}).columns, strict=True)
-    )
-    none = np.full_like(found[wanted[0]], np.nan)
-    return reading, [found.get(at, none) for at in range(reading.columns)]
-
-
-def _read_all(form: str, path: Path) -> tuple[FileForm, list[Array]]:
-    """Read every column of numbers, or dates and times, with the most common length."""
-    opened = open_table(path, form)
-    found: dict[str, tuple[Array, str | None]] = {}
-    for name, values in opened.get(opened.names).items():
-        column = np.asarray(values)
-        date_form = ISO if column.dtype.kind == "M" else None
-        if column.ndim == 1 and column.dtype.kind in TEXT_KINDS:
-            date_form = guess_form([str(text) for text in column[:GUESSED_FROM].tolist()])
-        with suppress(RecordingError):  # texts, tables
-            found[name] = _as_numbers(column, name, path, date_form), date_form
-    sizes = [column.size for column, _ in found.values()]
+    if form == "csv":
+        reading = sniff_text(path)
+        wanted: list[int | str] = [at for at in range(reading.columns) if at not in reading.words]
+        table = read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates})
+        none = np.full_like(table.columns[table.places[wanted[0]]], np.nan)
+        return reading, [table.columns.get(table.places.get(at, ""), none) for at in range(reading.columns)]
+    opened, dates = open_table(path, form), dict[str, str]()
+    arrays = opened.get(opened.names)
+    for name, values in arrays.items():
+        if values.dtype.kind == "M":
+            dates[name] = ISO
+        elif values.ndim == 1 and values.dtype.kind in TEXT_KINDS:
+            written = guess_form([str(text) for text in values[:GUESSED_FROM].tolist()])
+            dates |= {} if written is None else {name: written}
+    found = _numeric(arrays, dates, path)
+    sizes = [column.size for column in found.values()]
     usual = max(sizes, key=sizes.count, default=0)
-    kept = {name: pair for name, pair in found.items() if pair[0].size == usual}
-    dates = {place: written for place, (_, written) in enumerate(kept.values()) if written is not None}
-    units = [opened.metadata.get(UNIT_OF + name, "") for name in kept]
-    others = {name: pair[0].size for name, pair in found.items() if name not in kept}
-    reading = FileForm(form, TextForm(), list(kept), units, len(kept), dates, other_lengths=others)
-    return reading, [column for column, _ in kept.values()]
+    columns = {name: column for name, column in found.items() if column.size == usual}
+    reading = FileForm(
+        form,
+        TextForm(),
+        list(columns),
+        [opened.metadata.get(UNIT_OF + name, "") for name in columns],
+        len(columns),
+        {number: dates[name] for number, name in enumerate(columns) if name in dates},
+        other_lengths={name: column.size for name, column in found.items() if column.size != usual},
+    )
+    return reading, list(columns.values())
 
 
-def read_columns(
-    form: str,
-    path: Path,
-    wanted: list[int | str],
-    dates: dict[int | str, str] | None = None,
-    rows: tuple[int, int] | None = None,
-    *,
-    others: bool = False,
-) -> NumberTable:
-    """Read the wanted columns of a file that is not text.
+def _numeric(arrays: Mapping[str, NDArray[Any]], dates: Mapping[str, str], path: Path) -> Columns:
+    """Return the columns of numbers, or dates and times; texts and tables are left out."""
+    found = {}
+    for name, values in arrays.items():
+        with suppress(RecordingError):
+            found[name] = _as_numbers(values, name, path, dates.get(name))
+    return found
+
+
+def read_binary(
+    path: Path, layout: FileLayout, rows: tuple[int, int] | None = None, *, others: bool = False
+) -> ForeignTable:
+    """Read the columns that a layout names from a file that is not text.
 
     Parameters
     ----------
-    form : str
-        Key of `FORMATS`.
     path : Path
-    wanted : list of int or str
-        Numbers or names of columns.
-    dates : dict, optional
-        Columns of dates and times, with the format of texts. They become seconds since the first one.
+    layout : FileLayout
     rows : tuple of int, optional
         First row and the one after the last, for Parquet; None: all.
     others : bool
@@ -138,35 +150,33 @@ def read_columns(
     RecordingError
         If a column is missing or does not hold numbers, or the file has another format.
     """
-    opened = open_table(path, form)
-    names = names_of(wanted, opened.names, path)
-    forms = {name: dates[column] for name, column in zip(names, wanted, strict=True) if dates and column in dates}
-    more = [name for name in opened.names if name not in names] if others else []
-    values = opened.get([*names, *more], rows, dates=frozenset(forms))
-    columns = [_as_numbers(np.asarray(values[name]), name, path, forms.get(name)) for name in names]
-    if len({column.size for column in columns}) > 1:
-        sizes = ", ".join(f"{n}: {c.size}" for n, c in zip(names, columns, strict=True))
+    opened = open_table(path, layout.format)
+    places = names_of(layout.places, opened.names, path)
+    dates = {places[place]: written for place, written in layout.dates.items()}
+    arrays = opened.get(opened.names if others else places.values(), rows, dates=frozenset(dates))
+    names = list(dict.fromkeys(places.values()))
+    columns = {name: _as_numbers(arrays.pop(name), name, path, dates.get(name)) for name in names}
+    size = next(iter(columns.values())).size
+    if any(column.size != size for column in columns.values()):
+        sizes = ", ".join(f"{name}: {columns[name].size}" for name in names)
         rule = "all channels must have one rate; resample others before"
         raise RecordingError("the columns differ in length", where=str(path), value=sizes, rule=rule)
-    if form in WITH_CLOCKS:  # channels that start later, or end earlier, than the others
-        part = overlap(columns, columns[0].size)
+    part = slice(None)
+    if layout.format in WITH_CLOCKS:  # channels that start later, or end earlier, than the others
+        part = overlap(columns.values(), size)
         if part.start >= part.stop:
             raise RecordingError("the channels have no time in common", where=str(path), value=", ".join(names))
-        columns, length = [column[part] for column in columns], columns[0].size
-    else:
-        part, length = slice(None), columns[0].size
-    for name in more:
-        with suppress(RecordingError):  # texts, tables
-            column = _as_numbers(np.asarray(values[name]), name, path)
-            if column.size == length:
-                names.append(name)
-                columns.append(column[part])
-    units = [opened.metadata.get(UNIT_OF + name, "") for name in names]
-    return NumberTable(names, columns, units=units, unread=[name for name in opened.names if name not in names])
+    columns |= {name: column for name, column in _numeric(arrays, {}, path).items() if column.size == size}
+    return ForeignTable(
+        {name: column[part] for name, column in columns.items()},
+        places,
+        {name: opened.metadata.get(UNIT_OF + name, "") for name in columns},
+        unread=[name for name in opened.names if name not in columns],
+    )
 
 
-def names_of(wanted: list[int | str], names: list[str], path: Path) -> list[str]:
-    """Return the names of columns given by name or number; a TDMS channel may omit its group if unique.
+def names_of(wanted: list[int | str], names: list[str], path: Path) -> dict[int | str, str]:
+    """Return the name of each column given by name or number; a TDMS channel may omit its group if unique.
 
     Raises
     ------
@@ -176,8 +186,8 @@ def names_of(wanted: list[int | str], names: list[str], path: Path) -> list[str]
     short: dict[str, list[str]] = {}
     for name in names:
         short.setdefault(name.rpartition("/")[2], []).append(name)
-    full = [short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted]
-    return [names[column_number(column, names, len(names), path)] for column in full]
+    full = {w: short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted}
+    return {w: names[column_number(column, names, len(names), path)] for w, column in full.items()}
 
 
 def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None = None) -> NDArray[np.float64]:
@@ -196,7 +206,7 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
             f"column '{name}' holds dates and times" if is_date else f"column '{name}' is not a row of numbers",
             where=str(path),
             value=f"{column.dtype}, {column.shape}",
-            remedy=f'unit = "{UNIT}" in the layout' if is_date else "name another column in the layout",
+            remedy=f'unit = "{DATE_TIME}" in the layout' if is_date else "name another column in the layout",
         )
     if date_form is not None:
         raise RecordingError(
@@ -208,80 +218,67 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
     return measurable(column.astype(np.float64, copy=False))
 
 
-def read_table(path: Path, said: FileLayout, data: bytes | None = None, *, others: bool = False) -> NumberTable:
-    """Read the raw columns that a layout names, in its order, of all rows.
+def read_channels(
+    path: Path, layout: FileLayout, data: bytes | None = None, *, others: bool = False
+) -> tuple[ForeignTable, Columns]:
+    """Read the columns that a layout names, of all rows, and its channels with one value for each time.
 
     Parameters
     ----------
     path : Path
-    said : FileLayout
+    layout : FileLayout
     data : bytes, optional
         Content of the file, if it is known.
     others : bool
-        Every other column of numbers too, behind them.
+        Every other column of numbers of the file, too.
+
+    Returns
+    -------
+    ForeignTable, dict
+        The columns of the file, and the numbers of each channel, in rows in which all channels have values.
 
     Raises
     ------
     RecordingError
-        If the file cannot be read so.
+        If the file cannot be read so, many samples share a stamp, or the time restarts in a segment.
     """
-    if said.format == "csv":
-        form = said.tables.text_form
-        table = read_text(path, data or read_bytes(path), form, said.places, said.dates, others=others)
+    if layout.format == "csv":
+        data = data or read_bytes(path)
+        table = read_text(path, data, layout.text_form, layout.places, layout.dates, others=others)
     else:
-        table = read_columns(said.format, path, said.places, said.dates, others=others)
-    return _timed(table, said, str(path))
-
-
-def _timed(table: NumberTable, said: FileLayout, where: str) -> NumberTable:
-    """Return the columns of the channels, in their order, each with one value for each time; then other columns.
-
-    Raises
-    ------
-    RecordingError
-        Many samples share a stamp, or the time restarts in a segment.
-    """
-    read: dict[int | str | None, Array] = dict(zip(said.places, table.columns, strict=False))
-    size = table.columns[0].size
-    time, wraps = _time_of(said.time, read, size, table, where)
-    found: Columns = {}
+        table = read_binary(path, layout, others=others)
+    time, wraps = _time_of(layout.time, table, str(path))
+    channels: Columns = {}
     completed = []
-    for channel, column in said.columns.items():
-        if channel == "time":
-            found[channel] = time
+    for channel, column in layout.channels.items():
+        if column.column is None or channel == "time":
+            channels[channel] = time
             continue
-        raw = read[column.column]
+        raw = table.columns[table.places[column.column]]
         if column.wraps is not None or channel == "position":
             raw, count = unwrapped(raw, COUNTERS if column.wraps is None else (column.wraps,))
             wraps += count if column.wraps is None else 0
-        full = filled(time, raw, held=channel == "command")
         if column.clock is not None:
-            full = on_clock(time, read[column.clock], raw)
-        if full is not raw:
-            completed.append(full)
-        found[channel] = full
-    part, others = overlap(completed, size), slice(len(said.places), None)
-    units = table.units or [""] * len(table.names)
-    known: Mapping[Any, tuple[str, str]] = dict(zip(said.places, zip(table.names, units, strict=True), strict=False))
-    headers = [known.get(column.column, ("time at a rate", "")) for column in said.columns.values()]
-    return NumberTable(
-        [*(name for name, _ in headers), *table.names[others]],
-        [column[part] for column in (*found.values(), *table.columns[others])],
-        table.flags | ({"counter_wrap": wraps} if wraps else {}),
-        [*(unit for _, unit in headers), *table.units[others]],
-        unread=table.unread,
-    )
+            full = on_clock(time, table.columns[table.places[column.clock]], raw)
+        else:
+            full = filled(time, raw, held=channel == "command")
+        completed += [full] if full is not raw else []
+        channels[channel] = full
+    part = overlap(completed, time.size)
+    flags = table.flags | ({"counter_wrap": wraps} if wraps else {})
+    columns = {name: column[part] for name, column in table.columns.items()}
+    return replace(table, columns=columns, flags=flags), {name: values[part] for name, values in channels.items()}
 
 
-def _time_of(
-    column: TimeTable, read: Mapping[int | str | None, Array], size: int, table: NumberTable, where: str
-) -> tuple[Array, int]:
+def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array, int]:
     """Return the times in the unit of their column, and the number of wraps of a counter."""
-    if column.rate_hz is not None:
+    size = next(iter(table.columns.values())).size
+    if column.column is None:
+        assert column.rate_hz is not None
         return np.arange(size) / column.rate_hz, 0
-    time = read[column.column]
+    time = table.columns[table.places[column.column]]
     if column.date is not None:
-        return time + read[column.date], 0
+        return time + table.columns[table.places[column.date]], 0
     refuse_equal_stamps(time, column.column, where)
     clocks = clocks_of(column.format if column.is_date else None, column.conversion.factor)
     time, midnights = unwrapped(time, clocks, forward=True)
@@ -299,13 +296,14 @@ def _time_of(
     return time, 0 if column.wraps is not None else wraps
 
 
-def read_rows(path: Path, said: FileLayout, rows: tuple[int, int]) -> Columns:
+def read_rows(path: Path, layout: FileLayout, rows: tuple[int, int]) -> Columns:
     """Read some rows of the raw columns that a layout names, by channel, from a Parquet file."""
-    return dict(zip(said.columns, read_columns(said.format, path, said.places, said.dates, rows).columns, strict=True))
+    table = read_binary(path, layout, rows)
+    return {channel: table.columns[table.places[column.column]] for channel, column in layout.channels.items()}
 
 
-def read_raw(path: Path, said: FileLayout) -> tuple[Columns, dict[str, int], str]:
-    """Read the raw columns that a layout names, by channel, the flags of reading, and the hash of the file.
+def import_file(path: Path, layout: FileLayout) -> Imported:
+    """Read the columns that a layout names as one frame in SI.
 
     Raises
     ------
@@ -313,31 +311,32 @@ def read_raw(path: Path, said: FileLayout) -> tuple[Columns, dict[str, int], str
         If the file cannot be read so, or no sample is left.
     """
     data = read_bytes(path)
-    for doubt in unit_doubts(said):
+    for doubt in unit_doubts(layout):
         warn(f"{path.name}: {doubt}")
-    table = read_table(path, said, data)
-    if unread := unread_pressures(said, table.unread):
+    table, channels = read_channels(path, layout, data)
+    if unread := unread_pressures(layout, table.unread):
         shown = ", ".join(f"'{name}'" for name in unread)
         warn(
             f"{path.name}: the layout takes a chamber as open to ambient and does not use {shown}: "
             "name it as pressure_a or pressure_b if it is the pressure of a chamber"
         )
-    raw = {channel: values[said.skip_samples :] for channel, values in zip(said.columns, table.columns, strict=True)}
+    raw = {channel: values[layout.skip_samples :] for channel, values in channels.items()}
     if raw["time"].size == 0:
         raise RecordingError(
             "no sample is left",
             where=str(path),
-            value=f"{table.columns[0].size} rows, skip_samples = {said.skip_samples}",
+            value=f"{channels['time'].size} rows, skip_samples = {layout.skip_samples}",
             remedy="lower skip_samples in the layout",
         )
-    guessed = sum(column.guessed for column in said.columns.values())
-    return raw, table.flags | ({"unit_guessed": guessed} if guessed else {}), hashlib.sha256(data).hexdigest()
+    guessed = sum(column.guessed for column in layout.channels.values())
+    flags = table.flags | ({"unit_guessed": guessed} if guessed else {})
+    return Imported(si_frame(layout, raw), flags, hashlib.sha256(data).hexdigest())
 
 
-def unit_doubts(said: FileLayout) -> list[str]:
+def unit_doubts(layout: FileLayout) -> list[str]:
     """Return differences between the unit in a column's name and the layout: sizes, and gauge or absolute."""
     doubts = []
-    for channel, column in said.columns.items():
+    for channel, column in layout.channels.items():
         _, named = split_name(column.column) if isinstance(column.column, str) else ("", None)
         if named is None or not named.si or not isinstance(unit := column.unit, ColumnUnit):
             continue
@@ -355,10 +354,10 @@ def unit_doubts(said: FileLayout) -> list[str]:
     return doubts
 
 
-def unread_pressures(said: FileLayout, unread: Iterable[str]) -> list[str]:
+def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
     """Return columns that are not read, and whose names say that they are pressures of a chamber open to ambient."""
-    stated = said.rig.chamber_pressures().items()
-    sides = {channel[-1] for channel, pressure in stated if pressure == said.ambient_pressure_pa}
+    stated = layout.chamber_pressures().items()
+    sides = {channel[-1] for channel, pressure in stated if pressure == layout.ambient_pa}
     names = {name: split_name(name)[0] for name in unread if sides}
     return [
         name
@@ -369,16 +368,34 @@ def unread_pressures(said: FileLayout, unread: Iterable[str]) -> list[str]:
     ]
 
 
-def si_columns(said: FileLayout, raw: Columns) -> Columns:
-    """Return raw columns in SI on one time base, by the names of `SI_NAMES`; pressures absolute."""
-    values = aligned(said, {channel: convert(said, channel, column) for channel, column in raw.items()})
-    return {SI_NAMES.get(channel, channel): column for channel, column in values.items()}
+def si_frame(layout: FileLayout, raw: Columns) -> pl.DataFrame:
+    """Return raw columns, by channel, as one frame in SI on one time base, with stated pressures and parallel forces.
+
+    A delayed channel is shifted, and the ends at which it has no values are left out.
+    """
+    import polars as pl
+
+    values = {channel: convert(layout, channel, column) for channel, column in raw.items()}
+    time, delay_s = values["time"], layout.time.delay_s
+    known = np.isfinite(time)
+    late = {name: delay for name, column in layout.channels.items() if (delay := column.delay_s - delay_s)}
+    if late and known.any() and (np.diff(time[known]) >= 0).all():  # the recording refuses other times
+        for channel, delay in late.items():
+            values[channel] = np.interp(time, time[known] - delay, values[channel][known], left=np.nan, right=np.nan)
+    part = overlap((values[channel] for channel in late), time.size)
+    values = {channel: column[part] for channel, column in values.items()}
+    for number, force in enumerate(layout.force, 1):
+        across = values.pop(f"force {number}: pressure") - values.pop(f"force {number}: against", layout.ambient_pa)
+        values[f"force {number}"] = (1 if force.positive == "+x" else -1) * force.area_m2 * across
+    frame = pl.DataFrame({SI_NAMES.get(channel, channel): column for channel, column in values.items()})
+    stated = layout.chamber_pressures() if layout.kind == "rig" else {}
+    return frame.with_columns(pl.lit(pressure).alias(SI_NAMES[channel]) for channel, pressure in stated.items())
 
 
-def convert(said: FileLayout, channel: str, raw: Array) -> Array:
+def convert(layout: FileLayout, channel: str, raw: Array) -> Array:
     """Return the raw values of one channel in SI, pressures absolute."""
-    column = said.columns[channel]
-    unit, curve = column.conversion, said.tables.force_calibration
+    column = layout.channels[channel]
+    unit, curve = column.conversion, layout.force_calibration
     value = column.in_unit(raw)
     value = value if unit.factor == 1.0 else unit.factor * value
     value = value + unit.shift  # always: the result is never the raw column, and has no zero with a sign
@@ -387,23 +404,4 @@ def convert(said: FileLayout, channel: str, raw: Array) -> Array:
         value = sign * curve.force_n(sign * value)
     if channel == "command" and column.range is not None:  # noise of the measured signal at full opening
         value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
-    return value + said.ambient_pressure_pa if unit.gauge else value
-
-
-def aligned(said: FileLayout, values: Columns) -> Columns:
-    """Return all channels on the time base, without the ends at which a delayed channel has no values."""
-    time = values["time"]
-    delays = {channel: said.columns[channel].delay_s - said.columns["time"].delay_s for channel in values}
-    late = {channel: shifted(time, values[channel], delay) for channel, delay in delays.items() if delay}
-    if not late:
-        return values
-    part = overlap(late.values(), time.size)
-    return {channel: column[part] for channel, column in (values | late).items()}
-
-
-def shifted(time_s: Array, values: Array, delay_s: float) -> Array:
-    """Return the values of a channel with the delay ``delay_s``, on the common time base. NaN for missing values."""
-    order = np.isfinite(time_s)
-    if not order.any() or (np.diff(time_s[order]) < 0).any():
-        return values  # the recording refuses such times with its own message
-    return np.interp(time_s, time_s[order] - delay_s, values[order], left=np.nan, right=np.nan)
+    return value + layout.ambient_pa if unit.gauge else value

@@ -1,102 +1,445 @@
-"""The layout file: how a foreign recording is read."""
+"""The layout file: how a foreign recording is read. Each table is a class; `Layout` applies the overrides of a file."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
+from pydantic import Field, StrictBool, create_model, model_validator
+
+from pneudrive import units
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.keys import wrong
+from pneudrive.describe.keys import WrongValueError, wrong
+from pneudrive.describe.marks import (
+    Angle,
+    Between,
+    Bounds,
+    Choice,
+    Percent,
+    PressureBetween,
+    Quantity,
+    Reads,
+    StatedPressure,
+    Whole,
+    absolute,
+)
+from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import LayoutError, Problems, nearest
 from pneudrive.files.packed import COMPRESSIONS
+from pneudrive.files.tables import FORMATS
+from pneudrive.friction.friction_map import COLUMNS
 from pneudrive.repr_tables import Shown
-from pneudrive.signals.layout_tables import CHANNELS, ColumnTable, GeometryTable, LayoutTables, TimeTable
+from pneudrive.signals.columns import ColumnUnit, column_unit, uncertainty
+from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
+from pneudrive.signals.text_table import TextForm
+from pneudrive.signals.times import DATE_TIME, ISO
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pneudrive.errors import DescriptionError
 
 
-@dataclass(frozen=True)
-class FileLayout:
-    """The layout of one file, with the overrides that match its name.
+class Kind(NamedTuple):
+    """Kind of recording: the SI units of its channels, the needed channels, and the needs in words."""
 
-    Attributes
-    ----------
-    tables : LayoutTables
-        The tables of the layout, values in SI.
-    kind : str
-        Kind of recording.
-    labels : dict
-        Fixed labels, and those of the file's name.
+    units: dict[str, str]
+    needed: tuple[str, ...]
+    needs: str
+
+
+_RIG = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressure_b": "Pa"}
+#: A layout with a command is one of a drive. The command of a fixed volume is the opening fraction of its line, and the
+#: inlet pressure is that between line and tube.
+KINDS = {
+    "rig": Kind(_RIG, ("time", "position", "force"), "friction needs time, position and force"),
+    "drive": Kind(
+        {**_RIG, "command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"},
+        ("time", "command", "position", "pressure_a", "pressure_b"),
+        "a drive needs time, command, position and both pressures",
+    ),
+    "fixed-volume": Kind(
+        {"time": "s", "pressure": "Pa", "inlet_pressure": "Pa", "command": ""},
+        ("time", "pressure"),
+        'kind = "fixed-volume", with the columns time and pressure',
+    ),
+}
+#: Channel -> SI unit.
+UNITS = KINDS["drive"].units | KINDS["fixed-volume"].units
+RIG_TABLES = ("geometry", "chamber_a", "chamber_b", "force", "window")  # not used by other kinds of recordings
+DELIMITERS = {"whitespace": None, "tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
+#: SI unit -> a unit that a column may have.
+EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K": "degC"}
+
+
+def _place(given: object) -> int | str:
+    """Read the number or name of a column, which may be in a table."""
+    if isinstance(given, bool) or not isinstance(given, int | str):
+        remedy = 'column = 0, or a name of the header in quotes: column = "Force"'
+        raise WrongValueError(f"{given!r} is not a column", remedy=remedy)
+    return given
+
+
+def _scale(given: object) -> float:
+    if Quantity("").read(given) == 0.0:
+        raise WrongValueError("scale = 0 makes all values equal", rule="SI value = (raw * scale + offset) in its unit")
+    return Quantity("").read(given)
+
+
+def _unit(channel: str, given: object) -> ColumnUnit | str:
+    """Read the unit of a channel; of a command, and of a date, it is a text."""
+    is_text = channel == "command" or (channel == "time" and given == DATE_TIME)
+    return str(given) if is_text else column_unit(given, UNITS[channel])  # type: ignore[arg-type]
+
+
+def _one_character(given: object) -> str:
+    if not isinstance(given, str) or len(given) != 1:
+        raise WrongValueError(f"{given!r} must be one character")
+    return given
+
+
+def _delimiter(given: object) -> str | None:
+    if not isinstance(given, str) or (given not in DELIMITERS and len(given) != 1):
+        raise WrongValueError(f"{given!r} is not known", rule=f"one character, or one of {', '.join(DELIMITERS)}")
+    return DELIMITERS.get(given, given)
+
+
+class Column(Described):
+    """Keys of the columns of all channels."""
+
+    channel: ClassVar[str] = ""
+    column: Annotated[int | str, Reads(_place)]
+    clock: Annotated[int | str | None, Reads(_place)] = None
+    wraps: Annotated[float | None, Quantity("", bounds=Bounds(above=0.0))] = None
+    guessed: StrictBool = False
+    scale: Annotated[float, Reads(_scale)] = 1.0
+    offset: Annotated[float, Quantity("")] = 0.0
+    delay_s: Annotated[float, Quantity("s", "s")] = 0.0
+    accuracy: Any = None
+    range: Any = None
+    positive: Literal["+x", "-x"] = "+x"
+    unit: Any = None
+    calibration: Annotated[str, Reads(str)] = ""
+    format: str = ISO
+
+    @property
+    def is_date(self) -> bool:
+        """Whether the column contains dates and times."""
+        return self.unit == DATE_TIME
+
+    @property
+    def conversion(self) -> ColumnUnit:
+        """Unit as a line to SI. A command and a date have the factor 1."""
+        return self.unit if isinstance(self.unit, ColumnUnit) else ColumnUnit(1.0)
+
+    def in_unit(self, raw: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return raw numbers in the column's unit, towards +x. Unchanged numbers are not copied."""
+        value = raw if self.scale == 1.0 else raw * self.scale
+        value = value if self.offset == 0.0 else value + self.offset
+        return value if self.positive == "+x" else -1 * value
+
+    @model_validator(mode="after")
+    def _fits_the_channel(self) -> Column:
+        said = self.model_fields_set
+        if self.channel == "command" and ("unit" in said) != ("range" in said):
+            rule = "a command is the fraction of full opening, -1 to 1: give scale and offset, or unit and range"
+            remedy = 'command = { column = 0, unit = "V", range = "0 V .. 10 V" }: full opening to either side'
+            raise wrong("", "give a unit or a range, not both", rule=rule, remedy=remedy)
+        if "positive" in said and self.channel not in ("force", "position", "velocity", "command"):
+            rule = 'positive is "+x" or "-x", for force, position, velocity and command only'
+            raise wrong("positive", f"positive = {self.positive!r}", rule=rule)
+        if "format" in said and not self.is_date:
+            rule = f'a format is a text, for a time with unit = "{DATE_TIME}" only'
+            raise wrong("format", f"format = {self.format!r}", rule=rule)
+        if "clock" in said and self.channel == "time":
+            raise wrong("clock", "the time cannot have a clock", rule="clock names the column of a channel's times")
+        return self
+
+
+class TimeColumn(Column):
+    """Keys of the time: a column, a date and a time of day in two columns, or the rate of the samples."""
+
+    channel: ClassVar[str] = "time"
+    column: Annotated[int | str | None, Reads(_place)] = None  # type: ignore[assignment]
+    rate_hz: Annotated[float | None, Quantity("1/s", "Hz", Bounds(above=0.0))] = None
+    date: Annotated[int | str | None, Reads(_place)] = None
+    date_format: str = ISO
+
+    @model_validator(mode="after")
+    def _once(self) -> TimeColumn:
+        if (self.column is None) == (self.rate_hz is None):
+            remedy = 'time = { column = 0, unit = "s" }, or time = { rate = "50 Hz" }'
+            raise wrong("", "give the column of the time, or the rate of the samples", remedy=remedy)
+        if self.column is not None and self.unit is None:
+            raise wrong("unit", "unit is missing", remedy='time = { column = 0, unit = "s" }')
+        if "date_format" in self.model_fields_set and self.date is None:
+            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="it belongs to a column: date = 0")
+        return self
+
+
+def _column_class(channel: str) -> type[Column]:
+    """Return the class of the column of a channel."""
+    si_unit = UNITS[channel]
+    ends = PressureBetween() if si_unit == "Pa" else Reads(str) if channel == "command" else Between(si_unit)
+    fields: dict[str, Any] = {
+        "accuracy": (Annotated[Any, Reads(partial(uncertainty, si_unit=si_unit))], None),
+        "range": (Annotated[Any, ends], None),
+        "unit": (
+            Annotated[Any, Reads(partial(_unit, channel))],
+            Field(None if channel in ("command", "time") else ..., examples=[EXAMPLES.get(si_unit, "V")]),
+        ),
+    }
+    base = TimeColumn if channel == "time" else Column
+    made = create_model(f"{channel.title()}Column", __base__=base, **fields)
+    made.channel = channel
+    return made
+
+
+def _cycle(given: object) -> int | str:
+    return _place(given.get("column") if isinstance(given, dict) else given)
+
+
+def _labels(given: object) -> dict[str, str]:
+    """Read labels, and the pattern of labels in file names: each is a column of the friction map."""
+    if not isinstance(given, dict):
+        raise WrongValueError(f"{given!r} is not a table")
+    labels = {key: str(value) for key, value in given.items()}
+    pattern = labels.get("pattern", "")
+    names = re.findall(r"\{(\w+)\}", pattern)
+    if pattern and (not names or len(set(names)) != len(names) or any(name.isdigit() for name in names)):
+        rule = 'a text with each {name} once, as in "{seal}_{pressure}bar"; "" for none'
+        raise WrongValueError(f"{pattern!r} is not a valid pattern", rule=rule, sub="pattern")
+    for name in (*labels, *names):
+        if name in COLUMNS:
+            rule = "each label becomes a column of the friction map, which already has this column"
+            raise WrongValueError(f"a label cannot be called '{name}'", rule=rule)
+    return labels
+
+
+_COLUMNS: dict[str, Any] = {"cycle": (Annotated[int | str | None, Reads(_cycle)], None)}
+_COLUMNS |= {name: (_column_class(name) | None, None) for name in UNITS}
+Columns = create_model("Columns", __base__=Described, **_COLUMNS)
+Columns.table_name = "columns"
+_PRESSURE: Any = _column_class("pressure")
+#: Relative standard uncertainty of the area of a parallel force that the layout does not state (assumed).
+ASSUMED_PARALLEL_AREA = 0.05
+
+
+class GeometryTable(PistonTable):
+    """``[geometry]``: the areas of the piston and their standard uncertainty."""
+
+    table_name: ClassVar[str] = "geometry"
+    bore_accuracy: Annotated[float | None, Reads(partial(uncertainty, si_unit="m"))] = None
+    area_accuracy: Annotated[float | None, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = None
+
+
+class ChamberTable(Described):
+    """The pressure in a chamber if it is not measured."""
+
+    open_to_ambient: StrictBool = False
+    pressure: Annotated[units.Pressure | None, StatedPressure()] = None
+
+
+class RigTable(Described):
+    """``[rig]``: the rig of the drive."""
+
+    table_name: ClassVar[str] = "rig"
+    ambient_pressure: Annotated[units.Pressure, StatedPressure(gauge_allowed=False)] = units.Pressure(
+        STANDARD_ATMOSPHERE_PA, gauge=False
+    )
+    incline_rad: Angle = 0.0
+    mass_beyond_sensor_kg: Annotated[float, Quantity("kg", bounds=Bounds(at_least=0.0))] = 0.0
+    stiffness_n_m: Annotated[float | None, Quantity("N/m", bounds=Bounds(above=0.0))] = None
+    alignment_rad: Annotated[float | None, Reads(partial(uncertainty, si_unit="rad"))] = None
+
+
+class WindowTable(Described):
+    """``[window]``: the part of the stroke in which friction is averaged."""
+
+    table_name: ClassVar[str] = "window"
+    position: Annotated[tuple[float, float] | None, Between("m", "mm")] = None
+
+
+class ParallelTable(Described):
+    """``[[force]]``: a force in parallel with the rig's, such as that of a hydraulic ram, from measured pressures.
+
+    The force is ``area (pressure - against)``; without `against` the ambient pressure acts on the other side.
+    ``area_accuracy`` is a relative standard uncertainty, as all accuracies of a layout are.
     """
 
-    tables: LayoutTables
-    kind: str
-    labels: dict[str, str]
+    table_name: ClassVar[str] = "force"
+    name: Annotated[str, Reads(str)] = "parallel force"
+    area_m2: Annotated[float, Quantity("m2", "cm2", Bounds(above=0.0))]
+    area_accuracy: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = ASSUMED_PARALLEL_AREA
+    positive: Literal["+x", "-x"] = "+x"
+    pressure: _PRESSURE  # type: ignore[valid-type]
+    against: _PRESSURE | None = None  # type: ignore[valid-type]
+
+
+class FileLayout(Described):
+    """A layout with the overrides that match the name of one file, values in SI."""
+
+    schema_version: Any = Field(default=1, alias="schema")
+    kind: Literal["rig", "drive", "fixed-volume"] | None = None
+    format: Annotated[str, Choice(("csv", *FORMATS))] = "csv"
+    delimiter: Annotated[str | None, Reads(_delimiter)] = None
+    header: StrictBool = False
+    quoted: StrictBool = False
+    decimal: Literal[".", ","] = "."
+    thousands: Annotated[str | None, Reads(_one_character)] = None
+    comment: str = "#"
+    header_delimiter: Annotated[str | None, Reads(_delimiter)] = ""
+    skip_lines: Annotated[int, Whole(at_least=0, bound=None)] = 0
+    skip_samples: Annotated[int, Whole(at_least=0, bound=None)] = 0
+    columns: Columns = Columns()  # type: ignore[valid-type]
+    geometry: GeometryTable = GeometryTable()
+    chamber_a: ChamberTable = ChamberTable()
+    chamber_b: ChamberTable = ChamberTable()
+    rig: RigTable = RigTable()
+    force: tuple[ParallelTable, ...] = ()
+    window: WindowTable = WindowTable()
+    force_calibration: Annotated[ForceCalibration | None, Reads(of_quantities)] = None
+    labels: Annotated[dict[str, str], Reads(_labels)] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _signs_differ(self) -> FileLayout:
+        if self.delimiter == self.decimal and not self.quoted:
+            what = f"'{self.decimal}' cannot be both delimiter and decimal sign"
+            raise wrong("delimiter", what, remedy="if the numbers are in quotation marks, write quoted = true")
+        return self
+
+    def of_file(self, kind: str, labels: dict[str, str]) -> FileLayout:
+        """Return the layout for a recording of a kind: a drive and a fixed volume have no tables of a rig."""
+        update: dict[str, Any] = {"kind": kind, "labels": labels}
+        if kind != "rig":
+            update |= {name: type(self).model_fields[name].default for name in RIG_TABLES}
+            update["rig"] = RigTable().model_copy(update={"ambient_pressure": self.rig.ambient_pressure})
+        return self.model_copy(update=update)
 
     @cached_property
-    def columns(self) -> dict[str, ColumnTable]:
+    def channels(self) -> dict[str, Column]:
         """Columns by channel; those of parallel forces are ``force 1: pressure`` and ``force 1: against``."""
-        found = {name: self.tables.channel(name, self.kind) for name in CHANNELS[self.kind][0]}
-        for number, force in enumerate(self.rig.force, 1):
+        found = {name: self._channel(name) for name in KINDS[self.kind or "rig"].units}
+        for number, force in enumerate(self.force, 1):
             found |= {f"force {number}: pressure": force.pressure, f"force {number}: against": force.against}
         return {name: column for name, column in found.items() if column is not None}
 
-    @cached_property
-    def rig(self) -> LayoutTables:
-        """Tables with geometry, masses and chambers of a rig. Empty for other kinds."""
-        return self.tables if self.kind == "rig" else LayoutTables()
-
     @property
-    def time(self) -> TimeTable:
+    def time(self) -> TimeColumn:
         """Column of the time, or the rate of the samples."""
-        return self.columns["time"]  # type: ignore[return-value]
-
-    @property
-    def format(self) -> str:
-        """Format of the file."""
-        return self.tables.format
-
-    @property
-    def cycle(self) -> int | str | None:
-        """Column that numbers the cycles of a campaign file."""
-        return self.rig.columns.cycle  # type: ignore[attr-defined]
-
-    @property
-    def skip_samples(self) -> int:
-        """Number of samples at the beginning that are left out."""
-        return self.tables.skip_samples
-
-    @property
-    def ambient_pressure_pa(self) -> float:
-        """Absolute pressure around the rig."""
-        return self.tables.ambient_pa
+        return self.channels["time"]  # type: ignore[return-value]
 
     @property
     def dates(self) -> dict[int | str, str]:
         """Columns of dates and times, with their format."""
         time = self.time
-        clocks = [time.column, *(column.clock for column in self.columns.values())] if time.is_date else []
+        clocks = [time.column, *(column.clock for column in self.channels.values())] if time.is_date else []
         found = {place: time.format for place in clocks if place is not None}
         return found if time.date is None else found | {time.date: time.date_format}
 
     @property
     def places(self) -> list[int | str]:
         """Columns of the file that are read: those of the channels, and of their dates and clocks."""
-        columns = self.columns.values()
+        columns = self.channels.values()
         places = [*(c.column for c in columns), self.time.date, *(c.clock for c in columns)]
         return list(dict.fromkeys(place for place in places if place is not None))
 
     @property
     def is_plain(self) -> bool:
         """Whether every channel is a column, and each of its rows can be read separately."""
-        columns = self.columns.values()
+        columns = self.channels.values()
         special = (self.time.rate_hz, self.time.date, *(c.clock for c in columns), *(c.wraps for c in columns))
         return all(value is None for value in special)
+
+    @property
+    def ambient_pa(self) -> float:
+        """Absolute pressure around the rig."""
+        return self.rig.ambient_pressure.value_pa
+
+    @property
+    def text_form(self) -> TextForm:
+        """Format of a text table. No comment sign: a character that no text contains."""
+        form: dict[str, Any] = {name: getattr(self, name) for name in TextForm.__dataclass_fields__}
+        form["comment"] = self.comment or "\0"
+        return TextForm(**form)
+
+    def missing(self, kind: str) -> Iterator[DescriptionError]:
+        """Return keys that a file of this kind needs and the layout lacks."""
+        for channel in KINDS[kind].needed:
+            if getattr(self.columns, channel) is None:
+                unit = f', unit = "{EXAMPLES[UNITS[channel]]}"' if UNITS[channel] else ""
+                remedy = f"{channel} = {{ column = 0{unit} }}"
+                yield wrong("columns", f"[columns] does not say where the {channel} is", remedy=remedy)
+        if kind == "rig":
+            for side in "ab":
+                if not self._ways(side):
+                    yield self._not_once(side, "does not state")
+
+    def contradictions(self, kind: str) -> Iterator[DescriptionError]:
+        """Return values that the layout gives twice for a file of this kind."""
+        read: dict[int | str, str] = {}
+        for channel in KINDS[kind].units:
+            column: Column | None = getattr(self.columns, channel)
+            if column is None or column.column is None:
+                continue
+            other = read.setdefault(column.column, channel)
+            if UNITS[other] != UNITS[channel]:  # both chambers may share a transducer
+                what = f"columns.{other} and columns.{channel} read one column: {column.column!r}"
+                yield wrong(f"columns.{channel}", what, rule="a column must be one quantity")
+        for side in "ab" if kind == "rig" else "":
+            if self._ways(side) > 1:
+                yield self._not_once(side, "states more than once")
+
+    def _ways(self, side: str) -> int:
+        """Return the number of ways in which the pressure in a chamber is given."""
+        chamber: ChamberTable = getattr(self, f"chamber_{side}")
+        is_measured = getattr(self.columns, f"pressure_{side}") is not None
+        return is_measured + chamber.open_to_ambient + (chamber.pressure is not None)
+
+    def _not_once(self, side: str, says: str) -> DescriptionError:
+        table, column = f"chamber_{side}", f"pressure_{side}"
+        rule = f"exactly one of columns.{column}, {table}.open_to_ambient = true, {table}.pressure"
+        key = table if table in self.model_fields_set else "columns"
+        return wrong(key, f"the layout {says} the pressure in chamber {side}", rule=rule)
+
+    def chamber_pressures(self) -> dict[str, float]:
+        """Return the absolute pressures of chambers that are stated, not measured."""
+        out = {}
+        for side, chamber in (("a", self.chamber_a), ("b", self.chamber_b)):
+            if chamber.open_to_ambient:
+                out[f"pressure_{side}"] = self.ambient_pa
+            elif chamber.pressure is not None:
+                out[f"pressure_{side}"] = chamber.pressure.absolute_pa(self.ambient_pa)
+        return out
+
+    def _channel(self, name: str) -> Column | None:
+        """Return the column of a channel with ``range`` in SI; scale and offset of a command follow from its range."""
+        column: Column | None = getattr(self.columns, name)
+        if column is None or column.range is None:
+            return column
+        if name == "command":  # the ends of the signal are -1 and 1, or 0 and 1 for the line of a volume
+            low, high = units.parse_range(column.range, column.unit)
+            lowest = 0.0 if self.kind == "fixed-volume" else -1.0
+            scale = (1.0 - lowest) / (high - low)
+            return column.model_copy(update={"range": (low, high), "scale": scale, "offset": lowest - low * scale})
+        is_pressure = UNITS[name] == "Pa"
+        return column.model_copy(update={"range": absolute(column.range, self.ambient_pa)}) if is_pressure else column
+
+    def geometry_accuracy(self) -> dict[str, float]:
+        """Return the standard uncertainties of the geometry that the layout gives."""
+        g = self.geometry
+        said = {"area": g.area_accuracy} if g.bore_m is None else {"bore_m": g.bore_accuracy}
+        said["alignment_rad"] = self.rig.alignment_rad
+        return {name: value for name, value in said.items() if value is not None}
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -117,7 +460,7 @@ class Layout(Shown):
     ... [chamber_b]
     ... pressure = "3 bar gauge"
     ... ''')
-    >>> layout.for_file(Path("run.csv")).tables.chamber_pressures()["pressure_b"]
+    >>> layout.for_file(Path("run.csv")).chamber_pressures()["pressure_b"]
     401325.0
     """
 
@@ -142,44 +485,31 @@ class Layout(Shown):
         """Read and check a layout from TOML text."""
         return cls(toml.parse(text, origin, LayoutError), origin, text)._checked()
 
-    def for_file(self, path: Path) -> FileLayout:
-        """Apply the overrides that match the file's name, for a recording of a rig.
+    def for_file(self, path: Path, kind: str = "rig") -> FileLayout:
+        """Apply the overrides that match the file's name, for a recording of a kind.
 
         Raises
         ------
         LayoutError
             If a value is wrong for this file, or the layout has another kind.
         """
-        return self._for("rig", path, "friction needs time, position and force")
-
-    def for_volume_file(self, path: Path) -> FileLayout:
-        """Apply the overrides like `for_file`, for a recording of a fixed volume."""
-        return self._for("fixed-volume", path, 'kind = "fixed-volume", with the columns time and pressure')
-
-    def for_drive_file(self, path: Path) -> FileLayout:
-        """Apply the overrides like `for_file`, for a recording of a drive."""
-        return self._for("drive", path, "a drive needs time, command, position and both pressures")
-
-    def for_any_file(self, path: Path) -> FileLayout:
-        """Apply the overrides like `for_file`, for a recording of the layout's own kind."""
-        return {"rig": self.for_file, "drive": self.for_drive_file}.get(self.kind, self.for_volume_file)(path)
-
-    def _for(self, kind: str, path: Path, verb: str) -> FileLayout:
-        self._needs(kind, verb)
-        chosen = self._matching(path)
-        tables = _read(self, tuple(chosen))
-        return FileLayout(tables, kind, self._labels(tables, path, chosen))
-
-    def _labels(self, said: LayoutTables, path: Path, chosen: Sequence[int]) -> dict[str, str]:
-        """Return the fixed labels and those of the file's name.
-
-        Raises
-        ------
-        LayoutError
-            If the pattern does not match the file's name.
-        """
-        labels = {key: text for key, text in said.labels.items() if key != "pattern"}
-        pattern = said.labels.get("pattern", "")
+        if self.kind != kind and "fixed-volume" in (self.kind, kind):
+            other = "a fixed volume" if kind == "fixed-volume" else f"a {kind}"
+            raise self.fail(
+                f"this layout is for recordings of a {self.kind.replace('-', ' ')}, not {other}",
+                *(["kind"] if "kind" in self.tree else []),
+                rule=KINDS[kind].needs,
+                remedy='a fixed volume (kind = "fixed-volume") is for `pneudrive identify TANK.toml RECORDING`',
+            )
+        names = (path.name, stem(path))
+        chosen = tuple(
+            number
+            for number, override in enumerate(self.tree.get("for", []))
+            if any(fnmatchcase(name, override["match"]) for name in names)
+        )
+        layout = _read(self, chosen)
+        labels = {key: text for key, text in layout.labels.items() if key != "pattern"}
+        pattern = layout.labels.get("pattern", "")
         found = labels_from_name(pattern, stem(path)) if pattern else {}
         if found is None:
             part, left = where_pattern_ends(pattern, stem(path))
@@ -191,15 +521,7 @@ class Layout(Shown):
                 rule=f"at {part}, {rest}",
                 remedy=f"correct the pattern, or give files with other names their own: {example}",
             )
-        return labels | found
-
-    def _matching(self, path: Path) -> list[int]:
-        names = (path.name, stem(path))
-        return [
-            index
-            for index, override in enumerate(self.tree.get("for", []))
-            if any(fnmatchcase(name, override["match"]) for name in names)
-        ]
+        return layout.of_file(kind, labels | found)
 
     @property
     def kind(self) -> str:
@@ -207,17 +529,6 @@ class Layout(Shown):
         trees = [self.tree, *self.tree.get("for", [])]
         names_command = any(isinstance(tree.get("columns"), dict) and "command" in tree["columns"] for tree in trees)
         return self.tree.get("kind", "drive" if names_command else "rig")
-
-    def _needs(self, kind: str, verb: str) -> None:
-        """Refuse a recording of another kind than that of the layout."""
-        if self.kind != kind and "fixed-volume" in (self.kind, kind):
-            other = "a fixed volume" if kind == "fixed-volume" else f"a {kind}"
-            raise self.fail(
-                f"this layout is for recordings of a {self.kind.replace('-', ' ')}, not {other}",
-                *(["kind"] if "kind" in self.tree else []),
-                rule=f"{verb}",
-                remedy='a fixed volume (kind = "fixed-volume") is for `pneudrive identify TANK.toml RECORDING`',
-            )
 
     def fail(self, what: str, key: str = "", rule: str | None = None, remedy: str | None = None) -> LayoutError:
         """Build an error that points at a key's line."""
@@ -235,7 +546,7 @@ class Layout(Shown):
             key = key.rpartition(".")[0]
         return key
 
-    def read(self, chosen: Sequence[int], *, is_part: bool = False) -> LayoutTables:
+    def read(self, chosen: Sequence[int], *, is_part: bool = False) -> FileLayout:
         """Read the layout with some of its overrides.
 
         Parameters
@@ -255,13 +566,13 @@ class Layout(Shown):
             rest = {key: value for key, value in self.tree["for"][index].items() if key != "match"}
             tree = toml.merge(_without(tree, rest), rest)
         problems, kind = Problems(), self.kind
-        said: LayoutTables | None = problems.take(LayoutTables.model_validate, tree)
-        if said is not None:
-            for error in said.contradictions(kind):
+        layout: FileLayout | None = problems.take(FileLayout.model_validate, tree)
+        if layout is not None:
+            for error in layout.contradictions(kind):
                 problems.add(error)
-            if kind == "rig" and not (is_part and said.geometry == GeometryTable()):
-                problems.take(said.geometry.areas)
-            for error in () if is_part else said.missing(kind):
+            if kind == "rig" and not (is_part and layout.geometry == GeometryTable()):
+                problems.take(layout.geometry.areas)
+            for error in () if is_part else layout.missing(kind):
                 problems.add(error)
         if is_part:  # another [[for]] may supply missing keys: only the layout of a file must be complete
             problems.found = {at: one for at, one in problems.found.items() if " is missing" not in one.what}
@@ -269,7 +580,7 @@ class Layout(Shown):
             error.key = self._place(getattr(error, "key", None) or "", chosen)  # type: ignore[attr-defined]
         with toml.locating(self.origin, self.text, LayoutError):
             problems.tell()
-        return LayoutTables() if said is None else said
+        return FileLayout() if layout is None else layout
 
     def _checked(self) -> Layout:
         """Refuse unknown keys and wrong values before the first recording is opened, all at once."""
@@ -280,8 +591,8 @@ class Layout(Shown):
             if not isinstance(override.get("match"), str):
                 what = "[[for]] does not say which files it is for"
                 problems.add(self.fail(what, f"for.{index}", remedy='match = "*257*"'))
-        if self.kind not in list(CHANNELS):
-            remedy = nearest(str(self.kind), CHANNELS)
+        if self.kind not in list(KINDS):
+            remedy = nearest(str(self.kind), KINDS)
             raise self.fail(f"kind = {self.kind!r} is not known", "kind", remedy=remedy)  # of unknown needs
         for chosen in ([], *([index] for index in range(len(overrides)))):
             with problems.caught():
@@ -291,7 +602,7 @@ class Layout(Shown):
 
 
 @lru_cache(maxsize=256)
-def _read(layout: Layout, chosen: tuple[int, ...]) -> LayoutTables:
+def _read(layout: Layout, chosen: tuple[int, ...]) -> FileLayout:
     return layout.read(chosen)
 
 

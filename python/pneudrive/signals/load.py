@@ -1,36 +1,29 @@
-"""Reading of files as recordings, through a layout."""
+"""Reading of files as recordings: through a layout, cycle by cycle or part by part, and trajectories of simulations."""
 
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.files.tables import open_table
-from pneudrive.signals.importer import SI_NAMES, read_raw, read_rows, si_columns
-from pneudrive.signals.layout import FileLayout, Layout, stem
-from pneudrive.signals.layout_tables import CHANNEL_UNITS
+from pneudrive.signals.importer import SI_NAMES, Imported, import_file, read_rows, si_frame
+from pneudrive.signals.layout import KINDS, FileLayout, Layout, stem
 from pneudrive.signals.recording import CHANNELS, ParallelForce, Recording
-from pneudrive.signals.tables.text_table import read_bytes
-from pneudrive.signals.trajectories import (
-    COLUMNS,
-    MEASURED,
-    digest_of,
-    is_trajectory,
-    read_trajectory,
-    recording_of,
-)
-from pneudrive.simulation.trajectory import read_columns as read_trajectory_columns
+from pneudrive.signals.text_table import column_number, read_bytes
+from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from threading import Event
 
+    import xarray as xr
     from numpy.typing import NDArray
 
     from pneudrive.files.tables import Table
@@ -51,7 +44,7 @@ class RecordingFile:
     @property
     def has_cycles(self) -> bool:
         """Whether it is a campaign file, with a recording for each cycle."""
-        return self.layout is not None and self.layout.for_file(self.path).cycle is not None
+        return self.layout is not None and self.layout.for_file(self.path).columns.cycle is not None
 
     def read(self) -> Recording:
         """Read its single recording."""
@@ -122,7 +115,7 @@ def hashes_of(path: Path) -> frozenset[str]:
     """
     found = [hashlib.sha256(read_bytes(path)).hexdigest()]
     if is_trajectory(path):
-        columns = read_trajectory_columns(path, COLUMNS)
+        columns = read_columns(path, COLUMNS)
         found.append(digest_of(columns[name] for name in COLUMNS))
     return frozenset(found)
 
@@ -136,8 +129,8 @@ def find_layout(file: Path) -> Layout | None:
 
 def layout_beside(file: Path) -> Layout:
     """Load ``layout.toml`` from the folder of a file, or from the one above."""
-    if (found := find_layout(file)) is not None:
-        return found
+    if (layout := find_layout(file)) is not None:
+        return layout
     if not file.exists():
         raise RecordingError("there is no such file", where=str(file))
     raise RecordingError("there is no layout for this file", where=str(file), remedy=MISSING_LAYOUT)
@@ -146,7 +139,7 @@ def layout_beside(file: Path) -> Layout:
 def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recording:
     """Read one file of a rig through a layout."""
     said = layout.for_file(path)
-    return to_recording(name or stem(path), path, said, *read_raw(path, said))
+    return to_recording(name or stem(path), path, said, import_file(path, said))
 
 
 def load_drive_motion(path: Path, layout: Layout) -> Recording:
@@ -157,8 +150,8 @@ def load_drive_motion(path: Path, layout: Layout) -> Recording:
     RecordingError, LayoutError
         As for `load_recordings`.
     """
-    said = layout.for_drive_file(path)
-    return to_recording(stem(path), path, said, *read_raw(path, said))
+    said = layout.for_file(path, "drive")
+    return to_recording(stem(path), path, said, import_file(path, said))
 
 
 @dataclass(frozen=True)
@@ -189,14 +182,14 @@ class LongFile:
     def read(self, rows: tuple[int, int]) -> dict[str, NDArray[np.float64]]:
         """Read some rows of the raw columns, by channel."""
         if self.said is None:
-            return read_trajectory_columns(self.file.path, MEASURED, rows, self.table)
+            return read_columns(self.file.path, MEASURED, rows, self.table)
         return read_rows(self.file.path, self.said, rows)
 
     def recording(self, raw: dict[str, NDArray[np.float64]]) -> Recording:
         """Return the recording of raw columns, without the hash of the file."""
         if self.said is None:
-            return recording_of(raw, self.file.name, self.file.path, None)
-        return to_recording(self.file.name, self.file.path, self.said, raw, {}, None)
+            return from_trajectory(raw, self.file.name, self.file.path, is_part=True)
+        return to_recording(self.file.name, self.file.path, self.said, Imported(si_frame(self.said, raw)))
 
     def sha256(self, ended: Event) -> str:
         """Return the hash that a recording of the whole file has: of its bytes, or of the columns of a trajectory.
@@ -207,7 +200,7 @@ class LongFile:
         if self.said is None:
             parts = [(begin, min(begin + HASHED_ROWS, self.count)) for begin in range(0, self.count, HASHED_ROWS)]
             pieces = ((column, part) for column in COLUMNS for part in parts if not ended.is_set())
-            return digest_of(read_trajectory_columns(path, [c], part, self.table)[c] for c, part in pieces)
+            return digest_of(read_columns(path, [c], part, self.table)[c] for c, part in pieces)
         total, buffer = hashlib.sha256(), memoryview(bytearray(HASHED_BYTES))
         with path.open("rb", buffering=0) as data:
             while not ended.is_set() and (count := data.readinto(buffer)):
@@ -227,53 +220,198 @@ def find_long(file: RecordingFile, least: int) -> LongFile | None:
     return LongFile(file, said, count, table) if count is not None and count > least else None
 
 
-def to_recording(
-    name: str,
-    path: Path,
-    said: FileLayout,
-    raw: dict[str, NDArray[np.float64]],
-    flags: dict[str, int],
-    sha256: str | None,
-) -> Recording:
-    """Convert raw columns to SI, absolute pressures and one time base."""
-    values = si_columns(said, raw)
-    rig, curve = said.rig, said.tables.force_calibration if "force" in said.columns else None
-    stated = {f"{channel}_pa": pressure for channel, pressure in rig.chamber_pressures().items()}
-    measured = {SI_NAMES[channel]: said.columns[channel] for channel in CHANNEL_UNITS if channel in said.columns}
-    limits = {name: column.range for name, column in measured.items() if name != "time_s" and column.range is not None}
+def to_recording(name: str, path: Path, layout: FileLayout, imported: Imported) -> Recording:
+    """Return the recording of a file that was imported through a layout."""
+    frame, curve = imported.frame, layout.force_calibration if "force" in layout.channels else None
+    _, *rig_channels = KINDS["rig"].units
+    measured = {SI_NAMES[name]: layout.channels[name] for name in rig_channels if name in layout.channels}
+    limits = {name: column.range for name, column in measured.items() if column.range is not None}
     if curve is not None and "force_n" in limits:
-        sign = 1 if said.columns["force"].positive == "+x" else -1
+        sign = 1 if layout.channels["force"].positive == "+x" else -1
         low, high = sign * curve.force_n(sign * np.array(limits["force_n"]))
         limits["force_n"] = (float(low), float(high))
-    area_a, area_b = rig.geometry.areas() if said.kind == "rig" else (0.0, 0.0)
+    area_a, area_b = layout.geometry.areas() if layout.kind == "rig" else (0.0, 0.0)
     return Recording(
         name=name,
-        time_s=values["time_s"],
-        **{channel: values.get(channel, stated.get(channel, 0.0)) for channel in CHANNELS},  # type: ignore[arg-type]
+        time_s=frame["time_s"].to_numpy(),
+        **{name: frame[name].to_numpy() if name in frame else 0.0 for name in CHANNELS},  # type: ignore[arg-type]
         area_a_m2=area_a,
         area_b_m2=area_b,
-        ambient_pressure_pa=said.ambient_pressure_pa,
-        mass_beyond_sensor_kg=rig.rig.mass_beyond_sensor_kg,
-        incline_rad=rig.rig.incline_rad,
-        accuracy=rig.geometry_accuracy()
-        | {n: c.accuracy for n, c in measured.items() if n != "time_s" and c.accuracy is not None},
-        labels=said.labels,
-        window_m=rig.window.position,
+        ambient_pressure_pa=layout.ambient_pa,
+        mass_beyond_sensor_kg=layout.rig.mass_beyond_sensor_kg,
+        incline_rad=layout.rig.incline_rad,
+        accuracy=layout.geometry_accuracy()
+        | {name: column.accuracy for name, column in measured.items() if column.accuracy is not None},
+        labels=layout.labels,
+        window_m=layout.window.position,
         source=path,
-        sha256=sha256,
-        stiffness_n_m=rig.rig.stiffness_n_m,
-        flags=flags,
+        sha256=imported.sha256,
+        stiffness_n_m=layout.rig.stiffness_n_m,
+        flags=imported.flags,
         limits=limits,
-        calibration={n: c.calibration for n, c in measured.items() if n != "time_s" and c.calibration},
+        calibration={name: column.calibration for name, column in measured.items() if column.calibration},
         force_calibration=curve.applied() if curve is not None else None,
-        parallel=tuple(_parallel_forces(said, values)),
+        parallel=tuple(
+            ParallelForce(force.name, force.area_m2, force.area_accuracy, frame[f"force {number}"].to_numpy())
+            for number, force in enumerate(layout.force, 1)
+        ),
     )
 
 
-def _parallel_forces(said: FileLayout, values: dict[str, NDArray[np.float64]]) -> Iterator[ParallelForce]:
-    for number, force in enumerate(said.rig.force, 1):
-        against = values.get(f"force {number}: against", said.ambient_pressure_pa)
-        area = (1 if force.positive == "+x" else -1) * force.area_m2
-        yield ParallelForce(
-            force.name, force.area_m2, force.area_accuracy, area * (values[f"force {number}: pressure"] - against)
+BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB with its copies
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Part of a campaign file: first row of each cycle and the row after the last, with the cycles' numbers."""
+
+    path: Path
+    layout: Layout
+    bounds: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """Return the number of cycles."""
+        return self.numbers.size
+
+
+def find_cycles(path: Path, layout: Layout) -> Cycles:
+    """Find where each cycle of a campaign file starts.
+
+    A campaign file is Parquet, with one row for each sample. The rows of a cycle are together and in the order of time.
+    A column numbers the cycle (``cycle = { column = "cycle" }`` in the layout's ``[columns]``). The other columns are
+    those of any recording, and 32-bit floats are allowed. Time may restart in each cycle. Every cycle is treated as a
+    separate recording, by the same code.
+
+    Raises
+    ------
+    RecordingError
+        If the file is not Parquet, has no such column or no rows, or a cycle is in two places.
+    """
+    said = layout.for_file(path)
+    if said.format != "parquet":
+        raise RecordingError(
+            "cycles are read from Parquet only",
+            where=str(path),
+            value=f'format = "{said.format}"',
+            remedy="write the campaign as one Parquet file, or each cycle as a file without columns.cycle",
         )
+    if not said.is_plain:
+        raise RecordingError(
+            "a campaign file needs a column for each channel",
+            where=str(path),
+            rule="the keys rate, date, clock and wraps are for files of one recording",
+        )
+    table = open_table(path, "parquet")
+    column = table.names[column_number(said.columns.cycle or 0, table.names, len(table.names), path)]
+    numbers = table.get([column])[column]
+    if numbers.size == 0:
+        raise RecordingError("there are no rows", where=str(path))
+    starts = np.concatenate(([0], np.flatnonzero(numbers[1:] != numbers[:-1]) + 1))
+    found = numbers[starts]
+    values, counts = np.unique(found, return_counts=True)
+    if (counts > 1).any():
+        raise RecordingError(
+            f"the rows of cycle {values[counts > 1][0]} are not together",
+            where=str(path),
+            rule="all rows of a cycle must be together, in the order of time",
+        )
+    return Cycles(path, layout, np.concatenate((starts, [numbers.size])).astype(np.int64), found)
+
+
+def read_cycles(cycles: Cycles) -> Iterator[Recording]:
+    """Yield one cycle after the other, reading a batch of rows at a time."""
+    said = cycles.layout.for_file(cycles.path)
+    start = 0
+    while start < len(cycles):
+        last = int(np.searchsorted(cycles.bounds, cycles.bounds[start] + BATCH_SAMPLES, side="right")) - 1
+        stop = min(max(last, start + 1), len(cycles))
+        first_row, end_row = int(cycles.bounds[start]), int(cycles.bounds[stop])
+        raw = read_rows(cycles.path, said, (first_row, end_row))
+        for index in range(start, stop):
+            part = slice(int(cycles.bounds[index]) - first_row, int(cycles.bounds[index + 1]) - first_row)
+            name = f"{stem(cycles.path)}/{cycles.numbers[index]}"
+            frame = si_frame(said, {channel: column[part] for channel, column in raw.items()})
+            yield to_recording(name, cycles.path, said, Imported(frame))
+        start = stop
+
+
+# Columns that identify a trajectory file; other files lack some.
+COLUMNS = ("time_s", "position_m", "velocity_m_s", "friction_force_n", "pressure_a_pa", "pressure_b_pa", "command")
+#: Those that a recording is made of.
+MEASURED = ("time_s", "position_m", "friction_force_n", "pressure_a_pa", "pressure_b_pa")
+VARIABLES = tuple(meaning(column)[0] for column in COLUMNS)
+
+
+def from_trajectory(
+    columns: dict[str, NDArray], name: str, source: Path | None = None, *, is_part: bool = False
+) -> Recording:
+    """Make a recording from a trajectory's columns; a part of a trajectory has no hash.
+
+    The force is the friction force itself, as from an ideal sensor between rig and piston in steady sliding. The areas
+    are zero, because the force contains no pressure.
+    """
+    return Recording(
+        name=name,
+        time_s=columns["time_s"],
+        position_m=columns["position_m"],
+        force_n=columns["friction_force_n"],
+        pressure_a_pa=columns["pressure_a_pa"],
+        pressure_b_pa=columns["pressure_b_pa"],
+        area_a_m2=0.0,
+        area_b_m2=0.0,
+        accuracy=dict.fromkeys((*CHANNELS, "area", "alignment_rad"), 0.0),
+        source=source,
+        sha256=None if is_part else digest_of(columns[c] for c in COLUMNS),
+        synthetic=True,
+    )
+
+
+def digest_of(columns: Iterable[NDArray]) -> str:
+    """Hash the samples of one column after the other; each may come in parts."""
+    total = hashlib.sha256()
+    for values in columns:
+        total.update(np.ascontiguousarray(values).data)
+    return total.hexdigest()
+
+
+def is_run(item: object) -> TypeGuard[xr.Dataset]:
+    """Return whether this is a Dataset, without importing xarray."""
+    kind = getattr(sys.modules.get("xarray"), "Dataset", None)  # none while another thread imports it
+    return kind is not None and isinstance(item, kind)
+
+
+def from_run(run: xr.Dataset, name: str = "trajectory") -> Recording:
+    """Make a recording from a result of ``pn.simulate``.
+
+    Raises
+    ------
+    RecordingError
+        If the Dataset is not a trajectory.
+    """
+    missing = [v for v in VARIABLES if v not in run.variables]
+    if missing:
+        raise RecordingError(f"the Dataset is not a trajectory: it lacks {', '.join(missing)}", where=name)
+    return from_trajectory({c: run[v].to_numpy() for c, v in zip(COLUMNS, VARIABLES, strict=True)}, name)
+
+
+def is_trajectory(path: Path) -> bool:
+    """Return whether a file has the columns of a trajectory.
+
+    Raises
+    ------
+    RecordingError
+        The file does not exist or is damaged.
+    """
+    return len(columns_in(path, COLUMNS)) == len(COLUMNS)
+
+
+def read_trajectory(path: Path, name: str) -> Recording:
+    """Read a trajectory file (.parquet, .csv, .nc) as a recording.
+
+    Raises
+    ------
+    RecordingError
+        If it is damaged, or a column does not hold numbers.
+    """
+    return from_trajectory(read_columns(path, COLUMNS), name, path)

@@ -14,7 +14,7 @@ from pneudrive.identify.static.laws import CANDIDATES
 from pneudrive.identify.static.model import PRESSURE_FORMS
 from pneudrive.report.page import REPORT
 from pneudrive.signals.drive_recording import NEEDED
-from pneudrive.signals.trajectories import is_trajectory
+from pneudrive.signals.load import is_trajectory
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in, meaning
 from pneudrive.sizing.folder import LOCK
 from pneudrive.sizing.search import DRAWS_BEST_OF

@@ -42,7 +42,7 @@ def flat(tmp_path_factory):
         rig.write_text(FLAT.format(base=base), encoding="utf-8")
         text = ready_protocols()[protocol].read_text(encoding="utf-8")
         own.write_text(text.replace("repeats = 5", "repeats = 2"), encoding="utf-8")  # of the stops: what is not there
-        (made[name],) = run_experiment(name, str(own), str(rig), str(folder / protocol), 3)
+        made[name] = run_experiment(name, str(own), str(rig), str(folder / protocol), 3)
     return paper_figures(made)
 
 

@@ -13,7 +13,7 @@ from pneudrive.report import write_report
 from pneudrive.report.page import Report
 from pneudrive.report.recording.verdict import verdict
 from pneudrive.rig import SimulatedRig, sweep
-from pneudrive.signals.trajectories import from_run
+from pneudrive.signals.load import from_run
 from pneudrive.studies.bracha.stick_slip import creep
 
 DATA = Path(__file__).resolve().parents[3] / "data" / "measurements" / "zillen-2021-pneumatic-piston"

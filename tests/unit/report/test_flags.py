@@ -7,8 +7,7 @@ from pathlib import Path
 from pneudrive.characterise import characterise_recordings
 from pneudrive.friction import level
 from pneudrive.friction.sentences import flag_sentences, flag_table
-from pneudrive.signals import samples
-from pneudrive.signals.tables import text_table
+from pneudrive.signals import recording, text_table
 
 FLAGS = flag_table()
 GUIDE = Path(__file__).resolve().parents[3] / "docs" / "guide" / "recordings.md"
@@ -31,9 +30,9 @@ def test_terminal_and_notebook_explain_the_raised_flags(make):
 def test_what_the_code_raises_is_explained():
     of_levels = set(re.findall(r'"(\w+)":', inspect.getsource(level.level_flags)))
     of_levels |= set(re.findall(r'"(\w+)": .*(?:[<>]|any)', inspect.getsource(level.doubts_of)))
-    of_samples = set(re.findall(r'_count\(counts, "(\w+)"', inspect.getsource(samples.clean)))
+    of_samples = set(re.findall(r'count\("(\w+)"', inspect.getsource(recording.clean)))
     of_samples |= set(
-        re.findall(r'"(\w+)"', inspect.getsource(samples._bad_samples).split("masks = ")[1].split("}")[0])
+        re.findall(r'"(\w+)"', inspect.getsource(recording._bad_samples).split("masks = ")[1].split("}")[0])
     )
     of_rows = set(re.findall(r'\{"(\w+)": \w+', inspect.getsource(text_table)))
     assert len(of_levels) >= 14

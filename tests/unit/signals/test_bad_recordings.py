@@ -5,7 +5,7 @@ import pytest
 
 from pneudrive.characterise import Layout, characterise, characterise_recordings
 from pneudrive.errors import RecordingError
-from pneudrive.signals.proposal.propose import propose_layout
+from pneudrive.signals.proposal import propose_layout
 
 TEXT = """
 [columns]

@@ -9,9 +9,8 @@ import pytest
 from pneudrive.characterise import Layout, load_recordings
 from pneudrive.errors import PneudriveWarning
 from pneudrive.friction.characterisation import characterise_recordings
-from pneudrive.signals.levels import speed_levels
-from pneudrive.signals.motion import Stroke
-from pneudrive.signals.proposal.propose import propose_layout
+from pneudrive.signals.motion import Stroke, speed_levels
+from pneudrive.signals.proposal import propose_layout
 
 HEAD = "#t(s),Pos(in),LowerHyd(psig),UpperHyd(psig),LowerPressure(psia),UpperPressure(psia),Force(lbs)"
 LAYOUT = """

@@ -121,7 +121,7 @@ def test_a_layout_corrects_what_the_sensor_shows_before_it_turns_the_sign():
     text = LAYOUT + 'reference = ["0 N", "50 N", "100 N"]\nshown = ["1 N", "52 N", "104 N"]\ndate = 2026-03-01\n'
     said = Layout.loads(text).for_file(Path("run.csv"))
     assert convert(said, "force", np.array([0.001, 0.052, 0.078])) == pytest.approx([0.0, -50.0, -75.0])
-    assert said.tables.force_calibration.words() == "2026-03-01"
+    assert said.force_calibration.words() == "2026-03-01"
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from oracle.foreign_trials import trials
 from pneudrive.characterise import Layout, characterise_recordings
 from pneudrive.errors import PneudriveWarning, RecordingError
 from pneudrive.signals.drive_recording import read_volume_recordings
-from pneudrive.signals.proposal.propose import propose_layout
+from pneudrive.signals.proposal import propose_layout
 
 FRICTION_N, SPEED_M_S, RATE = 12.0, 0.015, 50.0
 NAMES = ["Time", "Position", "Force", "Pressure A", "Pressure B"]
@@ -309,7 +309,7 @@ def test_candidates_of_equal_evidence_are_left_open_and_listed(table, tmp_path):
     (tmp_path / "b.csv").write_text(text_of(head, fields(three, (3, 5, 4, 4, 4, 4))))
     proposal = propose_layout(tmp_path / "b.csv")  # the balance of forces tells the chambers; the supply is another one
     assert {g.role: g.column for g in proposal.guesses}["pressure_a"] == "P upper [barg]"
-    assert Layout.loads(proposal.text).for_file(tmp_path / "b.csv").columns["pressure_b"].column == "P lower [barg]"
+    assert Layout.loads(proposal.text).for_file(tmp_path / "b.csv").channels["pressure_b"].column == "P lower [barg]"
 
 
 def test_a_workbook_is_named(tmp_path):

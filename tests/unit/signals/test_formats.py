@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import xarray as xr
 from pneudrive.characterise import Layout, characterise
 from pneudrive.errors import RecordingError
 from pneudrive.friction.friction_map import HASHES
-from pneudrive.signals.proposal.propose import propose_layout
+from pneudrive.signals.proposal import propose_layout
 
 LAYOUT = """\
 format = "{form}"
@@ -277,3 +278,16 @@ def test_the_units_that_a_tdms_file_says_are_proposed(make, tmp_path):
     }  # fmt: skip
     curves = characterise(tmp_path / "a.tdms", Layout.loads(proposal.text))
     assert curves.friction_n.to_numpy() == pytest.approx(20.0, abs=0.2)
+
+
+def test_a_tdms_header_that_states_more_samples_than_memory_is_refused(tmp_path):
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "a.tdms"
+    columns = {"Time": np.arange(1000) * 0.01, "Note": ["a"] * 1000}
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.ChannelObject("rig", name, values) for name, values in columns.items()])
+    stated, hostile = (struct.pack("<IIQ", 0x20, 1, count) for count in (1000, 10**12))  # texts, one dimension
+    assert path.read_bytes().count(stated) == 1
+    path.write_bytes(path.read_bytes().replace(stated, hostile))
+    with pytest.raises(RecordingError, match="unpacks to 8,000,000,008,000 bytes"):
+        propose_layout(path)

@@ -11,7 +11,7 @@ import pytest
 
 from pneudrive.characterise import Layout, characterise, characterise_recordings
 from pneudrive.errors import LayoutError, RecordingError
-from pneudrive.signals.proposal.propose import propose_layout
+from pneudrive.signals.proposal import propose_layout
 
 HEAD = "Zeit [s];Weg [mm];Kraft [N];p_A [bar];p_B [bar]"
 PREAMBLES = {

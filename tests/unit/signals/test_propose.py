@@ -6,7 +6,7 @@ import pytest
 from pneudrive.characterise import Layout, characterise, load_recordings
 from pneudrive.errors import PneudriveWarning, RecordingError
 from pneudrive.signals.channels import open_channels
-from pneudrive.signals.proposal.propose import propose_layout
+from pneudrive.signals.proposal import propose_layout
 
 
 def columns(make, **options):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import characterise_recordings
-from pneudrive.signals.samples import clean
+from pneudrive.signals.recording import clean
 
 
 def changed(recording, channel, where, value):

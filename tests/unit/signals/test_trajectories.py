@@ -7,8 +7,8 @@ import pytest
 
 from pneudrive.characterise import characterise_recordings, from_run
 from pneudrive.errors import RecordingError
-from pneudrive.signals.samples import clean
-from pneudrive.signals.trajectories import COLUMNS, VARIABLES, from_trajectory
+from pneudrive.signals.load import COLUMNS, VARIABLES, from_trajectory
+from pneudrive.signals.recording import clean
 
 PERIOD, STEP = 0.5, 0.005
 

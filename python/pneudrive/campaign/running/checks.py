@@ -14,7 +14,7 @@ import numpy as np
 
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.rig.interface import CHANNELS, Move
-from pneudrive.signals.samples import clipped, equal_runs, stuck_position, stuck_runs
+from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stuck_runs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

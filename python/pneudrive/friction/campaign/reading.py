@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from pneudrive.batching import many_objects
+from pneudrive.batching import many_objects, share_out
 from pneudrive.campaign.storage.folder import CycleFile, read_samples
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
@@ -32,10 +32,8 @@ from pneudrive.friction.conditions import LEVELS, Condition, Skipped
 from pneudrive.friction.motion import RecordedMotion
 from pneudrive.friction.strokes import stroke_rows
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move
-from pneudrive.signals.impossible import refuse_channels
-from pneudrive.signals.pool import share_out
-from pneudrive.signals.recording import Recording
-from pneudrive.signals.samples import clean
+from pneudrive.signals.plausible import refuse_channels
+from pneudrive.signals.recording import Recording, clean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

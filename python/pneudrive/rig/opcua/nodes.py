@@ -30,7 +30,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.keys import WrongValueError, wrong
 from pneudrive.describe.marks import Bounds, Mark, Quantity, StatedPressure, Whole
 from pneudrive.errors import RigError, nearest
-from pneudrive.signals.tables.column_units import column_unit
+from pneudrive.signals.columns import column_unit
 
 DEFAULT_MAP = Path(__file__).with_name("nodes.toml")
 HOLD, RELEASED, SHUT = 1, 2, 4  # bits of step.kind

@@ -74,7 +74,7 @@ def run_experiments(
     CampaignError, RigError, SimulationError
         If a campaign fails.
     """
-    from pneudrive.signals.pool import in_processes
+    from pneudrive.batching import in_processes
 
     jobs = [
         (name, protocol, str((rigs or {}).get(name, rig)), str(Path(into) / protocol), seed)
@@ -83,11 +83,11 @@ def run_experiments(
     return {experiment.name: experiment for experiment in in_processes(run_experiment, jobs)}
 
 
-def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> list[Experiment]:
-    """Run one campaign. Return a list with one entry, for worker processes."""
+def run_experiment(name: str, protocol: str, rig: str, into: str, seed: int) -> Experiment:
+    """Run one campaign."""
     from pneudrive.campaign.run import Options, run_campaign
     from pneudrive.rig import load_rig
 
     bench = load_rig(rig, seed=seed)
     done = run_campaign(protocol, bench, into, options=Options(yes=True))
-    return [Experiment(name, protocol, rig, done.campaign, bench.limits())]
+    return Experiment(name, protocol, rig, done.campaign, bench.limits())

@@ -20,11 +20,10 @@ from pneudrive.progress import Watch
 from pneudrive.signals.channels import ChannelFile, open_channels, pairs
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
-from pneudrive.signals.load import load_drive_motion, load_recording
+from pneudrive.signals.load import is_trajectory, load_drive_motion, load_recording, read_trajectory
 from pneudrive.signals.motion import find_strokes
-from pneudrive.signals.samples import find_faults
+from pneudrive.signals.recording import find_faults
 from pneudrive.signals.spectrum import amplitude_density
-from pneudrive.signals.trajectories import is_trajectory, read_trajectory
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.measured.tiles import BLOCK, KeptSamples, Pyramid, TileWindow
 from pneudrive.web.messages import fault_of, pack, plain, problems_of
@@ -550,7 +549,7 @@ def proposed(workspace: Workspace, path: str) -> dict[str, Any]:
     RecordingError
         As for `propose_layout`.
     """
-    from pneudrive.signals.proposal.propose import propose_layout
+    from pneudrive.signals.proposal import propose_layout
 
     found = propose_layout(workspace.path(path, TABLES))
     return {

@@ -1,14 +1,16 @@
 """Campaigns: every cycle is treated as a recording of its own, in whatever process."""
 
+import time
+
 import numpy as np
 import polars as pl
 import pytest
 
+from pneudrive import batching
 from pneudrive.characterise import Layout, characterise, characterise_recordings
 from pneudrive.errors import RecordingError
 from pneudrive.friction import characterisation
-from pneudrive.signals import pool
-from pneudrive.signals.cycles import find_cycles
+from pneudrive.signals.load import find_cycles
 
 LAYOUT = Layout.loads("""
 format = "parquet"
@@ -67,20 +69,17 @@ def test_32_bit_floats_are_enough(plan, recordings, tmp_path):
     assert single == pytest.approx(characterise(recordings).friction_n.to_numpy(), abs=0.005)
 
 
-TASKS = [([3, 1],), ([2],)]
-
-
 @pytest.fixture
 def started(monkeypatch):
     """Collect the worker processes that are started."""
     processes = []
-    start = pool.subprocess.Popen
+    start = batching.subprocess.Popen
 
     def collect(*args, **options):
         processes.append(start(*args, **options))
         return processes[-1]
 
-    monkeypatch.setattr(pool.subprocess, "Popen", collect)
+    monkeypatch.setattr(batching.subprocess, "Popen", collect)
     return processes
 
 
@@ -88,26 +87,18 @@ def test_an_interrupt_leaves_no_worker_behind(monkeypatch, started):
     def interrupt(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pool.time, "sleep", interrupt)
+    monkeypatch.setattr(batching, "as_completed", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        pool.in_processes(sorted, TASKS)
+        batching.in_processes(time.sleep, [(60,), (60,)])
     assert len(started) == 2
     assert all(process.poll() is not None for process in started)
 
 
-def test_a_worker_that_dies_is_an_error_and_stops_the_others(monkeypatch, started):
-    assert pool.in_processes(sorted, TASKS) == [1, 3, 2]
+def test_a_worker_that_dies_is_an_error_and_stops_the_others(started):
+    assert batching.in_processes(sorted, [([3, 1],), ([2],)]) == [[1, 3], [2]]
     started.clear()
-    send = pool._send
-
-    def kill_the_second(process, task):
-        send(process, task)
-        if len(started) == 2:
-            process.kill()
-
-    monkeypatch.setattr(pool, "_send", kill_the_second)
-    with pytest.raises(RecordingError, match="a worker process ended with status -9"):
-        pool.in_processes(sorted, TASKS)
+    with pytest.raises(RecordingError, match="a worker process ended with status 9"):
+        batching.in_processes(exec, [("import time; time.sleep(60)",), ("import os; os._exit(9)",)])
     assert all(process.poll() is not None for process in started)
 
 
@@ -152,9 +143,3 @@ def test_files_that_are_no_campaign(plan, tmp_path):
     frame.clear().write_parquet(tmp_path / "empty.parquet")
     with pytest.raises(RecordingError, match="no rows"):
         characterise(tmp_path / "empty.parquet", LAYOUT)
-
-
-def test_work_is_divided_in_order_and_completely(plan):
-    parts = find_cycles(plan, LAYOUT).parts(5)
-    assert [len(part) for part in parts] == [2, 2, 3, 2, 3]
-    assert np.concatenate([part.numbers for part in parts]).tolist() == [*range(12)]

@@ -7,8 +7,7 @@ import pytest
 
 from pneudrive.characterise import SourcePaper, characterise, characterise_recordings
 from pneudrive.errors import RecordingError
-from pneudrive.signals.levels import speed_levels
-from pneudrive.signals.motion import Stroke
+from pneudrive.signals.motion import Stroke, speed_levels
 from pneudrive.signals.recording import CHANNELS
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.batching import share_out
 from pneudrive.campaign.storage.folder import CycleFile, read_samples
 from pneudrive.friction.campaign.reading import condition_of, read_or_skip, recording_of, steps_of
 from pneudrive.friction.campaign.stops.course import (
@@ -38,7 +39,6 @@ from pneudrive.friction.conditions import Skipped
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Move
 from pneudrive.signals.motion import noise_level
-from pneudrive.signals.pool import share_out
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.describe.files.toml import value_text
-from pneudrive.signals.proposal.columns import (
+from pneudrive.signals.columns import FAMILY, ROLES, SECONDARY, family_of, role_of, side_of, words_of
+from pneudrive.signals.evidence import (
     FEWEST,
     NAME,
     PHYSICS,
@@ -17,15 +18,16 @@ from pneudrive.signals.proposal.columns import (
     Candidate,
     Directions,
     FileColumn,
+    Times,
     different_signals,
     file_column,
+    find_times,
     is_held,
     same_signal,
     unevenness,
+    unit_by_size,
 )
-from pneudrive.signals.proposal.times import Times, find_times, unit_by_size
-from pneudrive.signals.tables.names import FAMILY, ROLES, SECONDARY, family_of, role_of, side_of, words_of
-from pneudrive.signals.tables.timing import COUNTERS, filled, on_clock, unwrapped
+from pneudrive.signals.times import COUNTERS, filled, on_clock, unwrapped
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.signals.tables.sniff import FileForm
+    from pneudrive.signals.sniff import FileForm
 
     Array = NDArray[np.float64]
 
@@ -206,12 +208,9 @@ class RoleSearch:
         named = self.candidates("position")
         uneven = [unevenness(one.column.values, is_one_of_many=True) for one in named]
         named = [one.with_evidence("strokes") if u < np.inf else one for one, u in zip(named, uneven, strict=True)]
-        chosen = self._choose("position", named) if named else self._position_by_strokes()
-        if chosen is None:
-            return
-        self.directions = Directions.of(chosen.column.values)
-        if named:
-            self._accept("position", chosen, self._next(chosen, named))
+        chosen = self._settle("position", named) if named else self._position_by_strokes()
+        if chosen is not None:
+            self.directions = Directions.of(chosen.column.values)
 
     def _position_by_strokes(self) -> Candidate | None:
         """Find the signal that moves evenly between its turning points, with little extra path."""
@@ -219,39 +218,39 @@ class RoleSearch:
         many = len(signals) > 1
         ranked = sorted((unevenness(one.values, is_one_of_many=many), one.index) for one in signals)
         ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
-        if not ranked:
-            return None
-        near = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
-        close = [Candidate(self.columns[index], PHYSICS, ("even strokes",)) for index in near]
+        close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
         held = [one for one in signals if is_held(one.values)]
         if len(close) > 1 and held and len(signals) > FEWEST:
             self._accept("command", Candidate(held[0], PHYSICS, HELD), "")
-            close = [Candidate(one, PHYSICS, ("a signal",)) for one in signals if one is not held[0]]
-            self._leave_open("position, pressure_a and pressure_b", "numbers alone do not distinguish them", close)
-        elif len(close) > 1:
-            self._leave_open("position", "these columns move alike", close)
-        if len(close) > 1:
-            self.taken |= {one.column.index for one in close}
-            return None
-        self._accept("position", close[0], self._rank([index for _, index in ranked]))
-        return close[0]
+            rest, why = [one.index for one in signals if one is not held[0]], "numbers alone do not distinguish them"
+            return self._only_one("position, pressure_a and pressure_b", rest, "a signal", why)
+        chosen = self._only_one("position", close, "even strokes", "these columns move alike")
+        if chosen is not None:
+            self._accept("position", chosen, self._rank(ranked))
+        return chosen
 
-    def _rank(self, indices: Sequence[int]) -> str:
-        return f"next: column {self.columns[indices[1]].place!r}" if len(indices) > 1 else "no other candidate"
+    def _only_one(self, role: str, close: Sequence[int], evidence: str, why: str) -> Candidate | None:
+        """Return the candidate among columns without names; ask the user if there are several."""
+        some = [Candidate(self.columns[index], PHYSICS, (evidence,)) for index in close]
+        if len(some) > 1:
+            self._leave_open(role, why, some)
+            self.taken |= set(close)
+        return some[0] if len(some) == 1 else None
+
+    def _rank(self, ranked: Sequence[tuple[float, int]]) -> str:
+        return f"next: column {self.columns[ranked[1][1]].place!r}" if len(ranked) > 1 else "no other candidate"
 
     def _command(self) -> None:
-        named = [candidate for candidate in self.candidates("command") if "name" in candidate.evidence]
-        if named and (chosen := self._choose("command", named)):
-            self._accept("command", chosen, self._next(chosen, named))
+        if named := [candidate for candidate in self.candidates("command") if "name" in candidate.evidence]:
+            self._settle("command", named)
 
     def _force(self) -> None:
-        directions, rank = self.directions, ""
-        named = self.candidates("force")
-        if directions is not None:
-            turns = [directions.sign(one.column.values) for one in named]
-            reason = "changes with the direction"
-            named = [one.with_evidence(reason) if turn else one for one, turn in zip(named, turns, strict=True)]
+        directions, named = self.directions, self.candidates("force")
         if named:
+            if directions is not None:
+                turns = [directions.sign(one.column.values) for one in named]
+                reason = "changes with the direction"
+                named = [one.with_evidence(reason) if turn else one for one, turn in zip(named, turns, strict=True)]
             chosen = self._choose("force", named)
             rank = "" if chosen is None else self._next(chosen, named)
         elif directions is not None and self.guess("command") is None:
@@ -260,14 +259,13 @@ class RoleSearch:
             return
         if chosen is None:
             return
-        if directions is not None:
-            self.sign = directions.sign(chosen.column.values)
-            if self.sign == 0:
-                why = "the force does not show its sign, as it hardly changes with the direction"
-                self._leave_open("force", f'{why}: positive = "+x" or "-x"', [chosen])
-                self.taken.add(chosen.column.index)
-                return
-        self._accept("force", chosen, rank)
+        self.sign = 0 if directions is None else directions.sign(chosen.column.values)
+        if directions is not None and self.sign == 0:
+            why = "the force does not show its sign, as it hardly changes with the direction"
+            self._leave_open("force", f'{why}: positive = "+x" or "-x"', [chosen])
+            self.taken.add(chosen.column.index)
+        else:
+            self._accept("force", chosen, rank)
 
     def _force_by_swing(self, directions: Directions) -> tuple[Candidate | None, str]:
         """Find the signal that changes most with the direction."""
@@ -280,43 +278,31 @@ class RoleSearch:
             self._accept("command", Candidate(best, PHYSICS, HELD), "")
             return None, ""
         close = [index for swing, index in ranked if swing * CLEAR_SWING > ranked[0][0]]
-        if len(close) > 1:
-            some = [Candidate(self.columns[index], PHYSICS, ("changes with the direction",)) for index in close]
-            self._leave_open("force", "these columns change with the direction", some)
-            self.taken |= set(close)
-            return None, ""
-        rank = self._rank([index for _, index in ranked])
-        return Candidate(best, PHYSICS, ("changes most with the direction",)), rank
+        most = "changes most with the direction" if len(close) == 1 else "changes with the direction"
+        return self._only_one("force", close, most, "these columns change with the direction"), self._rank(ranked)
 
     def _pressures(self) -> None:
         named = self.candidates("pressure")
         if not named:
-            rest = different_signals(self._without_role())
+            rest, has_position = different_signals(self._without_role()), self.guess("position") is not None
             is_alone = not any(column.name for column in self.columns) and len(rest) == 1
-            if self.guess("position") is None and not is_alone:
-                return
-            is_only = self.guess("position") is None
-            why = "the only signal besides the time" if is_only else "more constant than the force"
-            named = [Candidate(one, PHYSICS, (why,)) for one in rest]
+            why = "more constant than the force" if has_position else "the only signal besides the time"
+            named = [Candidate(one, PHYSICS, (why,)) for one in rest if has_position or is_alone]
         if not named:
             return
-        sides: dict[str, list[Candidate]] = {}
+        sides: dict[str, list[Candidate]] = {"": []}
         for one in named:  # 1 and 2 are a and b if these are the only numbers
             side = side_of(one.column.bare) or ""
             sides.setdefault({"1": "a", "2": "b"}.get(side, side), []).append(one)
-        free = sides.pop("", [])
-        digits = {side_of(one.column.bare) for one in named} & {"1", "2"}
+        has_digits = any(side_of(one.column.bare) in ("1", "2") for one in named)
         best = named[0].score
-        if not sides or (digits and len(sides) < 2):
-            every = [*free, *(one for some in sides.values() for one in some)]
-            self._without_names([one for one in every if one.score > best - CLEAR])
+        if len(sides) == 1 or (has_digits and len(sides) == 2):
+            self._without_names([one for some in sides.values() for one in some if one.score > best - CLEAR])
             return
+        free = sides.pop("")
         free = [one for one in free if one.score > best - CLEAR] if len(sides) < 2 else []
         for side, some in sides.items():
-            chosen = self._choose(f"pressure_{side}", some)
-            if chosen is not None:
-                rank = self._next(chosen, some)
-                self._accept(f"pressure_{side}", chosen, f"chamber {side} by its name; {rank}")
+            self._settle(f"pressure_{side}", some, f"chamber {side} by its name; ")
         if len(sides) == 1 and len(free) == 1:
             side = "b" if "a" in sides else "a"
             self._accept(f"pressure_{side}", free[0], f"chamber {side}: the other pressure is named")
@@ -336,8 +322,7 @@ class RoleSearch:
             why = "more than two columns may be pressures of chambers"
             self._leave_open("pressure_a and pressure_b", why, free)
         elif self.guess("position") is None:
-            if chosen := self._choose("pressure", free):
-                self._accept("pressure", chosen, self._next(chosen, free))
+            self._settle("pressure", free)
         else:
             side, why = self._chamber([one.column.values for one in free])
             if not side:
@@ -418,6 +403,13 @@ class RoleSearch:
                 usual = self.columns[0].values.size
                 why = f"channel {name!r} has {length} values and the others have {usual}: resample it to their times"
                 self.questions.append(Question(role, why))
+
+    def _settle(self, role: str, named: list[Candidate], note: str = "") -> Candidate | None:
+        """Return the best candidate as the guess of a role, unless the user is asked."""
+        chosen = self._choose(role, named)
+        if chosen is not None:
+            self._accept(role, chosen, note + self._next(chosen, named))
+        return chosen
 
     def _choose(self, role: str, named: list[Candidate]) -> Candidate | None:
         """Return the best candidate.

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 from pneudrive.errors import RecordingError
 from pneudrive.files.content import check_file
 from pneudrive.files.packed import COMPRESSIONS
-from pneudrive.signals.tables.column_units import header_unit
-from pneudrive.signals.tables.date_times import guess_form, looks_like_date_time, seconds
-from pneudrive.signals.tables.names import role_of
-from pneudrive.signals.tables.text_table import (
+from pneudrive.signals.columns import header_unit, role_of
+from pneudrive.signals.text_table import (
     HEADER_ROWS,
     MISSING,
     TextForm,
@@ -24,6 +22,7 @@ from pneudrive.signals.tables.text_table import (
     read_bytes,
     split_row,
 )
+from pneudrive.signals.times import guess_form, looks_like_date_time, seconds
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

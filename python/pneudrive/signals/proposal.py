@@ -13,24 +13,23 @@ import numpy as np
 from pneudrive.describe.files.toml import value_text
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.progress import UNWATCHED
-from pneudrive.signals.cycles import find_cycles, read_cycles
+from pneudrive.signals.columns import ROLES
 from pneudrive.signals.drive_recording import read_drive_recordings, read_volume_recordings
 from pneudrive.signals.importer import read_foreign
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import load_recording
+from pneudrive.signals.load import find_cycles, load_recording, read_cycles
 from pneudrive.signals.motion import find_strokes
-from pneudrive.signals.proposal.roles import Guess, RoleSearch, families
-from pneudrive.signals.tables.names import ROLES
+from pneudrive.signals.roles import Guess, RoleSearch, families
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.progress import Watch
+    from pneudrive.signals.evidence import FileColumn
     from pneudrive.signals.motion import Stroke
-    from pneudrive.signals.proposal.columns import FileColumn
     from pneudrive.signals.recording import Recording
-    from pneudrive.signals.tables.sniff import FileForm
+    from pneudrive.signals.sniff import FileForm
 
 STAGES = 3
 MOST_TAGS = 100  # different texts that name the channels of a table with one row for each value
@@ -182,9 +181,9 @@ def _one_pressure(guesses: list[Guess]) -> list[Guess]:
 
 
 def _first_recording(path: Path, layout: Layout) -> Recording:
-    if layout.for_file(path).cycle is None:
+    if layout.for_file(path).columns.cycle is None:
         return load_recording(path, layout)
-    return next(read_cycles(find_cycles(path, layout).part(0, 1)))
+    return next(read_cycles(find_cycles(path, layout)))
 
 
 def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:

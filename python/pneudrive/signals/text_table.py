@@ -13,7 +13,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.files.bounds import bound, within
 from pneudrive.files.packed import pieces
-from pneudrive.signals.tables.date_times import looks_like_date_time, seconds
+from pneudrive.signals.times import looks_like_date_time, seconds
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -52,18 +52,30 @@ class TextForm:
         return self.delimiter if self.header_delimiter == "" else self.header_delimiter
 
 
-@dataclass
-class NumberTable:
-    """Columns with their names, and units if the file states them; ``flags`` counts rows that could not be read.
+@dataclass(frozen=True)
+class ForeignTable:
+    """The columns of numbers of a file.
 
-    ``segments`` holds the first row of each further segment of a file with repeated headers. ``unread`` holds the names
-    of the file's other columns.
+    Attributes
+    ----------
+    columns : dict
+        Numbers by the name of the column.
+    places : dict
+        Requested name or number of a column -> its name in `columns`.
+    units : dict
+        Units that the file states, by name.
+    flags : dict
+        Counts of rows that could not be read.
+    segments : list of int
+        First row of each further segment of a file with repeated headers.
+    unread : list of str
+        Names of the file's other columns.
     """
 
-    names: list[str]
-    columns: list[NDArray[np.float64]]
+    columns: dict[str, NDArray[np.float64]]
+    places: dict[int | str, str]
+    units: dict[str, str] = field(default_factory=dict)
     flags: dict[str, int] = field(default_factory=dict)
-    units: list[str] = field(default_factory=list)
     segments: list[int] = field(default_factory=list)
     unread: list[str] = field(default_factory=list)
 
@@ -172,7 +184,7 @@ def read_text(
     dates: dict[int | str, str] | None = None,
     *,
     others: bool = False,
-) -> NumberTable:
+) -> ForeignTable:
     """Read the wanted columns of a text table.
 
     Parameters
@@ -204,25 +216,29 @@ def read_text(
             remedy="check header, skip_lines and comment in the layout",
         )
     width = len(split_row(first, form.delimiter))
-    use = [column_number(column, names, width, path, is_text=True) for column in wanted]
-    forms = {at: dates[column] for at, column in enumerate(wanted) if dates and column in dates}
-    more = [at for at in range(width) if at not in use] if others else []
+    use = {column: column_number(column, names, width, path, is_text=True) for column in wanted}
     rows = [at for at, line in enumerate(lines[start:], start) if line.strip() and line[:1] != form.comment]
     rows, segments = without_headers(lines, rows, form, lines[start - 1] if names else None)
-    columns, flags = _parse(lines, rows, form, (use, more), forms, path)
     known = names if len(names) >= width and len(set(names)) == len(names) else [f"column {at}" for at in range(width)]
-    found = [
-        (at, column)
-        for at, column in zip([*use, *more], columns, strict=True)
-        if at in use or np.isfinite(column).any()
-    ]
-    return NumberTable(
-        [known[at] for at, _ in found],
-        [column for _, column in found],
-        flags,
-        [units[at] if at < len(units) else "" for at, _ in found],
+    places = {known[at]: at for at in (*use.values(), *(range(width) if others else ()))}
+    needed = [known[at] for at in dict.fromkeys(use.values())]
+    forms = {known[use[column]]: written for column, written in (dates or {}).items()}
+    columns, good = _parse(_fields([lines[at] for at in rows], form, places), form, needed, forms, path)
+    bad = np.flatnonzero(~good)
+    if bad.size > max(UNREADABLE_SHARE * len(rows), 1):
+        raise RecordingError(
+            f"{bad.size} of {len(rows)} rows are not numbers",
+            where=f"{path}, line {rows[bad[0]] + 1}",
+            value=lines[rows[bad[0]]].strip()[:120],
+            remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
+        )
+    return ForeignTable(
+        {name: column for name, column in columns.items() if name in needed or np.isfinite(column).any()},
+        {column: known[at] for column, at in use.items()},
+        {name: units[at] for name, at in places.items() if at < len(units)},
+        {"unreadable_row": bad.size} if bad.size else {},
         segments,
-        [name for at, name in enumerate(names) if at not in use],
+        [name for at, name in enumerate(names) if at not in use.values()],
     )
 
 
@@ -318,55 +334,37 @@ def column_number(column: int | str, names: list[str], width: int, path: Path, *
 
 
 def _parse(
-    lines: list[str],
-    numbers: list[int],
-    form: TextForm,
-    places: tuple[list[int], list[int]],
-    dates: dict[int, str],
-    path: Path,
-) -> tuple[list[NDArray[np.float64]], dict[str, int]]:
-    """Parse the used columns; count single broken rows, refuse many with the first one in the message.
+    fields: pl.DataFrame, form: TextForm, needed: list[str], dates: dict[str, str], path: Path
+) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_]]:
+    """Return the numbers of readable rows by column, and which rows are readable: those with all needed numbers.
 
-    `numbers` are the numbers of the rows in the file. `places` are the numbers of the used columns; other columns do
-    not invalidate a row. `dates` gives the format of columns of dates and times, by their place among the used ones.
+    `dates` gives the format of columns of dates and times.
     """
     import polars as pl
 
-    fields = _fields([lines[at] for at in numbers], form, [*places[0], *places[1]])
-    names = fields.columns
-    each = [(name, pl.col(name)) for name in names]
-    dated = {names[at]: written for at, written in dates.items()}
-    columns = fields.select((text if n in dated else _number(text, form)).alias(n) for n, text in each)
-    good = columns.select(pl.all_horizontal(pl.col(names[: len(places[0])]).is_not_null())).to_series()
-    bad = np.flatnonzero(~good.to_numpy())
-    if bad.size > max(UNREADABLE_SHARE * len(numbers), 1):
-        raise RecordingError(
-            f"{bad.size} of {len(numbers)} rows are not numbers",
-            where=f"{path}, line {numbers[bad[0]] + 1}",
-            value=lines[numbers[bad[0]]].strip()[:120],
-            remedy="check delimiter, decimal, thousands, header and skip_lines in the layout",
-        )
-    kept = columns.filter(good) if bad.size else columns
-    found = [
-        seconds(kept[name].to_list(), dated[name], path) if name in dated else measurable(kept[name].to_numpy())
-        for name in names
-    ]
-    return found, ({"unreadable_row": bad.size} if bad.size else {})
+    fields = fields.with_columns(_number(pl.col(n), form).alias(n) for n in fields.columns if n not in dates)
+    good = fields.select(pl.all_horizontal(pl.col(needed).is_not_null())).to_series()
+    numbers = fields if good.all() else fields.filter(good)
+    columns = {
+        name: seconds(column.to_list(), dates[name], path) if name in dates else measurable(column.to_numpy())
+        for name, column in numbers.to_dict().items()
+    }
+    return columns, good.to_numpy()
 
 
-def _fields(rows: list[str], form: TextForm, places: list[int]) -> pl.DataFrame:
-    """Return the fields of some columns as texts; null in rows that are too short."""
+def _fields(rows: list[str], form: TextForm, places: dict[str, int]) -> pl.DataFrame:
+    """Return the fields of some columns, by name and number, as texts; null in rows that are too short."""
     import polars as pl
 
     if any('"' in row for row in rows):
         split = [split_row(row, form.delimiter) for row in rows]
-        columns = [[row[at] if at < len(row) else None for row in split] for at in places]
-        return pl.DataFrame(columns, schema={str(number): pl.String for number in range(len(places))}, orient="col")
+        columns = {name: [row[at] if at < len(row) else None for row in split] for name, at in places.items()}
+        return pl.DataFrame(columns, schema=dict.fromkeys(places, pl.String))
     row = pl.col("row")
     if form.delimiter is None:
         row = row.str.strip_chars().str.replace_all(r"\s+", " ")
     parts = row.str.split(form.delimiter or " ").list
-    fields = [parts.get(at, null_on_oob=True).str.strip_chars().alias(str(n)) for n, at in enumerate(places)]
+    fields = [parts.get(at, null_on_oob=True).str.strip_chars().alias(name) for name, at in places.items()]
     return pl.Series("row", rows, dtype=pl.String).to_frame().select(fields)
 
 

@@ -1,1 +1,0 @@
-"""Proposal of a layout for a foreign recording."""

@@ -1,1 +1,0 @@
-"""Tables of foreign files: formats, text, units of columns, dates."""
