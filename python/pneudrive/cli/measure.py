@@ -39,8 +39,8 @@ with used_later(__name__):
     from pneudrive.report.campaign import compare as comparison_page
     from pneudrive.report.campaign import page as campaign_page
     from pneudrive.signals import layout as layouts
-    from pneudrive.signals import load
-    from pneudrive.signals.proposal import propose, roles
+    from pneudrive.signals import load, roles
+    from pneudrive.signals import proposal as proposals
     from pneudrive.simulation import trajectory
     from pneudrive.studies import bracha
     from pneudrive.studies.bracha import pages, reproduction
@@ -82,7 +82,7 @@ def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) 
     --------
     pneudrive layout bench.csv --out layout.toml
     """
-    proposal = propose.propose_layout(file, on_terminal())
+    proposal = proposals.propose_layout(file, on_terminal())
     if out is None:
         typer.echo(proposal.text)
     else:
