@@ -3,7 +3,7 @@
 from rich.table import Table
 
 from pneudrive.cli import main
-from pneudrive.cli.output import console
+from pneudrive.cli.terminal import console
 from pneudrive.errors import warn
 
 

@@ -46,8 +46,6 @@ with used_later(__name__):
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.campaign.run import Options, Result
-    from pneudrive.campaign.running.live import Display
 
 EXIT_OTHER, EXIT_INTERRUPTED = 1, 130
 
@@ -199,14 +197,14 @@ def abort(folder: Path) -> None:
     typer.echo("The campaign has ended. Finished cycles are kept.")
 
 
-def _options(operator: str, yes: bool, timeout: str) -> Options:
+def _options(operator: str, yes: bool, timeout: str) -> campaigns.Options:
     seconds = quantity("--timeout", timeout, "s")
     if seconds < 0.0:
         raise CommandError(f"--timeout {timeout} is out of bounds", rule="zero or more")
     return campaigns.Options(operator=operator, yes=yes, patience_s=seconds)
 
 
-def _display() -> Display:
+def _display() -> live.Display:
     return live.ScreenDisplay() if sys.stdout.isatty() else live.LineDisplay()
 
 
@@ -237,7 +235,7 @@ def _running(again: str) -> Iterator[None]:
             signal.signal(signal.SIGTERM, before)
 
 
-def _end(result: Result, again: str) -> None:
+def _end(result: campaigns.Result, again: str) -> None:
     """Print the end of a campaign; exit with status 130 if a user ended it."""
     if result.ended == campaigns.DONE:
         typer.echo(f"{result.finished} cycles in {result.campaign.path}")

@@ -18,20 +18,14 @@ from collections import Counter
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
+import pneudrive as pn
+from pneudrive.cli import terminal
 from pneudrive.cli.commands import group
 from pneudrive.cli.options import Count, check_used, names_in
-from pneudrive.cli.output import (
-    check_outputs,
-    on_terminal,
-    show_events,
-    show_paths,
-    show_table,
-    write_outputs,
-)
 from pneudrive.errors import CommandError, PneudriveError, warn
 from pneudrive.lazy_names import used_later
 from pneudrive.repr_tables import aligned
@@ -52,12 +46,6 @@ with used_later(__name__):
     from pneudrive.report.control import figures, page
     from pneudrive.report.control import pose as pose_page
     from pneudrive.simulation import trajectory
-
-if TYPE_CHECKING:
-    from pneudrive.control.results.measures import Score
-    from pneudrive.control.tuning import Tuning
-    from pneudrive.describe import Circuit, Drive
-    from pneudrive.simulation.simulate import Run
 
 #: Reference along which a tuned law is tried, and share of its way by which that may miss it (assumed).
 TRIED_ALONG, MOST_TRIED = "R3", 0.1
@@ -94,11 +82,11 @@ def tune(
     --------
     pneudrive control tune axis.toml --law super-twisting --out controller.toml
     """
-    check_outputs(out, (".toml",))
+    terminal.check_outputs(out, (".toml",))
     described = load.load_described(drive)
     found = tuning.tune(described, law, setup=setup)
     typer.echo(f"{found.law} for {found.belief.name}, every {1e3 * found.period_s:g} ms\n")
-    show_table(
+    terminal.show_table(
         ("gain", "<value", "<meaning", "<follows from"),
         [(gain.key, str(gain), gain.meaning, gain.rule) for gain in found.numbers],
     )
@@ -107,11 +95,11 @@ def tune(
     typer.echo("\nEach controller along R3, as described and with half of the mass, simulated; best first:")
     laws = suited.suitability(described, setup)
     rows = [(each.law, "suits" if each.suits else "does not suit", each.reason) for each in laws]
-    show_table(("<controller", "<suits", "<because"), rows)
-    write_outputs((out, replace(found, source=drive).save))
+    terminal.show_table(("<controller", "<suits", "<because"), rows)
+    terminal.write_outputs((out, replace(found, source=drive).save))
 
 
-def _try_out(drive: Drive | Circuit, found: Tuning, setup: str) -> None:
+def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> None:
     """Run the tuned controller on its assumed drive, and warn if it does not follow."""
     try:
         prepared = loop.prepare(drive, None, TRIED_ALONG, setup=setup, controller=found)
@@ -120,16 +108,16 @@ def _try_out(drive: Drive | Circuit, found: Tuning, setup: str) -> None:
         warn(f"the law was not tried on this drive: {error.what}")
         return
     typer.echo(f"\nSimulated on this drive as described, along {prepared.reference.text}:")
-    score, reach = _show_run(run), prepared.reference.reach()
+    score, reach = _show_run(run.provenance), prepared.reference.reach()
     if score.lost or score.max_error_m > MOST_TRIED * (reach.highest_m - reach.lowest_m):
         missed = f"{found.law} misses by up to {1e3 * score.max_error_m:.3g} mm where it was tried"
         warn(f"{missed}: take another law or drive")
 
 
-def _show_run(run: Run) -> Score:
-    score = measures.Score(**run.provenance["score"])
+def _show_run(provenance: dict[str, Any]) -> measures.Score:
+    score = measures.Score(**provenance["score"])
     typer.echo(aligned(score.rows()))
-    show_events(run.provenance["events"])
+    terminal.show_events(provenance["events"])
     return score
 
 
@@ -194,46 +182,46 @@ def run(
         return
     if payload is not None:
         raise CommandError(f"--payload {payload}", rule="for a platform", remedy="Give a mismatch, such as mass+30.")
-    check_outputs(out, plot=plot)
+    terminal.check_outputs(out, plot=plot)
     prepared = loop.prepare(described, law, reference, initial=initial, allow_code=allow_code, **options)
-    found = loop.run_prepared(prepared, seed, on_terminal())
+    found = loop.run_prepared(prepared, seed, terminal.watch())
     model, drive_name = prepared.tuning.belief.name, prepared.circuit.name
     of = "" if model == drive_name else f", told of {model},"
     title = f"{prepared.tuning.law}{of} on {drive_name} along {prepared.reference.text}"
     typer.echo(f"{title}, setup {prepared.setup_name}, seed {seed}, simulated:")
-    _show_run(found)
+    _show_run(found.provenance)
     if "law_failure" in found.provenance:
         typer.echo(f"\n{found.provenance['law_failure']}\nAnother law took over.", err=True)
-    write_outputs(
+    terminal.write_outputs(
         (out, lambda path: trajectory.save(found.dataset(), path)),
         (plot, lambda path: figures.plot_control(found.dataset(), path)),
     )
 
 
 def _run_platform(
-    circuit: Circuit, reference: str, payload: str | None, out: Path | None, plot: Path | None, options: dict[str, Any]
+    circuit: pn.Circuit, path: str, payload: str | None, out: Path | None, plot: Path | None, options: dict[str, Any]
 ) -> None:
     """Run a platform along a path, print its score, and write run, score and picture into a folder."""
 
-    def write_score(path: Path) -> None:
-        with trajectory.whole(path) as temporary:
+    def write_score(target: Path) -> None:
+        with trajectory.whole(target) as temporary:
             temporary.write_text(score.to_csv(), encoding="utf-8")
 
-    check_outputs(None, plot=plot)
+    terminal.check_outputs(None, plot=plot)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     payloads = None if payload is None else names_in(payload)
-    run = pose.run_pose(circuit, reference=reference, payload=payloads, progress=on_terminal().tell, **options)
+    run = pose.run_pose(circuit, reference=path, payload=payloads, progress=terminal.watch().tell, **options)
     about, score = run.attrs, pose.PoseScore.read(run.attrs["score"])
     loaded = f", payload {about['payload']}" if about["payload"] else ""
-    title = f"{about['law']} on {circuit.name} along {reference}, setup {about['setup']}, seed {about['seed']}{loaded}"
+    title = f"{about['law']} on {circuit.name} along {path}, setup {about['setup']}, seed {about['seed']}{loaded}"
     typer.echo(f"{title}, simulated:\n{aligned(score.table(), right_from=1)}\n" + "\n".join(score.notes()))
     if score.spread():
         typer.echo(f"\n{aligned(score.spread(), right_from=1)}")
-    show_events(about["events"])
+    terminal.show_events(about["events"])
     draw = partial(pose_page.plot_pose, run)
     of_folder = ((RUN, partial(trajectory.save, run)), (SCORE, write_score), (PICTURE, draw))
-    write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
+    terminal.write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
 
 
 def benchmark(
@@ -291,16 +279,16 @@ def benchmark(
         keep_runs=keep_runs,
         allow_code=allow_code,
         named=drive,
-        watch=on_terminal(),
+        watch=terminal.watch(),
     )
     count = len({run.seed for run in found.runs})
     of = f"spread {found.spread}: 50 / 95 / 100 % of {count} stay below" if found.spread else "median of the seeds"
     for name, path in found.references.items():
         typer.echo(f"\n{name if name == path.text else f'{name}, {path.text}'}, simulated, {of}")
-        show_table(*found.table(name, spread=bool(found.spread), only=SHOWN))
+        terminal.show_table(*found.table(name, spread=bool(found.spread), only=SHOWN))
     for (law, reason), count in Counter((run.law, run.reason) for run in found.runs if run.reason).items():
         typer.echo(f"{count} {'run' if count == 1 else 'runs'} of {law} ended early: {reason}", err=True)
-    show_paths(out / card.SCORES, page.write_control_report(found, out))
+    terminal.show_paths(out / card.SCORES, page.write_control_report(found, out))
 
 
 def reference(
@@ -323,12 +311,12 @@ def reference(
     --------
     pneudrive control reference R1 --drive axis.toml
     """
-    check_outputs(None, plot=plot)
+    terminal.check_outputs(None, plot=plot)
     tuned = tuning.tune(load.load_described(drive))
     stroke_m, speed_m_s = tuned.plant.stroke_m, tuned.plant.speed_m_s
     path = references.named_or_read(along, stroke_m, speed_m_s)
     typer.echo(f"{path.text}\n{aligned(demand.feasibility(tuned, path).rows())}")
-    write_outputs((plot, partial(figures.plot_reference, path, tuned.plant)))
+    terminal.write_outputs((plot, partial(figures.plot_reference, path, tuned.plant)))
     references.check_reach(path, stroke_m, speed_m_s)
 
 
@@ -375,4 +363,4 @@ def export(
     written = source_code.export(found, to, out, setup=setup, along=reference, version=fmi)
     if found.adaptation and (to != "fmu" or found.law != "nmpc"):
         typer.echo("The exported controller does not adapt: friction and valve are those of the description.")
-    show_paths(*written)
+    terminal.show_paths(*written)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 import pneudrive as pn
-from pneudrive.cli.output import check_outputs, show_paths, write_text
+from pneudrive.cli import terminal
 from pneudrive.errors import CommandError, DescriptionError, nearest
 from pneudrive.lazy_names import used_later
 from pneudrive.repr_tables import aligned
@@ -28,8 +28,6 @@ with used_later(__name__):
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
-
-    from pneudrive.describe.files.catalogue import Entry
 
 
 def catalogue(
@@ -84,11 +82,11 @@ def _write_drive(name: str | None, out: Path) -> None:
         drives = ", ".join(entry.name for entry in entries.values() if entry.is_drive)
         what = f"{name} is a part, not a drive" if name else "--out needs the name of a drive"
         raise CommandError(what, remedy=f"Drives: {drives}.")
-    check_outputs(out, (".toml",))
-    write_text(pn.Drive.load(f"{parts.PREFIX}{name}").to_toml(), out)
+    terminal.check_outputs(out, (".toml",))
+    terminal.write_text(pn.Drive.load(f"{parts.PREFIX}{name}").to_toml(), out)
 
 
-def _list(entries: list[Entry]) -> None:
+def _list(entries: list[parts.Entry]) -> None:
     width = max(len(e.name) for e in entries)
     for heading, chosen in (
         ("Drives (pneudrive simulate catalogue:NAME ...)", [e for e in entries if e.is_drive]),
@@ -106,7 +104,7 @@ def _list(entries: list[Entry]) -> None:
     typer.echo("pneudrive catalogue NAME shows every value with its source.")
 
 
-def _show_entry(e: Entry) -> None:
+def _show_entry(e: parts.Entry) -> None:
     typer.echo(f"{e.name}: {e.title}")
     notes = [e.note]
     if e.is_drive:
@@ -216,13 +214,13 @@ def draw(drive: str, *, out: Path = Path("circuit.svg"), catalogue: list[Path] |
     --------
     pneudrive draw drive.toml --out circuit.svg
     """
-    check_outputs(None, plot=out)
+    terminal.check_outputs(None, plot=out)
     circuit = load.load_described(drive).circuit
     try:
         drawing.draw_circuit(circuit, out)
     except DescriptionError as error:
         raise toml.located(error, drive, content.read_text(Path(drive), DescriptionError, folder="")) from None
-    show_paths(out)
+    terminal.show_paths(out)
     for name, volume in circuit.joint_volumes:
         typer.echo(f"joint of {name}: {1e6 * volume:.3g} cm3")
 

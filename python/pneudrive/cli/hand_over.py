@@ -9,8 +9,8 @@ from pathlib import Path
 import typer
 
 import pneudrive as pn
+from pneudrive.cli import terminal
 from pneudrive.cli.options import check_used, option
-from pneudrive.cli.output import show_paths, writable_folder
 from pneudrive.errors import CommandError
 from pneudrive.lazy_names import used_later
 
@@ -104,7 +104,7 @@ def export(
         sys.stdout.write(done.text)
         return
     sys.stderr.write("".join(f"- {remark}\n" for remark in done.remarks()))
-    show_paths(done.write(out))
+    terminal.show_paths(done.write(out))
 
 
 def _gauge(text: str | None, name: str) -> float | None:
@@ -125,7 +125,7 @@ def _export_whole(source: str, to: str, out: Path | None, fmi: str, *, actuator:
         raise CommandError(f"--out is missing: {what}", remedy=f"Write --out {remedy}.")
     drive = load.load_described(source)
     if to == "c":
-        show_paths(*pn.export_c(drive, out, initial=initial))
+        terminal.show_paths(*pn.export_c(drive, out, initial=initial))
         return
     done = pn.export_fmu(drive, out, version=fmi, actuator=actuator, initial=initial)
     sys.stderr.write("".join(f"- {note}\n" for note in done.notes))
@@ -147,7 +147,7 @@ def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
     measurements
         Folder with the recordings; default: those of the project, or two shipped ones.
     """
-    folder = writable_folder(out)
+    folder = terminal.writable_folder(out)
     if measurements is None:
         measurements = MEASUREMENTS if MEASUREMENTS.is_dir() else SHIPPED
     recordings = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])

@@ -7,25 +7,13 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
 import pneudrive as pn
+from pneudrive.cli import terminal
 from pneudrive.cli.options import Count, Switch, names_in, one_of, option, quantity, sensor_options
-from pneudrive.cli.output import (
-    MOST_ROWS,
-    check_outputs,
-    file_name,
-    on_terminal,
-    show_fit,
-    show_lines,
-    show_paths,
-    show_table,
-    writable_folder,
-    write_outputs,
-    write_text,
-)
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import CommandError, DescriptionError, FitError, PneudriveError, nearest
 from pneudrive.lazy_names import used_later
@@ -61,11 +49,10 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.identify.design import Design, Limits
     from pneudrive.identify.dynamic.search import Progress
-    from pneudrive.identify.static.laws import LawComparison
-    from pneudrive.identify.static.result import FrictionFit
     from pneudrive.rig.interface import Envelope, Identity
     from pneudrive.validate.validation import Validation
 
+LawFit: TypeAlias = "tuple[static_fits.FrictionFit, law_choice.LawComparison | None]"
 MOST_NAMED = 6  # largest number of values of a label in a message
 MAP_SUFFIXES = (".parquet", ".csv")
 DIRECTIONS = {"both": None, "+x": 1, "-x": -1}
@@ -134,13 +121,13 @@ def fit(
     fit_part = partial(_fit_laws, names=names, **choices, options={**options, "exclude_flags": left_out})
     for note in _averaged(curves, by):
         typer.echo(f"! {note}")
-    for group, part, curve_fit, comparison in _each_fit(curves, by, fit_part):
+    for group, part, (curve_fit, comparison) in _each_fit(curves, by, fit_part):
         result = curve_fit if campaign is None else dependences.with_dependences(curve_fit, campaign, part)
         if comparison is not None:
             typer.echo(str(comparison))
-        slug = file_name(group)
+        slug = terminal.file_name(group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
-        show_fit(result, target, report and report / slug, profile=profile)
+        terminal.show_fit(result, target, report and report / slug, profile=profile)
     if by == "seal" and "seal" in curves and len(set(curves["seal"].to_numpy().tolist())) > 1:
         runs = "run" if "run" in curves else None
         try:
@@ -177,7 +164,7 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
     if len(source) == 1 and source[0].suffix in MAP_SUFFIXES and layout is None:
         with suppress(PneudriveError):
             return friction_map.read_map(source[0]), None
-    return characterisation.characterise_recordings(source, layout, progress=on_terminal().tell).friction_map, None
+    return characterisation.characterise_recordings(source, layout, progress=terminal.watch().tell).friction_map, None
 
 
 def joined_maps(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
@@ -224,8 +211,10 @@ def _ambient(curves: xr.Dataset, text: str) -> float:
 
 
 def _each_fit(
-    curves: xr.Dataset, by: str, fit_part: Callable[[xr.Dataset], tuple[FrictionFit, LawComparison | None]]
-) -> Iterator[tuple[str, xr.Dataset, FrictionFit, LawComparison | None]]:
+    curves: xr.Dataset,
+    by: str,
+    fit_part: Callable[[xr.Dataset], LawFit],
+) -> Iterator[tuple[str, xr.Dataset, LawFit]]:
     """Yield each group with its rows, fit and comparison; name the groups that cannot be fitted, unless all fail."""
     groups = {"": curves}
     if by:
@@ -236,7 +225,7 @@ def _each_fit(
         if group:
             typer.echo(f"{by} {group}")
         try:
-            result, comparison = fit_part(part)
+            result = fit_part(part)
         except FitError as problem:
             unfitted += 1
             if unfitted == len(groups):
@@ -244,18 +233,18 @@ def _each_fit(
             value = "" if problem.value is None else f" ({problem.value})"
             typer.echo(f"! {group} is not fitted: {problem.what}{value}. {problem.remedy or ''}")
         else:
-            yield group, part, result, comparison
+            yield group, part, result
 
 
 def _fit_laws(
     curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, loss: str, options: dict[str, Any]
-) -> tuple[FrictionFit, LawComparison | None]:
+) -> LawFit:
     """Compare several laws and fit the recommended one; fit a single law directly."""
     forms = None if not pressure else () if pressure == "none" else (pressure,)
-    comparison: LawComparison | None = None
+    comparison: law_choice.LawComparison | None = None
     chosen, form = names[0], pressure or "linear"
     if len(names) > 1 or forms is None or hold_out:
-        held = {"pressure": forms, "hold_out": hold_out or None, "progress": on_terminal().tell}
+        held = {"pressure": forms, "hold_out": hold_out or None, "progress": terminal.watch().tell}
         try:
             comparison = pn.select_friction_law(curves, names, loss=loss, **held, **options)
         except FitError as problem:
@@ -328,26 +317,26 @@ def identify(
     pneudrive identify drive.toml run.parquet --out fit.toml \
         --free friction.coulomb,friction.viscous
     """
-    check_outputs(out, (".toml",))
-    names, tell = names_in(free), on_terminal().tell
+    terminal.check_outputs(out, (".toml",))
+    names, tell = names_in(free), terminal.watch().tell
     if follow is not None:
         one_of("--follow", follow, {"motion": None})
         motion = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
         typer.echo(str(motion))
         if out is not None:
             motion.to_toml(out)
-        show_paths(out, motion.report(writable_folder(report)) if report is not None else None)
+        terminal.show_paths(out, motion.report(terminal.writable_folder(report)) if report is not None else None)
     elif regulator.Regulator.is_file(drive):
         lag = pn.identify_regulator(drive, recordings, layout)
         typer.echo(str(lag))
-        write_outputs((out, lag.to_toml))
+        terminal.write_outputs((out, lag.to_toml))
     elif pn.Tank.is_file(drive):
         for name, value in (("sensor", sensor), ("robust", robust)):
             if value:
                 rule = "options for a tank: --free, --layout, --out, --profile, --report"
                 raise CommandError(f"--{name} is not an option for a tank", where=drive, rule=rule)
         tank_fit = pn.identify_volume(pn.Tank.load(drive), recordings, names or None, layout=layout, progress=tell)
-        show_fit(tank_fit, out, report, profile=profile)
+        terminal.show_fit(tank_fit, out, report, profile=profile)
     else:
         known = {
             "sensors": sensor_options(sensor),
@@ -356,7 +345,7 @@ def identify(
             "layout": layout,
         }
         result = pn.identify(pn.Drive.load(drive), recordings, names, progress=_show_step, **known)
-        show_fit(result, out, report, profile=profile)
+        terminal.show_fit(result, out, report, profile=profile)
 
 
 def _show_step(progress: Progress) -> None:
@@ -390,7 +379,7 @@ def apply(
     --------
     pneudrive apply fit.toml drive.toml --out measured.toml
     """
-    check_outputs(out, (".toml",))
+    terminal.check_outputs(out, (".toml",))
     found = files.read_fit(fit)
     if isinstance(found, volume.VolumeFit):
         described = found.apply(None if drive is None else pn.Tank.load(drive))
@@ -401,7 +390,7 @@ def apply(
     else:
         remedy = "Add the drive file to the command: pneudrive apply FIT DRIVE."
         raise CommandError("this fit of friction names no drive", remedy=remedy)
-    write_text(described.to_toml(), out)
+    terminal.write_text(described.to_toml(), out)
 
 
 def validate(
@@ -434,7 +423,7 @@ def validate(
     --------
     pneudrive validate measured.toml other.parquet --out check
     """
-    tell = on_terminal().tell
+    tell = terminal.watch().tell
     lag = regulator.read_regulator_fit(drive)
     tables = _tables(drive)
     if lag is not None:
@@ -455,11 +444,11 @@ def validate(
         _show_check(friction_check.validate_friction(law, recordings[0]), out, friction_page.write_friction_report)
         return
     found = pn.validate(described, recordings, layout=layout, window_s=seconds, sensors=sensors, progress=tell)
-    folder = writable_folder(out)
+    folder = terminal.writable_folder(out)
     written = [*found.write(folder), validation_page.write_validation_report(found, folder)]
     _show_records(found)
-    show_lines(str(found))
-    show_paths(*written)
+    terminal.show_lines(str(found))
+    terminal.show_paths(*written)
 
 
 def _tables(path: str) -> dict[str, Any]:
@@ -472,10 +461,10 @@ def _tables(path: str) -> dict[str, Any]:
 
 def _show_check(found: Any, out: Path, write_page: Any = None) -> None:  # noqa: ANN401 - results of four validations
     """Write the files of a validation, and its page if it has one, and print it."""
-    folder = writable_folder(out)
+    folder = terminal.writable_folder(out)
     written = [*found.write(folder), *([] if write_page is None else [write_page(found, folder)])]
-    show_lines(str(found))
-    show_paths(*written)
+    terminal.show_lines(str(found))
+    terminal.show_paths(*written)
 
 
 def _show_records(found: Validation) -> None:
@@ -483,14 +472,14 @@ def _show_records(found: Validation) -> None:
     window = f"from states, {found.window_s:g} s %"
     heads = ("recording", "position fit %", window, "pressure NRMSE %", "off from s", "fit")
     rows = []
-    for record in found.records[:MOST_ROWS]:
+    for record in found.records[: terminal.MOST_ROWS]:
         position = record.channels["position_m"]
         pressure = max(record.channels[c].free.nrmse for c in ("pressure_a_pa", "pressure_b_pa"))
         off = "-" if position.off_s is None else f"{position.off_s:.2f}"
         fits = (f"{position.free.fit_percent:.1f}", f"{position.restarted.fit_percent:.1f}")
         rows.append((record.recording.name, *fits, f"{100 * pressure:.2g}", off, found.badge(record)))
     shown = len(heads) - (not found.fitted)
-    show_table(heads[:shown], [row[:shown] for row in rows])
+    terminal.show_table(heads[:shown], [row[:shown] for row in rows])
 
 
 def design(
@@ -573,10 +562,10 @@ def design(
     if out is None:
         typer.echo("\n" + text.rstrip())
     else:
-        write_text(text, out)
+        terminal.write_text(text, out)
 
 
-def _shared_errors(fit: FrictionFit, plan: Design) -> str:
+def _shared_errors(fit: static_fits.FrictionFit, plan: Design) -> str:
     """Return a note if errors shared by all points exceed the errors that more points reduce."""
     errors = []
     for name, then in plan.half_widths_then.items():
@@ -587,7 +576,7 @@ def _shared_errors(fit: FrictionFit, plan: Design) -> str:
     return f"\n- {what}: {', '.join(errors)}" if errors else ""
 
 
-def _limits(fit: FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:
+def _limits(fit: static_fits.FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:
     limits = next_points.limits_of(fit, identity, envelope, strokes)
     if not speeds:
         return limits
@@ -621,4 +610,4 @@ def report(fit: Path, *, map: Path | None = None, out: Path = Path("report")) ->
         if not isinstance(found, static_fits.SlidingFit):
             raise CommandError(f"--map: the {found.TITLE} was not fitted to a friction map")
         found = static_fits.with_map(found, friction_map.read_map(map))
-    show_paths(found.report(out))
+    terminal.show_paths(found.report(out))

@@ -12,18 +12,9 @@ from typing import TYPE_CHECKING
 import typer
 
 import pneudrive as pn
+from pneudrive.cli import terminal
 from pneudrive.cli.commands import group
 from pneudrive.cli.options import Count, one_of
-from pneudrive.cli.output import (
-    file_name,
-    on_terminal,
-    show_lines,
-    show_paths,
-    show_statements,
-    show_table,
-    show_view,
-    writable_folder,
-)
 from pneudrive.errors import Cancelled, CommandError, RecordingError
 from pneudrive.lazy_names import used_later
 
@@ -50,8 +41,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.friction.campaign.compare import Comparison
-    from pneudrive.friction.motion import SampleChoice
-    from pneudrive.identify.static.result import FrictionFit
 
 SPEEDS = 5  # at which curves are compared
 SAME_PA = 1.0  # rounding of a pressure
@@ -82,7 +71,7 @@ def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) 
     --------
     pneudrive layout bench.csv --out layout.toml
     """
-    proposal = proposals.propose_layout(file, on_terminal())
+    proposal = proposals.propose_layout(file, terminal.watch())
     if out is None:
         typer.echo(proposal.text)
     else:
@@ -144,7 +133,7 @@ def characterise(
         _characterise_campaign(recordings, layout, out, choice, law)
         return
     with _output(out) as folder:
-        found = characterisation.characterise_recordings(recordings, layout, choice, progress=on_terminal().tell)
+        found = characterisation.characterise_recordings(recordings, layout, choice, progress=terminal.watch().tell)
         written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
         fits, problems = static_fits.fit_characterisation(found)
         written += _write_fits(fits, law, folder, whole=conditions.ALL_RECORDINGS)
@@ -152,16 +141,16 @@ def characterise(
         written += [] if curves is None else files.write_curves_and_effects(curves, folder)
         written.append(Path(report.write_report(found, fits, folder, None, curves)))
     _show_problems(problems)
-    show_view(found.view())
+    terminal.show_view(found.view())
     balances = [closure.close_balance(recording) for recording in found.recordings if recording.force_n.any()]
-    show_lines(*(f"- {balance}." for balance in balances if balance.gains))
+    terminal.show_lines(*(f"- {balance}." for balance in balances if balance.gains))
     if curves is not None:
-        show_view(replace(curves.view(), rows=()))
-    show_paths(*written)
+        terminal.show_view(replace(curves.view(), rows=()))
+    terminal.show_paths(*written)
 
 
 def _characterise_campaign(
-    recordings: list[Path], layout: Path | None, out: Path, choice: SampleChoice, law: str
+    recordings: list[Path], layout: Path | None, out: Path, choice: motions.SampleChoice, law: str
 ) -> None:
     """Characterise one campaign folder."""
     if len(recordings) > 1 or layout is not None:
@@ -172,14 +161,14 @@ def _characterise_campaign(
             remedy="To compare two campaigns: pneudrive compare A B.",
         )
     with _output(out) as folder:
-        found = characteristics.campaign_friction(recordings[0], choice, progress=on_terminal().tell)
+        found = characteristics.campaign_friction(recordings[0], choice, progress=terminal.watch().tell)
         written = files.write_characteristics(found, folder)
         fits, problems = dependences.fit_campaign(found)
         written += _write_fits(fits, law, folder, whole=dependences.ALL if len(fits) != 1 else next(iter(fits)))
         written.append(campaign_page.write_campaign_report(found, folder))
     _show_problems(problems)
-    show_view(found.view())
-    show_paths(*written)
+    terminal.show_view(found.view())
+    terminal.show_paths(*written)
 
 
 def _show_problems(problems: list[str]) -> None:
@@ -190,7 +179,7 @@ def _show_problems(problems: list[str]) -> None:
 def _output(out: Path) -> Iterator[Path]:
     """Make the output folder before any work. Remove a new folder if it stays empty or the work is cancelled."""
     is_new = not out.exists()
-    writable_folder(out)
+    terminal.writable_folder(out)
     try:
         yield out
     except (KeyboardInterrupt, Cancelled):  # a map without its fit and report is no result
@@ -203,12 +192,14 @@ def _output(out: Path) -> Iterator[Path]:
             out.rmdir()
 
 
-def _write_fits(fits: dict[str, dict[str, FrictionFit]], law: str, folder: Path, whole: str) -> list[Path]:
+def _write_fits(
+    fits: dict[str, dict[str, static_result.FrictionFit]], law: str, folder: Path, whole: str
+) -> list[Path]:
     """Write fit.toml for all data, and fit-GROUP.toml for each group."""
     written = []
     for group_name, by_law in fits.items():
         if law in by_law:
-            name = "fit.toml" if group_name == whole else f"fit-{file_name(group_name)}.toml"
+            name = "fit.toml" if group_name == whole else f"fit-{terminal.file_name(group_name)}.toml"
             by_law[law].to_toml(folder / name)
             written.append(folder / name)
     return written
@@ -246,14 +237,14 @@ def compare(
     choice = one_of("--protocol", protocol, motions.SAMPLE_CHOICES)
     if first.resolve() == second.resolve():
         raise CommandError("a campaign cannot be compared with itself", value=str(first), remedy="Give two folders.")
-    tell = on_terminal().tell
+    tell = terminal.watch().tell
     sides = [characteristics.campaign_friction(folder, choice(), progress=tell) for folder in (first, second)]
     comparison = pn.compare_campaigns(*sides)
-    folder = writable_folder(out)
+    folder = terminal.writable_folder(out)
     written = files.write_comparison(comparison, folder / "comparison.toml")
     page = comparison_page.write_comparison_report(comparison, folder)
     _show_comparison(comparison)
-    show_paths(written, page)
+    terminal.show_paths(written, page)
 
 
 def _compare_values(first: str, second: str) -> None:
@@ -264,20 +255,20 @@ def _compare_values(first: str, second: str) -> None:
     for each in found:
         change = "" if each.change is None else f"{100 * each.change:+.3g}"
         rows.append((each.key, each.before, each.interval_before, each.after, each.interval_after, change))
-    show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), rows)
-    show_lines(*([] if found else ["No value differs."]))
+    terminal.show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), rows)
+    terminal.show_lines(*([] if found else ["No value differs."]))
     if isinstance(before, static_result.FrictionFit) and isinstance(after, static_result.FrictionFit):
         _compare_curves(before, after)
 
 
-def _compare_curves(before: FrictionFit, after: FrictionFit) -> None:
+def _compare_curves(before: static_result.FrictionFit, after: static_result.FrictionFit) -> None:
     """Print the difference between the curves of two fits, at speeds and pressures that both have measured."""
     import numpy as np
 
     low, high = sources.common(before, after, "speed_m_s")
     gauges = [sources.common(before, after, f"gauge_{side}_pa") for side in "ab"]
     if low > high or any(a > b + SAME_PA for a, b in gauges):
-        show_lines("The fits have no speeds and pressures in common, so their curves are not compared.")
+        terminal.show_lines("The fits have no speeds and pressures in common, so their curves are not compared.")
         return
     speeds = np.geomspace(low, high, SPEEDS) if low < high else np.array([low])
     rows = []
@@ -285,22 +276,24 @@ def _compare_curves(before: FrictionFit, after: FrictionFit) -> None:
         for speed, change in zip(speeds, sources.curve_differences(before, after, speeds, a, b), strict=True):
             at = (f"{1e3 * speed:.3g}", f"{a / 1e5:.3g}", f"{b / 1e5:.3g}")
             rows.append((*at, f"{change.value:+.3g}", f"{change.low:+.3g} .. {change.high:+.3g}"))
-    show_table(("speed mm/s", "a bar gauge", "b bar gauge", "B minus A, N", "95 %"), rows, left=0)
+    terminal.show_table(("speed mm/s", "a bar gauge", "b bar gauge", "B minus A, N", "95 %"), rows, left=0)
 
 
 def _show_comparison(comparison: Comparison) -> None:
     """Print one line for each compared property, and the notes."""
     sides = zip("AB", (comparison.first, comparison.second), strict=True)
-    show_lines(*(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in sides))
+    terminal.show_lines(
+        *(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in sides)
+    )
     rows = []
     for test in comparison.tests:
         e = test.difference
         size = f"{e.value:+.3g} ({e.low:+.3g} .. {e.high:+.3g}) {e.unit}" if e is not None else "-"
         chances = (f"{test.p:.2g}", f"{test.adjusted_p:.2g}")
         rows.append((test.what, size, *chances, "yes" if test.different else "not shown"))
-    show_table(("question", "B minus A (95 %)", "p", "p corrected", "different"), rows, left=5)
-    show_statements(comparison.statements)
-    show_lines(str(comparison))
+    terminal.show_table(("question", "B minus A (95 %)", "p", "p corrected", "different"), rows, left=5)
+    terminal.show_statements(comparison.statements)
+    terminal.show_lines(str(comparison))
 
 
 def reproduce(*, out: Path = Path("reproduction"), seed: Count = 0) -> None:
@@ -317,7 +310,7 @@ def reproduce(*, out: Path = Path("reproduction"), seed: Count = 0) -> None:
     --------
     pneudrive reproduce --out figures
     """
-    folder = writable_folder(out)
+    folder = terminal.writable_folder(out)
     made = reproduction.reproduce(folder / bracha.FOLDER, seed)
     page = report.write_report(None, {}, folder, made)
     for claim in made.claims:

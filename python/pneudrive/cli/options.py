@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.drive import Drive
 
 Value = TypeVar("Value")
 Switch = Annotated[bool, typer.Option()]  # also with the opposite, --no-...
@@ -59,7 +57,7 @@ def opened_catalogue(folders: Sequence[Path] | None) -> AbstractContextManager[o
     return pn.catalogue_folders(*folders) if folders else nullcontext()
 
 
-def command_of(described: Drive | Circuit, commands: list[str] | None) -> str | list[str] | None:
+def command_of(described: pn.Drive | pn.Circuit, commands: list[str] | None) -> str | list[str] | None:
     """Return the commands of a circuit, or the only command of a drive.
 
     Raises
@@ -76,7 +74,7 @@ def command_of(described: Drive | Circuit, commands: list[str] | None) -> str | 
     return commands[0]
 
 
-def changed(drive: str, changes: list[str] | None) -> Drive | Circuit:
+def changed(drive: str, changes: list[str] | None) -> pn.Drive | pn.Circuit:
     """Load a drive or a circuit, with changed values from texts ``key = value``.
 
     Raises

@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
+from pneudrive.cli import terminal
 from pneudrive.cli.options import Port, quantity
-from pneudrive.cli.output import show_paths
 from pneudrive.errors import CommandError
 from pneudrive.lazy_names import used_later
 
@@ -117,7 +117,7 @@ def certificate(
     --------
     pneudrive rig certificate server --out certificates
     """
-    show_paths(*access.make_certificate(out, name, host, days))
+    terminal.show_paths(*access.make_certificate(out, name, host, days))
 
 
 def user(name: str, *, user_file: Path) -> None:
@@ -139,4 +139,4 @@ def user(name: str, *, user_file: Path) -> None:
     else:
         password = sys.stdin.readline().rstrip("\r\n")
     access.add_user(user_file, name, password)
-    show_paths(user_file)
+    terminal.show_paths(user_file)

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, cast
 import typer
 
 import pneudrive as pn
+from pneudrive.cli import terminal
 from pneudrive.cli.options import Port, changed, command_of, names_in
-from pneudrive.cli.output import check_outputs, on_terminal, show_paths, show_table, write_outputs
 from pneudrive.errors import CommandError, RecordingError, nearest
 from pneudrive.lazy_names import used_later
 from pneudrive.repr_tables import aligned
 
 with used_later(__name__):
-    from pneudrive import report, units
+    from pneudrive import platforms, report, units
     from pneudrive.describe.files import load
     from pneudrive.ensemble import design as designs
     from pneudrive.ensemble import many, store
@@ -40,11 +40,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.describe import Circuit, Drive
-    from pneudrive.ensemble.design import EnsembleDesign
-    from pneudrive.ensemble.many import Gathered
-    from pneudrive.platforms import Platform
-    from pneudrive.simulation.simulate import Run
 
 MOST_IMPACTS = 5  # printed impacts; the file has all of them
 #: Ending of the folder in which the chunks of a file that is not finished lie.
@@ -103,14 +98,14 @@ def simulate(
     pneudrive simulate catalogue:parker-osp-p25-mpye --duration '2 s' \
         --command '0 s: 0.3, 1 s: -0.3' --plot run.png
     """
-    check_outputs(out, plot=plot, more=(".html",))
+    terminal.check_outputs(out, plot=plot, more=(".html",))
     if motion is not None:
         columns, provenance = motion_fits.simulate_motion(drive, motion, layout=layout)
         end = f"{len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s"
         if out is not None:
             trajectory.save_columns(columns, provenance, out)
         typer.echo(f"{provenance['title']}: {end} along {motion}")
-        show_paths(out)
+        terminal.show_paths(out)
         return
     if not duration:
         raise CommandError("the duration is missing", remedy='Add --duration "2 s", or --motion RECORDING.')
@@ -124,16 +119,18 @@ def simulate(
         sample_rate=sample_rate,
         rtol=rtol,
         budget=budget,
-        watch=on_terminal(),
+        watch=terminal.watch(),
         arrays=plot is not None or (out is not None and out.suffix.lower() != ".parquet"),
     )
     _show_run(described.name, result.columns, result.provenance)
-    write_outputs((out, partial(_save, result)), (plot, lambda path: report.plot(result.dataset(), path, described)))
+    terminal.write_outputs(
+        (out, partial(_save, result)), (plot, lambda path: report.plot(result.dataset(), path, described))
+    )
     if energy:
         typer.echo(str(pn.energy_balance(described, commands, duration, initial=initial, rtol=rtol)))
 
 
-def _save(result: Run, path: Path) -> None:
+def _save(result: simulation.Run, path: Path) -> None:
     if path.suffix.lower() == ".nc":
         trajectory.save(result.dataset(), path)
     else:
@@ -216,7 +213,7 @@ def sweep(
     """
     is_file = out.suffix != ""
     if is_file:
-        check_outputs(out, (".parquet", ".csv", ".nc"))
+        terminal.check_outputs(out, (".parquet", ".csv", ".nc"))
     described = changed(drive, set)
     study = many.study_of(
         described,
@@ -238,7 +235,7 @@ def sweep(
     missing = len(chunks.missing())
     if missing < len(chunks.chunks):
         typer.echo(f"{len(chunks.chunks) - missing} of {len(chunks.chunks)} chunks are there", err=True)
-    for _ in many.results(study, chunks, chunk, None, on_terminal()):
+    for _ in many.results(study, chunks, chunk, None, terminal.watch()):
         pass  # each is kept in the store
     if fits_memory:
         gathered = many.Gathered(study)
@@ -247,12 +244,17 @@ def sweep(
             gathered.save(out)
             chunks.remove()
         _show_members(gathered)
-    show_paths(out)
+    terminal.show_paths(out)
 
 
 def _design(
-    drive: Drive | Circuit, vary: Sequence[str], members: int | None, method: str, seed: int, correlation: Sequence[str]
-) -> EnsembleDesign:
+    drive: pn.Drive | pn.Circuit,
+    vary: Sequence[str],
+    members: int | None,
+    method: str,
+    seed: int,
+    correlation: Sequence[str],
+) -> pn.EnsembleDesign:
     """Read what varies."""
     if method not in samples.SAMPLERS:
         raise CommandError(f"--design {method} is not known", remedy=nearest(method, samples.SAMPLERS))
@@ -289,7 +291,7 @@ def _pair(text: str) -> tuple[tuple[str, str], float]:
     raise CommandError(f'--correlation "{text}" is not A, B = R', remedy=remedy)
 
 
-def _table(drive: Drive | Circuit, path: Path) -> dict[str, Any]:
+def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
     """Read a table of members: names of numbers, with or without the unit, are its columns."""
     if path.suffix not in (".csv", ".parquet"):
         raise CommandError(
@@ -308,7 +310,7 @@ def _table(drive: Drive | Circuit, path: Path) -> dict[str, Any]:
     return {known.get(column, column): values for column, values in trajectory.read_columns(path, columns).items()}
 
 
-def _show_members(gathered: Gathered) -> None:
+def _show_members(gathered: many.Gathered) -> None:
     """Print how many members there are, and the spread of each output."""
     import numpy as np
 
@@ -327,7 +329,7 @@ def _show_members(gathered: Gathered) -> None:
         if finite.size < values.size:
             missing = f"{output.name} has no value in {values.size - finite.size} of {values.size} members"
             notes.append(f"{missing}: its row is of the others")
-    show_table(("output", "<unit", "lowest", "5 %", "median", "95 %", "highest"), rows)
+    terminal.show_table(("output", "<unit", "lowest", "5 %", "median", "95 %", "highest"), rows)
     typer.echo("".join(f"{note}\n" for note in notes), nl=False)
 
 
@@ -357,9 +359,9 @@ def lines(
     --------
     pneudrive lines catalogue:reference --length '0.5 m, 2 m'
     """
-    check_outputs(out, (".csv", ".parquet"), plot)
-    described = cast("Drive", load.load_described(drive))
-    study = tube_study.study(described, names_in(length), names_in(diameter), on_terminal())
+    terminal.check_outputs(out, (".csv", ".parquet"), plot)
+    described = cast("pn.Drive", load.load_described(drive))
+    study = tube_study.study(described, names_in(length), names_in(diameter), terminal.watch())
     rows = [("without tubes", "", study.attrs["without_tubes"])]
     if "as_described" in study.attrs:
         rows.append(("as described", "", study.attrs["as_described"]))
@@ -371,7 +373,7 @@ def lines(
     heads = ("bore", "length", "C dm3/(s bar)", "choked m/s", "out s", "back s", "mean m/s", "end m/s", "of the speed")
     table = [heads, *((bore, long, *_tube_cells(values, full)) for bore, long, values in rows)]
     typer.echo(f"{study.attrs['title']}\n{aligned(table, right_from=0)}\n\n{ABOUT_TUBES}")
-    write_outputs((out, partial(_save_tubes, study)), (plot, partial(lines_figure.plot_lines, study)))
+    terminal.write_outputs((out, partial(_save_tubes, study)), (plot, partial(lines_figure.plot_lines, study)))
 
 
 def _tube_cells(values: Mapping[str, Any], full_speed: float) -> list[str]:
@@ -423,8 +425,8 @@ def platform(
     pneudrive platform tripod.toml
     pneudrive platform tripod.toml --run run.parquet --out motion.gif
     """
-    check_outputs(out, (*PICTURES, *OF_RUNS))
-    machine = pn.platform(cast("Circuit", load.load_described(circuit)), name)
+    terminal.check_outputs(out, (*PICTURES, *OF_RUNS))
+    machine = pn.platform(cast("pn.Circuit", load.load_described(circuit)), name)
     if out is not None and run is None and out.suffix.lower() in OF_RUNS:
         raise CommandError(f"{out.name} shows a run", remedy="Add --run RUN.parquet, from pneudrive simulate --out.")
     if out is not None and run is None:
@@ -434,10 +436,10 @@ def platform(
     else:
         columns = page.read_platform_run(machine, run)
         _show_platform_run(machine, columns) if out is None else _write_platform(machine, columns, out, dark=dark)
-    show_paths(out)
+    terminal.show_paths(out)
 
 
-def _write_platform(machine: Platform, columns: dict, out: Path, *, dark: bool) -> None:
+def _write_platform(machine: platforms.Platform, columns: dict, out: Path, *, dark: bool) -> None:
     poses, suffix = outputs.motion_of(machine, columns)[0], out.suffix.lower()
     if suffix in PICTURES:
         figures.draw_platform(machine, poses, out, dark=dark)
@@ -449,13 +451,13 @@ def _write_platform(machine: Platform, columns: dict, out: Path, *, dark: bool) 
         figures.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
 
 
-def _show_platform_run(machine: Platform, columns: dict) -> None:
+def _show_platform_run(machine: platforms.Platform, columns: dict) -> None:
     typer.echo(f"{machine.name}, {len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s")
     ranges = page.run_ranges(machine, columns | outputs.platform_outputs(machine, columns))
     typer.echo(aligned([page.RANGE_HEAD, *ranges], right_from=2))
 
 
-def _show_platform(machine: Platform) -> None:
+def _show_platform(machine: platforms.Platform) -> None:
     home = machine.home
     typer.echo(f"{machine.name}: {machine.text(home)}, with every leg at half of its stroke")
     rows = [("leg", "position mm", "stroke mm", "load N")]

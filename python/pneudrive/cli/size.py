@@ -10,15 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from pneudrive.cli import terminal
 from pneudrive.cli.options import number_or_text, pairs_in
-from pneudrive.cli.output import (
-    check_outputs,
-    on_terminal,
-    show_lines,
-    show_paths,
-    show_table,
-    write_outputs,
-)
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import used_later
 
@@ -37,7 +30,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.datasheet.characteristic import Characteristic
 
 EXIT_INTERRUPTED = 130
 MOST_VALUES = 24  # values of one result on the terminal
@@ -78,27 +70,27 @@ def size(
     """
     found = search.watched(
         task,
-        on_terminal(),
+        terminal.watch(),
         least=min_candidates,
         most=max_candidates,
         draws=samples,
         draws_best=search.DRAWS_BEST_OF * samples,
         out=out,
-        provisional=lambda made: show_lines(results.sentences(made)[0]),
+        provisional=lambda made: terminal.show_lines(results.sentences(made)[0]),
     )
     sentences, first = results.sentences(found), 1 + len(found.open_checks)
-    show_lines(*sentences[:first])
+    terminal.show_lines(*sentences[:first])
     best, parts = list(enumerate(found.by_cylinder[: results.WRITTEN], start=1)), results.PARTS
     if best:
         rows = [(str(rank), *results.row_of(drive)[parts:]) for rank, drive in best]
-        show_table(("", *results.HEAD[parts:]), rows)
-        show_lines(*(f"{rank:2d}  {' + '.join(d.parts.values())}; {results.set_to(d)}" for rank, d in best))
-        show_lines(f"The best of each cylinder; {len(found.ranked)} choices meet the task.")
-    show_lines(f"{found.task.name}: {found.state}", *sentences[first:])
+        terminal.show_table(("", *results.HEAD[parts:]), rows)
+        terminal.show_lines(*(f"{rank:2d}  {' + '.join(d.parts.values())}; {results.set_to(d)}" for rank, d in best))
+        terminal.show_lines(f"The best of each cylinder; {len(found.ranked)} choices meet the task.")
+    terminal.show_lines(f"{found.task.name}: {found.state}", *sentences[first:])
     if out is not None:
         page = sizing_page.write_sizing_report(found, out)
         tables = (out / name for name in (results.TABLE, results.SUMMARY, results.REASONS))
-        show_paths(*sorted(out.glob("*.toml")), *tables, page)
+        terminal.show_paths(*sorted(out.glob("*.toml")), *tables, page)
     if found.interrupted:
         raise typer.Exit(EXIT_INTERRUPTED)
 
@@ -128,10 +120,10 @@ def datasheet(
     pneudrive datasheet drive.toml --out sheet.html
     """
     out.parent.mkdir(parents=True, exist_ok=True)
-    check_outputs(out, sheet_page.SUFFIXES)
-    found = sheet.build(load.load_described(drive), recordings or [], layout, on_terminal(), intervals=intervals)
-    show_lines(*found.headlines)
-    show_paths(sheet_page.write_datasheet(found, out))
+    terminal.check_outputs(out, sheet_page.SUFFIXES)
+    found = sheet.build(load.load_described(drive), recordings or [], layout, terminal.watch(), intervals=intervals)
+    terminal.show_lines(*found.headlines)
+    terminal.show_paths(sheet_page.write_datasheet(found, out))
 
 
 def characteristic(
@@ -163,18 +155,18 @@ def characteristic(
     """
     if not name:
         rows = [(each.name, each.title, each.standard or "-") for each in registry.characteristics().values()]
-        show_table(("characteristic", "<title", "<standard"), rows)
+        terminal.show_table(("characteristic", "<title", "<standard"), rows)
         return
-    check_outputs(out, (".csv", ".nc"), plot)
+    terminal.check_outputs(out, (".csv", ".nc"), plot)
     kind = registry.characteristic_named(name)
     texts = pairs_in("--set", set or (), "command = 0.6")
     settings = {key: _setting(key, text, kind) for key, text in texts.items()}
-    found = registry.found_under(load.load_described(drive), name, on_terminal(), intervals=intervals, **settings)
+    found = registry.found_under(load.load_described(drive), name, terminal.watch(), intervals=intervals, **settings)
     _show_characteristic(found)
-    write_outputs((out, partial(_save, found)), (plot, partial(figures.plot_characteristic, found)))
+    terminal.write_outputs((out, partial(_save, found)), (plot, partial(figures.plot_characteristic, found)))
 
 
-def _setting(name: str, text: str, kind: Characteristic) -> Any:  # noqa: ANN401 - of the kind of the setting
+def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401
     """Read a setting; several values are separated by commas."""
     if name not in kind.settings:
         raise CommandError(f"{kind.name} has no setting {name!r}", remedy=nearest(name, kind.settings))
@@ -192,7 +184,7 @@ def _setting(name: str, text: str, kind: Characteristic) -> Any:  # noqa: ANN401
 
 
 def _show_characteristic(found: xr.Dataset) -> None:
-    show_lines(found.attrs["title"], found.attrs["definition"], f"Standard: {found.attrs['standard']}")
+    terminal.show_lines(found.attrs["title"], found.attrs["definition"], f"Standard: {found.attrs['standard']}")
     rows = [
         (
             sheet.in_words(name),
@@ -203,11 +195,11 @@ def _show_characteristic(found: xr.Dataset) -> None:
         for name, coordinates, value, low, high in _rows_of(found, sheet.written_value)
         if found[name].size <= MOST_VALUES
     ]
-    show_table(("result", "<at", "<value", "<meaning"), rows)
+    terminal.show_table(("result", "<at", "<value", "<meaning"), rows)
     long = [sheet.in_words(str(name)) for name in _results(found) if found[name].size > MOST_VALUES]
     if long:
-        show_lines(f"More than {MOST_VALUES} values each, in --out FILE.csv: {', '.join(long)}")
-    show_lines(f"Interval: {found.attrs.get('interval', 'not asked for')}")
+        terminal.show_lines(f"More than {MOST_VALUES} values each, in --out FILE.csv: {', '.join(long)}")
+    terminal.show_lines(f"Interval: {found.attrs.get('interval', 'not asked for')}")
 
 
 def _results(found: xr.Dataset) -> list[str]:

@@ -1,4 +1,4 @@
-"""Output of commands: files, folders, the terminal, and progress."""
+"""Output of commands: the terminal, files, folders, and progress."""
 
 from __future__ import annotations
 
@@ -213,6 +213,6 @@ def _as_json(done: float, total: float, task: str) -> None:
     sys.stderr.flush()
 
 
-def on_terminal() -> Watch:
+def watch() -> Watch:
     """Return the watch of a command, which shows progress on stderr after the first second."""
     return Watch(_as_json if os.environ.get(FORM) == JSON else _Line())
