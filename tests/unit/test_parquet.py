@@ -63,7 +63,7 @@ def test_texts_and_seal(tmp_path):
 def test_a_large_file_is_hashed_once_until_it_changes(tmp_path, monkeypatch):
     monkeypatch.setattr(seal, "STRETCH", 1 << 16)  # of a file of 3 MB
     path = _saved(tmp_path, {"time_s": np.arange(200_000.0), "x": np.zeros(200_000)})
-    assert open_table(path, "parquet").own is not None
+    assert open_table(path, "parquet").is_sealed
     with monkeypatch.context() as closed:
         closed.setattr(seal, "_look", None)
         assert open_table(path, "parquet").count() == 200_000

@@ -1,4 +1,4 @@
-"""Reading of binary formats by their libraries: in the reader process, or here for a file with a valid checksum."""
+"""Reading of binary formats by their libraries: Parquet in this process, the others in the reader process."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ with contextlib.suppress(ImportError):  # not on Windows
 MEMORY_OF_SMALL = 500_000_000  # bytes that a small MAT file may take: some copies of `packed.SMALL`
 MOST_PLACES = 100  # of a column of lists that become columns
 UNIT_OF = "unit of "  # prefix of a column's name: key of its unit in the file's metadata
+LONGEST_REASON = 200  # characters of what a library says
 OF_FILE = "the file of this row"  # name of an added column
 CLASSIC_NETCDF = b"CDF"  # first bytes of netCDF 3
 
@@ -85,12 +86,21 @@ def open_parquet(path: Path) -> Opened:
         check_unpacked(
             sum(texts), path.stat().st_size, RecordingError
         )  # a text may stand in the file once, for all rows
-        return {name: frame[name].to_numpy() for name in wanted}
+        columns = {name: frame[name].to_numpy() for name in wanted}
+        return {name: v if frame[name].dtype == pl.String else plain(v) for name, v in columns.items()}
 
     def count() -> int:
         return int(scan().select(pl.len()).collect().item())
 
     return Opened(lambda: scan().collect_schema().names(), get, count, parquet_metadata(path), lambda: None)
+
+
+def plain(column: NDArray[Any]) -> NDArray[Any]:
+    """Return numbers and times as they are, and all else as texts or None."""
+    if column.dtype.kind in "iufbMm":
+        return column
+    texts = [None if value is None else str(value) for value in column.ravel().tolist()]
+    return np.array(texts, dtype=object).reshape(column.shape)
 
 
 def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:

@@ -1,43 +1,38 @@
-"""Columns of a binary file, read by a persistent child process. If a library crashes, only that process ends.
+"""Columns of binary files, each with one clear message for damage.
 
-A Parquet file with a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of pneudrive) is
-unchanged since pneudrive wrote it, and is read in this process. All other files are read in `reader_process`. The first
-file costs the start of a process and the import of its library (0.2 to 0.6 s on two cores). Each further message costs
-0.3 ms and the
-transfer of the columns. Many small files are therefore requested by one message.
+Parquet is read in this process; a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of
+pneudrive) proves that pneudrive wrote the bytes. Formats whose libraries are written in C are read by a child process
+(`pneudrive.files.reader_process`): if a library crashes, only that process ends. Its first file costs 0.2 to 0.6 s.
 """
 
 from __future__ import annotations
 
 import atexit
 import contextlib
-import json
 import os
-import socket
 import subprocess
 import threading
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
+from multiprocessing import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from pneudrive.batching import in_advance
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files import child, formats, seal
 from pneudrive.files.bounds import VARIABLE, bound
 from pneudrive.files.content import check_file, unreadable
+from pneudrive.files.formats import LONGEST_REASON, Opened, Rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
+    from multiprocessing.connection import Connection
 
     from numpy.typing import NDArray
 
-    from pneudrive.files.formats import Opened
-
-    Answer = tuple[dict[str, Any], memoryview]
+    Columns = dict[str, NDArray[Any]]
 
 #: Format in the layout file -> its name in messages.
 FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
@@ -56,33 +51,31 @@ class Table:
     Attributes
     ----------
     path : Path
-    form : str
-        Key of `FORMATS`.
-    metadata : dict
-        Texts in the file's metadata.
-    own : Opened or None
-        The file opened in this process: a Parquet file with a valid checksum.
+    opened : Opened
+        The file, opened here or in the reader process.
+    is_sealed : bool
+        Whether it is a Parquet file with a valid checksum.
     kind : type of PneudriveError
         Class of the errors.
-    told : tuple of str
-        Names of the columns from the reader process.
     """
 
     path: Path
-    form: str
-    metadata: dict[str, str]
-    own: Opened | None
+    opened: Opened
+    is_sealed: bool
     kind: type[PneudriveError]
-    told: tuple[str, ...] = ()
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Texts in the file's metadata."""
+        return self.opened.metadata
 
     @cached_property
     def names(self) -> list[str]:
         """Names of the columns."""
-        return list(self.told) if self.own is None else self.own.names()
+        with clear_errors(self.path, self.kind):
+            return self.opened.names()
 
-    def get(
-        self, wanted: Iterable[str], rows: tuple[int, int] | None = None, dates: frozenset[str] = frozenset()
-    ) -> dict[str, NDArray[Any]]:
+    def get(self, wanted: Iterable[str], rows: Rows | None = None, dates: frozenset[str] = frozenset()) -> Columns:
         """Read columns.
 
         Parameters
@@ -104,13 +97,8 @@ class Table:
         RecordingError
             The file is damaged, or was changed meanwhile.
         """
-        names = list(dict.fromkeys(wanted))
-        if self.own is not None:
-            with self._named():
-                return self.own.get(names, dates, rows)
-        request = {"ask": "columns", "form": self.form, "wanted": names, "rows": rows, "dates": sorted(dates)}
-        columns = _columns(*_reader.ask(self.path, request, self.kind))
-        return {name: columns[name] for name in names if name in columns}
+        with clear_errors(self.path, self.kind):
+            return self.opened.get(list(dict.fromkeys(wanted)), dates, rows)
 
     def count(self) -> int | None:
         """Return the number of rows; None where channels may differ in length.
@@ -120,22 +108,29 @@ class Table:
         RecordingError
             As for `get`.
         """
-        if self.own is not None:
-            with self._named():
-                return self.own.count()
-        return _reader.ask(self.path, {"ask": "count", "form": self.form}, self.kind)[0]["count"]
+        with clear_errors(self.path, self.kind):
+            return self.opened.count()
 
-    @contextlib.contextmanager
-    def _named(self) -> Iterator[None]:
-        """Raise an error of a file that is read here as one of `kind`."""
-        import polars as pl
 
-        try:
-            yield
-        except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
-            reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-            what = "the file cannot be read as Parquet; it was changed after it was opened"
-            raise self.kind(what, where=str(self.path), value=reason) from None
+@contextlib.contextmanager
+def clear_errors(path: Path, kind: type[PneudriveError]) -> Iterator[None]:
+    """Raise errors of polars about a Parquet file as errors of `kind`; its panics are no ordinary exceptions."""
+    import polars as pl
+
+    try:
+        yield
+    except PneudriveError as error:
+        raise _of_kind(error, path, kind) from None
+    except OSError as error:
+        raise unreadable(path, error, kind) from None
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError) as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        what = "the file cannot be read as Parquet; it is damaged, or was changed after it was opened"
+        raise kind(what, where=str(path), value=reason[:LONGEST_REASON]) from None
+
+
+def _of_kind(error: PneudriveError, path: Path, kind: type[PneudriveError]) -> PneudriveError:
+    return kind(error.what, where=str(path), value=error.value, rule=error.rule, remedy=error.remedy)
 
 
 def open_table(path: Path, form: str, kind: type[PneudriveError] = RecordingError) -> Table:
@@ -154,11 +149,30 @@ def open_table(path: Path, form: str, kind: type[PneudriveError] = RecordingErro
     RecordingError
         The file does not exist, is damaged, too large or not of this format, or its library is not installed.
     """
-    if form == "parquet" and _look(path, kind).own:
-        opened = formats.open_parquet(path)
-        return Table(path, form, opened.metadata, opened, kind)
-    header, _ = _reader.ask(path, {"ask": "names", "form": form}, kind)
-    return Table(path, form, header["metadata"], None, kind, tuple(header["names"]))
+    if form == "parquet":
+        is_sealed = _look(path, kind).is_sealed
+        with clear_errors(path, kind):
+            table = Table(path, formats.open_parquet(path), is_sealed, kind)
+        if not is_sealed:
+            assert table.names  # read from the footer, which may be damaged
+        return table
+    ask = partial(_reader.ask, path, kind)
+    names, metadata = ask({"ask": "names", "form": form})
+
+    def get(wanted: list[str], dates: frozenset[str], rows: Rows | None) -> Columns:
+        columns = ask({"ask": "columns", "form": form, "wanted": wanted, "rows": rows, "dates": dates})
+        return {name: columns[name] for name in wanted if name in columns}
+
+    opened = Opened(lambda: names, get, lambda: ask({"ask": "count", "form": form}), metadata, lambda: None)
+    return Table(path, opened, False, kind)
+
+
+@dataclass(frozen=True)
+class Text:
+    """Text of a Parquet file's metadata, or None; ``sealed``: the file has a valid checksum."""
+
+    text: str | None
+    sealed: bool
 
 
 def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> Iterator[Text | PneudriveError]:
@@ -177,100 +191,86 @@ def read_texts(paths: Iterable[Path], key: str, kind: type[PneudriveError]) -> I
         For each file in order; an error, of `kind`, is that of `open_table`. For a file without a checksum, only its
         ends and the text are checked, if the text is found there: reading its columns checks the rest.
     """
-    request = {"ask": "metadata", "form": "parquet"}
 
-    def ask(some: list[_File]) -> tuple[list[tuple[_File, str | None]], Iterator[Answer | PneudriveError]]:
-        known = [(one, seal.footer_text(one.end, key) if one.end else None) for one in some]
-        return known, _ask_foreign([one for one, text in known if text is None], request, kind)
+    def texts(some: list[Path]) -> list[Text | PneudriveError]:
+        return [_text(path, key, kind) for path in some]
 
-    for some, others in in_advance(ask, _batches(paths, kind), 1):
-        for one, text in some:
-            if one.error is not None:
-                yield one.error
-            elif text is not None:
-                yield Text(text, one.own)
-            elif one.own:
-                yield Text(formats.parquet_metadata(one.path).get(key), True)
-            else:
-                answer = next(others)
-                yield answer if isinstance(answer, PneudriveError) else Text(answer[0]["metadata"].get(key), False)
+    for found in in_advance(texts, _parts(paths), LOOKERS):
+        yield from found
+
+
+def _text(path: Path, key: str, kind: type[PneudriveError]) -> Text | PneudriveError:
+    try:
+        looked = _look(path, kind)
+        text = seal.footer_text(looked.end, key) if looked.end else None
+        if text is None:
+            with clear_errors(path, kind):
+                text = formats.parquet_metadata(path).get(key)
+    except kind as error:
+        return error
+    return Text(text, looked.is_sealed)
 
 
 def read_columns(
     paths: Iterable[Path], wanted: Sequence[str], kind: type[PneudriveError]
-) -> Iterator[dict[str, NDArray[Any]] | PneudriveError]:
+) -> Iterator[Columns | PneudriveError]:
     """Read columns of many Parquet files. Columns that a file lacks are left out. See `read_texts`."""
-    request = {"ask": "some columns", "form": "parquet", "wanted": list(wanted), "rows": None, "dates": []}
     for some in _batches(paths, kind):
-        others = _ask_foreign(some, request, kind)
-        own = iter(_read_own([one.path for one in some if one.own], wanted, kind))
-        for one in some:
-            if one.error is not None:
-                yield one.error
-            elif one.foreign:
-                answer = next(others)
-                yield answer if isinstance(answer, PneudriveError) else _columns(*answer)
+        sealed = iter(_read([path for path, looked in some if looked.is_sealed], wanted, kind))
+        for path, looked in some:
+            if looked.error is not None:
+                yield looked.error
+            elif looked.is_sealed:
+                yield next(sealed)
             else:
-                yield next(own)
+                yield from _read([path], wanted, kind)
+
+
+def _read(paths: Sequence[Path], wanted: Sequence[str], kind: type[PneudriveError]) -> list[Columns | PneudriveError]:
+    """Read columns of files at once; if that fails, one by one."""
+    try:
+        with clear_errors(paths[0] if paths else Path(), kind):
+            return list(formats.read_parquets(paths, wanted))
+    except kind as error:
+        return [error] if len(paths) == 1 else [found for path in paths for found in _read([path], wanted, kind)]
 
 
 @dataclass(frozen=True)
-class Text:
-    """Text of a Parquet file's metadata, or None; ``sealed``: the file has a valid checksum."""
+class _Looked:
+    """Check of a Parquet file before a library reads it: size, end with the footer, and whether it is sealed."""
 
-    text: str | None
-    sealed: bool
-
-
-@dataclass(frozen=True)
-class _File:
-    """Parquet file of a batch: unreadable, with a valid checksum, or foreign."""
-
-    path: Path
-    size: int
-    error: PneudriveError | None = None
-    own: bool = False
+    size: int = 0
+    is_sealed: bool = False
     end: bytes = b""
-
-    @property
-    def foreign(self) -> bool:
-        return self.error is None and not self.own
+    error: PneudriveError | None = None
 
 
-def _batches(paths: Iterable[Path], kind: type[PneudriveError]) -> Iterator[list[_File]]:
-    """Check files in batches, limited in number and bytes."""
-    batch: list[_File] = []
-    size = 0
+def _parts(paths: Iterable[Path]) -> Iterator[list[Path]]:
     rest = iter(paths)
-    parts = iter(lambda: list(islice(rest, LOOKED_AT)), [])
-    for part in in_advance(lambda part: [_looked(path, kind) for path in part], parts, LOOKERS):
-        for one in part:
-            batch.append(one)
-            size += one.size
-            if len(batch) >= MOST_FILES or size >= MOST_BYTES:
+    return iter(lambda: list(islice(rest, LOOKED_AT)), [])
+
+
+def _batches(paths: Iterable[Path], kind: type[PneudriveError]) -> Iterator[list[tuple[Path, _Looked]]]:
+    """Check files in batches, limited in number and bytes."""
+
+    def looked(path: Path) -> _Looked:
+        try:
+            return _look(path, kind)
+        except kind as error:
+            return _Looked(error=error)
+
+    batch: list[tuple[Path, _Looked]] = []
+    for part in in_advance(lambda part: [(path, looked(path)) for path in part], _parts(paths), LOOKERS):
+        for entry in part:
+            batch.append(entry)
+            if len(batch) >= MOST_FILES or sum(one.size for _, one in batch) >= MOST_BYTES:
                 yield batch
-                batch, size = [], 0
+                batch = []
     if batch:
         yield batch
 
 
-def _looked(path: Path, kind: type[PneudriveError]) -> _File:
-    try:
-        return _look(path, kind)
-    except kind as error:
-        return _File(path, 0, error)
-
-
-def _ask_foreign(
-    some: Sequence[_File], request: dict[str, Any], kind: type[PneudriveError]
-) -> Iterator[Answer | PneudriveError]:
-    """Request the foreign files of a batch from the reader process."""
-    foreign = [one for one in some if one.foreign]
-    size = sum(one.size for one in foreign)
-    return iter(list(_reader.ask_each([one.path for one in foreign], size, request, kind)))
-
-
-def _look(path: Path, kind: type[PneudriveError]) -> _File:
+def _look(path: Path, kind: type[PneudriveError]) -> _Looked:
     """Check a Parquet file.
 
     Raises
@@ -285,34 +285,7 @@ def _look(path: Path, kind: type[PneudriveError]) -> _File:
         raise unreadable(path, error, kind) from None
     if looked.wrong:
         raise kind(looked.wrong, where=str(path))
-    return _File(path, size, None, looked.own, looked.end)
-
-
-def _read_own(
-    paths: Sequence[Path], wanted: Sequence[str], kind: type[PneudriveError]
-) -> list[dict[str, NDArray[Any]] | PneudriveError]:
-    """Read columns of files with a valid checksum; a file deleted meanwhile gives an error."""
-    try:
-        return list(formats.read_parquets(paths, wanted))
-    except OSError as error:
-        if len(paths) == 1:
-            return [unreadable(paths[0], error, kind)]
-        return [found for path in paths for found in _read_own([path], wanted, kind)]
-
-
-def _columns(told: dict[str, Any], memory: memoryview) -> dict[str, NDArray[Any]]:
-    return {name: _column(column, memory) for name, column in told["columns"].items()}
-
-
-def _column(told: dict[str, Any], memory: memoryview) -> NDArray[Any]:
-    shape = tuple(told["shape"])
-    if "texts" in told:
-        return np.array(told["texts"], dtype=object).reshape(shape)
-    dtype = np.dtype(told["dtype"])
-    count = int(np.prod(shape, dtype=np.int64))
-    if not count:
-        return np.zeros(shape, dtype)
-    return np.frombuffer(memory, dtype, count, told["place"]).reshape(shape)
+    return _Looked(size, looked.own, looked.end)
 
 
 class _Reader:
@@ -321,65 +294,39 @@ class _Reader:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
-        self._connection: socket.socket | None = None
+        self._connection: Connection | None = None
         self._owner = 0
 
-    def ask(self, path: Path, request: dict[str, Any], kind: type[PneudriveError]) -> Answer:
-        """Send a request, and map the answer.
+    def ask(self, path: Path, kind: type[PneudriveError], request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request its own
+        """Send a request for a file, and return the answer.
 
         Raises
         ------
         PneudriveError
             An error of `kind`: the library reported an error, crashed, or took too long.
         """
-        (answer,) = self.ask_each([path], check_file(path, kind), request, kind)
-        if isinstance(answer, PneudriveError):
-            raise answer
-        return answer
-
-    def ask_each(
-        self, paths: Sequence[Path], size: int, request: dict[str, Any], kind: type[PneudriveError]
-    ) -> Iterator[Answer | PneudriveError]:
-        """Send one request for several files, of `size` bytes in total.
-
-        After a crash, send one request for each file.
-        """
-        if not paths:
-            return
-        seconds = _seconds(size)
-        message = {**request, "paths": [str(Path.cwd() / path) for path in paths], "seconds": seconds}
+        seconds = int(bound("reader_seconds") + check_file(path, kind) / BYTES_PER_SECOND)
         with self._lock:
             try:
-                answer = self._exchange(json.dumps(message).encode() + b"\n")
+                answer = self._exchange({**request, "path": str(Path.cwd() / path), "seconds": seconds})
+            except (EOFError, OSError):
+                raise _crashed(path, request["form"], seconds, self._ended(), kind) from None
             except BaseException:  # Ctrl-C too: a late answer would be taken for that of the next request
                 self.stop()
                 raise
-            status = None if answer is not None else self._ended()
-        if answer is not None:
-            content, memory = answer
-            for path, one in zip(paths, content["each"], strict=True):
-                yield kind(**one["error"], where=str(path)) if "error" in one else (one, memory)
-        elif len(paths) > 1:
-            for path in paths:
-                yield from self.ask_each([path], size, request, kind)
-        else:
-            yield _crashed(paths[0], request["form"], seconds, status, kind)
+        if isinstance(answer, PneudriveError):
+            raise _of_kind(answer, path, kind)
+        return answer
 
-    def _exchange(self, line: bytes) -> Answer | None:
+    def _exchange(self, request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request its own
         if self._connection is None or self._owner != os.getpid():
             self._start()
         assert self._connection is not None
-        try:
-            self._connection.sendall(line)
-            sizes = _received(self._connection, 16)
-            text = _received(self._connection, int.from_bytes(sizes[:8], "little"))
-            arrays = _received(self._connection, int.from_bytes(sizes[8:], "little"))
-        except (BrokenPipeError, ConnectionResetError, EOFError):
-            return None
-        return json.loads(bytes(text)), arrays
+        self._connection.send(request)
+        return self._connection.recv()
 
     def _start(self) -> None:
-        ours, theirs = socket.socketpair()
+        ours, theirs = Pipe()
         with theirs:
             number = theirs.fileno()
             self._process = subprocess.Popen(
@@ -390,7 +337,7 @@ class _Reader:
                 stderr=subprocess.DEVNULL,  # Rust panics and HDF5 print errors before they raise them
                 env={**os.environ, "HDF5_USE_FILE_LOCKING": "FALSE"},  # close the file, so that it can be written again
             )
-        self._connection, self._owner = ours, os.getpid()
+        self._connection, self._owner = ours, os.getpid()  # pyright: ignore[reportAttributeAccessIssue] - not on Windows
 
     def _ended(self) -> int:
         """Return the exit status of the ended process."""
@@ -408,28 +355,6 @@ class _Reader:
         if process is not None and self._owner == os.getpid():
             process.kill()
             process.wait()
-
-
-def _received(connection: socket.socket, size: int) -> memoryview:
-    """Receive a number of bytes.
-
-    Raises
-    ------
-    EOFError
-        The connection ended before.
-    """
-    data = memoryview(bytearray(size))
-    place = 0
-    while place < size:
-        count = connection.recv_into(data[place:])
-        if not count:
-            raise EOFError
-        place += count
-    return data
-
-
-def _seconds(size: int) -> int:
-    return int(bound("reader_seconds") + size / BYTES_PER_SECOND)
 
 
 def _crashed(path: Path, form: str, seconds: int, status: int | None, kind: type[PneudriveError]) -> PneudriveError:

@@ -301,7 +301,7 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
     path = folder / TABLE
     if not path.is_file():
         return tuple(_so_far(folder, references))
-    if open_table(path, "parquet", CommandError).own is None:  # its hash shows that this package wrote the bytes
+    if not open_table(path, "parquet", CommandError).is_sealed:  # its hash shows that this package wrote the bytes
         raise CommandError(f"{path} is damaged or was changed", remedy="Run the comparison again.")
     table = pl.read_parquet(path)
     measures = [one.name for one in fields(Score)]

@@ -147,6 +147,6 @@ def _score_in(file: Path, key: str) -> Score | None:
     except RecordingError:
         return None
     said = json.loads(table.metadata.get("pneudrive", "{}"))
-    if table.own is None or said.get("key") != key:
+    if not table.is_sealed or said.get("key") != key:
         return None
     return Score(**said["score"])

@@ -17,8 +17,8 @@ FILES = 5  # of a message
 SPEEDS = (0.005, 0.01, 0.02, 0.05)
 
 
-def test_work_grows_by_two_looks_a_cycle_and_a_message_a_hundred(quick, tmp_path, monkeypatch):
-    """Each file is looked at for its head and for its samples; the samples of each hundred of them are one message.
+def test_work_grows_by_two_looks_a_cycle(quick, tmp_path, monkeypatch):
+    """Each file is looked at for its head and for its samples.
 
     Patterns over position are one least squares problem for all cycles that cover the same bins.
     """
@@ -36,7 +36,7 @@ def test_work_grows_by_two_looks_a_cycle_and_a_message_a_hundred(quick, tmp_path
         monkeypatch.setattr(module, name, counted)
 
     monkeypatch.setattr(tables, "MOST_FILES", FILES)
-    for module, name in ((seal, "look"), (tables._Reader, "_exchange"), (np.linalg, "lstsq")):
+    for module, name in ((seal, "look"), (np.linalg, "lstsq")):
         count(module, name)
     told = []
     for repeats in (2, 4):
@@ -50,8 +50,7 @@ def test_work_grows_by_two_looks_a_cycle_and_a_message_a_hundred(quick, tmp_path
         assert len(trends._each(np.ones((rows.shape[1], 1)), rows)) == len(points)
         masks = len(np.unique(np.isfinite(rows), axis=0))
         assert calls["lstsq"] - solved == masks < len(points)
-        told.append((len(found.files), calls["look"], calls["_exchange"]))
-    (few, looks, messages), (many, more_looks, more_messages) = told
+        told.append((len(found.files), calls["look"]))
+    (few, looks), (many, more_looks) = told
     assert many > 1.5 * few
     assert more_looks - looks == 2 * (many - few)
-    assert more_messages - messages == -(-many // FILES) - -(-few // FILES)
