@@ -10,14 +10,15 @@ import json
 import math
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter
 
 from pneudrive.constants import LEAK_CRITICAL_RATIO, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RigError, SimulationError
 from pneudrive.rig.description import RIGID
-from pneudrive.rig.interface import Hold, Move, Step, is_number, plain, read_fields
+from pneudrive.rig.interface import Hold, Move, Step, plain
 from pneudrive.rig.motion import Motion, brake, dwell, move
 from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
 
@@ -191,6 +192,7 @@ class Past:
         Number of changes of each factor by hand.
     """
 
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid", strict=True)
     key: str = ""
     clock_s: float = 0.0
     travel_m: float = 0.0
@@ -216,23 +218,16 @@ class Past:
         RigError
             The data are not a history of this kind.
         """
-        wrong = RigError(
+        try:
+            if len(data) == len(fields(cls)):
+                return _PAST.validate_json(json.dumps(data, allow_nan=False, default=plain))
+        except (TypeError, ValueError):
+            pass
+        raise RigError(
             "this is not the saved state of a simulated rig",
             value=data,
             rule="finite numbers, a key and levels that are texts",
         )
-        try:
-            copy = json.loads(json.dumps(data, allow_nan=False, default=plain))
-            known, notes = read_fields(copy, cls, "the saved state", RigError)
-            texts, counts = known["levels"].values(), known["changes"].values()
-            good = not notes and len(copy) == len(fields(cls))
-            good = good and all(map(is_number, [*(copy["state"] or []), *known["shown"].values()]))
-            good = good and all(isinstance(level, str) for level in texts) and all(isinstance(n, int) for n in counts)
-        except (AttributeError, KeyError, RigError, TypeError, ValueError):
-            raise wrong from None
-        if not good:
-            raise wrong
-        return cls(**copy)
 
     def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:
         """Advance the time, with this power of friction heating the seal."""
@@ -255,6 +250,9 @@ class Past:
         """Return the drift of the force sensor's zero, N, with temperature and time."""
         warmer, sensor = self.room_k(d, after_s) - d.tables.ambient.temperature, d.tables.force_sensor
         return sensor.zero_drift_temperature * warmer + sensor.zero_drift_time * (self.clock_s + after_s)
+
+
+_PAST = TypeAdapter(Past)
 
 
 def stream(seed: int, *words: str) -> np.random.Generator:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -83,25 +83,17 @@ class Allowed:
         return Way.on(self.plan.protocol, self.plan.envelope).limits
 
     @cached_property
-    def speed_m_s(self) -> float:
-        """Highest speed."""
-        return min(self.plan.envelope.speed_m_s, self.plan.protocol.limits.speed_m_s or math.inf)
-
-    @cached_property
-    def acceleration_m_s2(self) -> float:
-        """Highest acceleration."""
-        return min(self.plan.envelope.acceleration_m_s2, self.plan.protocol.limits.acceleration_m_s2 or math.inf)
-
-    @cached_property
-    def force_n(self) -> float:
-        """Largest force of either sign."""
-        return min(self.plan.envelope.force_n, self.plan.protocol.limits.force_n or math.inf)
-
-    @cached_property
-    def pressure_pa(self) -> float:
-        """Highest absolute pressure."""
-        highest, tight = self.plan.envelope.pressure_pa[1], self.plan.protocol.limits.pressure
-        return highest if tight is None else min(highest, tight.absolute_pa(self.plan.identity.ambient_pressure_pa))
+    def envelope(self) -> Envelope:
+        """Limits of the rig, tightened by the protocol."""
+        rig, tight = self.plan.envelope, self.plan.protocol.limits
+        low, high = rig.pressure_pa
+        if tight.pressure is not None:
+            high = min(high, tight.pressure.absolute_pa(self.plan.identity.ambient_pressure_pa))
+        upper = {
+            name: min(getattr(rig, name), getattr(tight, name) or math.inf)
+            for name in ("speed_m_s", "acceleration_m_s2", "force_n")
+        }
+        return replace(rig, pressure_pa=(low, high), **upper)
 
     def peak_acceleration_m_s2(self, distance_m: float, speed_m_s: float) -> float:
         """Return the largest acceleration of a move, below the limit of the axis if the jerk does not allow more."""
@@ -118,7 +110,7 @@ class Allowed:
         if hung:  # on the sensor, the drive uncoupled
             return {"known weight": hung}
         return {
-            "friction": self.plan.envelope.expected_friction_n,
+            "friction": self.envelope.expected_friction_n,
             "difference of the pressure forces": abs(self.pressure_force_n(cycle)),
             "inertia": self.plan.identity.mass_beyond_sensor_kg * self.acceleration_of(cycle),
             "weight of the moving parts": abs(self.weight_n),
@@ -142,10 +134,10 @@ def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
     speed = max(step.speed_m_s for cycle in cycles for _, step in _moves(cycle))
     pressure = max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in cycles)
     return {
-        "speed": (1e3 * speed, 1e3 * allowed.speed_m_s, "mm/s"),
-        "acceleration": (max(map(allowed.acceleration_of, cycles)), allowed.acceleration_m_s2, "m/s2"),
-        "force": (max(sum(allowed.forces_n(cycle).values()) for cycle in cycles), allowed.force_n, "N"),
-        "pressure": (pressure / 1e5, allowed.pressure_pa / 1e5, "bar abs"),
+        "speed": (1e3 * speed, 1e3 * allowed.envelope.speed_m_s, "mm/s"),
+        "acceleration": (max(map(allowed.acceleration_of, cycles)), allowed.envelope.acceleration_m_s2, "m/s2"),
+        "force": (max(sum(allowed.forces_n(cycle).values()) for cycle in cycles), allowed.envelope.force_n, "N"),
+        "pressure": (pressure / 1e5, allowed.envelope.pressure_pa[1] / 1e5, "bar abs"),
     }
 
 
@@ -187,16 +179,16 @@ def violations(cycle: Cycle, allowed: Allowed) -> Violations:
 
 
 def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
-    low, high = allowed.plan.envelope.position_m
+    low, high = allowed.envelope.position_m
     moves = list(_moves(cycle))
     for distance, step in moves:
         speed = step.speed_m_s
         if not low - ROUNDING <= step.to_m <= high + ROUNDING:
             remedy = "Change [stop] position, approach or recovery." if cycle.kind == "stop" else "Change [position]."
             yield "stroke", f"{_mm(step.to_m)}; from {_mm(low)} to {_mm(high)}", remedy
-        if speed > allowed.speed_m_s * (1.0 + ROUNDING):
-            yield "speed", f"{_mm_s(speed)}; at most {_mm_s(allowed.speed_m_s)}", "Lower the speed."
-        peak, top = allowed.peak_acceleration_m_s2(distance, speed), allowed.acceleration_m_s2
+        if speed > allowed.envelope.speed_m_s * (1.0 + ROUNDING):
+            yield "speed", f"{_mm_s(speed)}; at most {_mm_s(allowed.envelope.speed_m_s)}", "Lower the speed."
+        peak, top = allowed.peak_acceleration_m_s2(distance, speed), allowed.envelope.acceleration_m_s2
         if peak > top * (1.0 + ROUNDING):
             remedy = "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change."
             yield "acceleration", f"{peak:.4g} m/s2; at most {top:.4g} m/s2", remedy
@@ -221,13 +213,13 @@ MEASURING = ("sweep", "stop", "sentinel", "blank")
 
 
 def _pressures(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
-    low, high = allowed.plan.envelope.pressure_pa[0], allowed.pressure_pa
+    low, high = allowed.envelope.pressure_pa
     a, b = cycle.pressure_a_pa, cycle.pressure_b_pa
     for chamber, value in (("a", a), ("b", b)):
         if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
             limit = f"{_bar(low)} to {_bar(high)}" if low < high else f"the chambers are open to ambient, {_bar(low)}"
             yield "pressure", f"{_bar(value)} in chamber {chamber}; {limit}", "Change [pressure]."
-    if not allowed.plan.envelope.separate_pressures and abs(a - b) > SAME_PRESSURE_PA:
+    if not allowed.envelope.separate_pressures and abs(a - b) > SAME_PRESSURE_PA:
         limit = "the same pressure in both chambers, because they share a common manifold"
         remedy = "Give the pressures as [pressure] both, or use a rig with a regulator for each chamber."
         yield "manifold", f"{_bar(a)} and {_bar(b)}; {limit}", remedy
@@ -235,18 +227,18 @@ def _pressures(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]
 
 def _force(cycle: Cycle, allowed: Allowed) -> Iterator[tuple[str, str, str]]:
     push = abs(allowed.pressure_force_n(cycle) - allowed.weight_n)
-    holds = allowed.plan.envelope.expected_friction_n
+    holds = allowed.envelope.expected_friction_n
     if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
         limit = f"only friction holds a released axis, with at most {holds:.3g} N"
         remedy = 'Take equal pressures, or [stop] axis = "held"; do not release an inclined rig for its tare.'
         yield "release", f"pressure and weight push with {push:.3g} N; {limit}", remedy
     parts = allowed.forces_n(cycle)
     total = sum(parts.values())
-    if total > allowed.force_n * (1.0 + ROUNDING):
+    if total > allowed.envelope.force_n * (1.0 + ROUNDING):
         shown = " + ".join(f"{value:.3g} N {name}" for name, value in parts.items() if value > 0.0)
         largest = max(parts, key=lambda name: parts[name])
         remedy = LESS_FORCE.get(largest, "Use a rig whose force sensor has a greater range.")
-        yield "force", f"{total:.4g} N ({shown}); at most {allowed.force_n:.4g} N", remedy
+        yield "force", f"{total:.4g} N ({shown}); at most {allowed.envelope.force_n:.4g} N", remedy
 
 
 def _refusal(plan: Plan, broken: list[tuple[list[Cycle], Violations]]) -> ProtocolError:
@@ -325,7 +317,7 @@ def _measured_badly(plan: Plan) -> Iterator[str]:
         )
     if speeds is None:
         return
-    top = swept[-1]
+    top = speeds.levels_m_s[-1]
     ramp = way.limits.ramp_distance_m(top) / way.length_m
     if ramp > protocol.filter.ignore_initial:
         yield (

@@ -216,9 +216,9 @@ class Link:
                 values[name] = value.Value
         for name, node in self.nodes.nodes.items():
             variant = values.get(name)
-            is_null = variant is None or variant.VariantType is ua.VariantType.Null  # None: a constant
-            kind = ua.VariantType[node.type] if is_null else variant.VariantType
-            length = len(variant.Value) if not is_null and isinstance(variant.Value, list) else 0
+            kind, length = ua.VariantType[node.type], 0
+            if variant is not None and variant.VariantType is not ua.VariantType.Null:  # None: a constant
+                kind, length = variant.VariantType, len(variant.Value) if isinstance(variant.Value, list) else 0
             self.served[name] = ServedNode(node, ids[name], kind, length)
 
     async def _start_heart(self) -> None:
