@@ -7,10 +7,12 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.planning.points import Way
 from pneudrive.constants import STANDARD_GRAVITY_M_S2, ZERO_CELSIUS_K
+from pneudrive.describe.files import toml
 from pneudrive.errors import ProtocolError, nearest
 from pneudrive.rig.interface import Changeable, Hold, Move
 
@@ -59,7 +61,7 @@ def check(plan: Plan) -> tuple[str, ...]:
     broken = [(cycles, items) for cycles in alike if (items := violations(cycles[0], allowed))]
     if broken:
         raise _refusal(plan, broken)
-    return (*_measured_badly(plan), *_designed_badly(plan))
+    return cautions(plan)
 
 
 def _alike(plan: Plan) -> list[list[Cycle]]:
@@ -297,71 +299,62 @@ BURST_RATE_HZ = 5000.0
 BASE_RATE_HZ = 100.0
 
 
-def _measured_badly(plan: Plan) -> Iterator[str]:
-    """Yield the effects that the samples and strokes of a plan cannot show, or can show only poorly."""
+#: Key of ``cautions.toml``, and the values of its text.
+Caution = tuple[str, dict[str, Any]]
+
+
+def cautions(plan: Plan) -> tuple[str, ...]:
+    """Return the effects that a plan cannot show, or can show only poorly, and notes on its rig, time and tables."""
+    texts = toml.tomllib.loads(Path(__file__).with_name("cautions.toml").read_text("utf-8"))
+    return tuple(texts[key].format(**values) for key, values in (*_of_samples(plan), *_of_design(plan)))
+
+
+def _of_samples(plan: Plan) -> Iterator[Caution]:
+    """Yield the effects that the samples and strokes of a plan cannot show."""
     protocol, way = plan.protocol, Way.on(plan.protocol, plan.envelope)
     samples, speeds = protocol.samples, protocol.speed
     burst = samples.burst_rate_hz if samples.burst_after_s > 0.0 else 0.0
     if burst < BURST_RATE_HZ:
-        yield (
-            f"sampling.burst_rate is {burst:g} Hz: breakaway and restart need {BURST_RATE_HZ:g} Hz or more, "
-            "or their peaks are too low"
-        )
+        yield "bursts", {"rate": burst, "needed": BURST_RATE_HZ}
     swept: tuple[float, ...] = () if speeds is None else speeds.levels_m_s
     slowest = min(*swept, *(protocol.stop.restart_speed_m_s if protocol.stop else ()), math.inf)
     rate = samples.samples_per_stroke / (way.length_m / slowest)
     if rate < BASE_RATE_HZ:
-        yield (
-            f"at {1e3 * slowest:.4g} mm/s, {samples.samples_per_stroke} samples a stroke are {rate:.2g} a second "
-            "between the bursts: enough for a mean force, but not for stick-slip"
-        )
+        yield "slow", {"speed": 1e3 * slowest, "samples": samples.samples_per_stroke, "rate": rate}
     if speeds is None:
         return
-    top = speeds.levels_m_s[-1]
-    ramp = way.limits.ramp_distance_m(top) / way.length_m
-    if ramp > protocol.filter.ignore_initial:
-        yield (
-            f"at {1e3 * top:.4g} mm/s the axis accelerates over {100 * ramp:.2g} % of the stroke, more than the "
-            f"{100 * protocol.filter.ignore_initial:.2g} % that are ignored: the settled part is found from the speed"
-        )
-    cruise_s = way.cruise_s(top) * speeds.most_strokes
+    top, ignored = speeds.levels_m_s[-1], protocol.filter.ignore_initial
+    ramp, cruise_s = way.limits.ramp_distance_m(top) / way.length_m, way.cruise_s(top) * speeds.most_strokes
+    if ramp > ignored:
+        yield "ramps", {"speed": 1e3 * top, "ramp": 100 * ramp, "ignored": 100 * ignored}
     if cruise_s < speeds.settled_time_s:
-        yield (
-            f"at {1e3 * top:.4g} mm/s, {speeds.most_strokes} strokes last {cruise_s:.2g} s at "
-            f"constant speed, less than speed.settled_time = {speeds.settled_time_s:g} s"
-        )
+        strokes = {"strokes": speeds.most_strokes, "cruise": cruise_s, "settled": speeds.settled_time_s}
+        yield "settled", {"speed": 1e3 * top, **strokes}
 
 
-def _designed_badly(plan: Plan) -> Iterator[str]:
+def _of_design(plan: Plan) -> Iterator[Caution]:
     """Yield the effects that the design of a plan cannot separate, and notes on its rig, its time and its tables."""
     protocol, envelope, ambient = plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa
     if protocol.repeats < 2 and protocol.order.replicates < 2:
-        yield "repeats = 1: repeatability cannot be determined"
+        yield "repeats", {}
     if protocol.directions != "both":
-        yield f'directions = "{protocol.directions}": friction cannot be separated from an offset of the force'
+        yield "directions", {"directions": protocol.directions}
     varied = [name for name, factor in protocol.hard.items() if len(factor.levels) > 1]
     if varied and protocol.order.replicates < 2:
-        yield (
-            f"order.replicates = 1: each {' and '.join(varied)} is one block, so its effect cannot be separated from "
-            "that of a new set-up"
-        )
+        yield "replicates", {"factors": " and ".join(varied)}
     if protocol.stop is not None and not protocol.stop.reference_strokes and 0.0 not in protocol.stop.durations_s:
-        yield "stop.reference_strokes = 0 and no stop of 0 s: recovery after a stop has no reference"
+        yield "reference", {}
     if envelope.expected_friction_n <= 0.0:
-        yield "the rig does not state an expected friction: the check of the force ignores friction"
+        yield "friction", {}
     if plan.identity.chambers == "open" and protocol.before_block.leak_check_s is not None:
-        yield "before_block.leak_check: the chambers of the rig are open, so this check has no effect"
+        yield "leak", {}
     asked = protocol.conditions.supply_pressure
     least = max(envelope.supply_pressure_pa, asked.absolute_pa(ambient) if asked is not None else 0.0)
     highest = max(p.absolute_pa(ambient) for pair in protocol.pressure.levels for p in pair)
     if 0.0 < least < highest:
-        yield (
-            f"the supply may fall to {least / 1e5:.4g} bar abs, but the protocol needs {highest / 1e5:.4g} bar abs: "
-            "raise conditions.supply_pressure"
-        )
-    limit_s = protocol.limits.time_s
-    if plan.time_s > limit_s:
-        yield f"it takes {plan.time_s / 3600:.3g} h, more than limits.time = {limit_s / 3600:.3g} h"
+        yield "supply", {"least": least / 1e5, "highest": highest / 1e5}
+    if plan.time_s > protocol.limits.time_s:
+        yield "time", {"hours": plan.time_s / 3600, "limit": protocol.limits.time_s / 3600}
     for table in ("adaptive", "design"):
         if getattr(protocol, table) is not None:
-            yield f"[{table}] is not applied: the plan runs as listed, and `pneudrive design` proposes further points"
+            yield "unused", {"table": table}
