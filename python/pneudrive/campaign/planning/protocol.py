@@ -416,8 +416,10 @@ class Stops(ProtocolTable):
     """speed after the stop; a value or a list"""
     approach_speed_m_s: MaybeSpeed = None
     """speed before the stop; absent: the restart speed"""
-    position: Annotated[tuple[AxisPosition, ...], ListOf(PositionMark())] = (AxisPosition(0.5, relative=True),)
-    """positions; a value or a list: "50 %" of the range, or "120 mm\""""
+    position: Annotated[tuple[AxisPosition, ...], ListOf(PositionMark())] = Field(
+        (AxisPosition(0.5, relative=True),),
+        description='positions; a value or a list: "50 %" of the range, or "120 mm"',
+    )
     approach_m: MaybeDistance = None
     """length of the move before the stop; absent: from the end of the range"""
     recovery_m: MaybeDistance = None
@@ -554,8 +556,9 @@ class Filter(ProtocolTable):
     """Filters of the analysis; the files keep every raw sample."""
 
     table_name: ClassVar[str] = "filter"
-    average: Annotated[int, MovingAverage()] = 1
-    """moving average over this many samples, or "none\""""
+    average: Annotated[int, MovingAverage()] = Field(
+        default=1, description='moving average over this many samples, or "none"'
+    )
     ignore_initial: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=50.0))] = 0.05
     """fraction of the samples at the beginning of each stroke that is ignored [bracha]"""
 
@@ -566,8 +569,9 @@ class Conditions(ProtocolTable):
     table_name: ClassVar[str] = "conditions"
     supply_pressure: MaybePressure = None
     """least supply pressure"""
-    temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = None
-    """range, "15 degC .. 30 degC\""""
+    temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = Field(
+        default=None, description='range, "15 degC .. 30 degC"'
+    )
     force_share: Annotated[float, Percent(bounds=Bounds(above=0.0, at_most=100.0))] = 0.9
     """fraction of the range of the force sensor at which a cycle is stopped"""
 
@@ -592,8 +596,10 @@ class Range(ProtocolTable):
     """Part of the stroke that is used."""
 
     table_name: ClassVar[str] = "position"
-    range: Annotated[tuple[AxisPosition, AxisPosition] | None, BetweenPositions()] = None
-    """"20 mm .. 280 mm", or "5 % .. 95 %" of the rig's range; absent: the range without the margin"""
+    range: Annotated[tuple[AxisPosition, AxisPosition] | None, BetweenPositions()] = Field(
+        None,
+        description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: the range without the margin',
+    )
     margin_m: Annotated[float, Quantity("m", "mm", NOT_NEGATIVE)] = 1e-3
     """distance from the ends of the rig's range if `range` is absent"""
 
