@@ -462,7 +462,7 @@ def test_a_fault_is_answered_too(served: Served, monkeypatch: pytest.MonkeyPatch
         raise IndexError("index 0 is out of bounds")
 
     monkeypatch.setattr("pneudrive.web.messages.print_exception", lambda _: None)
-    monkeypatch.setattr("pneudrive.web.live.RunRequest.of", faulty)
+    monkeypatch.setattr("pneudrive.web.live.ExtrasRequest.of", faulty)
     with served.client.websocket_connect("/api/live", **served.socket) as socket:
         for number in (1, 2):
             socket.send_text(f'{{"number": {number}}}')

@@ -14,7 +14,7 @@ from pneudrive.errors import Cancelled, CommandError, PneudriveError
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.web.drive.beside import ExtrasRequest
-from pneudrive.web.drive.run_request import Run, RunLimit, RunRequest
+from pneudrive.web.drive.run_request import Run, RunLimit
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import fault_of, pack, problems_of
@@ -114,10 +114,10 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
 
                 return validation.frame_of(workspace, asked, number)
         limit = limit or RunLimit()
-        request, extras = RunRequest.of(asked), ExtrasRequest.of(asked)
+        request = ExtrasRequest.of(asked)
         described = request.described(workspace)
         run = request.run_of(described, workspace, limit)
-        head, arrays = extras.answer(workspace, request, described, run, shown_columns(run), limit)
+        head, arrays = request.answer(workspace, described, run, shown_columns(run), limit)
         return frame_of(run, request.pixels, {"number": number, "path": path, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(

@@ -13,16 +13,14 @@ from traceback import print_exception
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneudrive.errors import CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[Any]
-
+Array = NDArray[Any]
 ALIGNED = 8
 LONGEST_NAME = 200  # longest name in a message
 TYPES = {"float32": "<f4", "float64": "<f8"}

@@ -21,17 +21,15 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse, readable
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.requests import PageRequest, shell, wrong_request
+from pneudrive.web.messages import Array
+from pneudrive.web.requests import shell, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from pneudrive.ensemble.study import EnsembleStudy
 
-    Array = NDArray[Any]
 
 MOST_OTHERS = 7  # with the run itself, as many as there are line styles
 MEMBERS, BAND_SAMPLES = 200, 200  # samples of a band: its plot is about 400 pixels wide
@@ -47,8 +45,8 @@ _KEY, _UNIT = re.compile(r"[A-Za-z_][\w-]*(?:\.[\w-]+)*"), re.compile(r"[A-Za-zÂ
 _PLACES = (("{}.position_m", "{}.a.pressure_pa", "{}.b.pressure_pa"), ("position_m", "pressure_a_pa", "pressure_b_pa"))
 
 
-class ExtrasRequest(PageRequest):
-    """Requested comparisons with a run.
+class ExtrasRequest(RunRequest):
+    """A run and the requested comparisons with it.
 
     Attributes
     ----------
@@ -72,13 +70,7 @@ class ExtrasRequest(PageRequest):
         return {key: _ends(key, ends) for key, ends in spreads.items()}
 
     def answer(
-        self,
-        workspace: Workspace,
-        asked: RunRequest,
-        described: Described,
-        run: Run,
-        shown: Sequence[str],
-        limit: RunLimit,
+        self, workspace: Workspace, described: Described, run: Run, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         """Return head and arrays of the comparisons with the run of `described`. `shown` are the drawn columns.
 
@@ -92,8 +84,8 @@ class ExtrasRequest(PageRequest):
         arrays: dict[str, Array] = {}
         others = []
         for number, path in enumerate(self.others, start=1):
-            columns = _other(workspace, asked, path, ["time_s", *shown], limit)
-            arrays |= {f"{number}/{name}": values for name, values in drawn_columns(columns, asked.pixels).items()}
+            columns = self._other(workspace, path, ["time_s", *shown], limit)
+            arrays |= {f"{number}/{name}": values for name, values in drawn_columns(columns, self.pixels).items()}
             others.append({"path": path, **_differences(run.columns, columns)})
         head: dict[str, Any] = {"others": others}
         if self.motion:
@@ -104,24 +96,45 @@ class ExtrasRequest(PageRequest):
             head["platforms"], own = platform_motion(described, run.columns, rows)
             arrays |= own
         if self.loops:
-            found = _loops(described, run.columns, asked.pixels)
+            found = _loops(described, run.columns, self.pixels)
             head["loops"] = list(found)
             arrays |= {f"loop/{name}/{axis}": values for name, pair in found.items() for axis, values in pair.items()}
         if self.energy:
             limit.allow(MOST_SECONDS)
             from pneudrive.datasheet.characteristics.air import energy_balance
 
-            command, initial = asked.command_of(described, workspace), asked.initial or None
-            balance = energy_balance(described, command, asked.duration, initial=initial, cancel=limit)
+            command, initial = self.command_of(described, workspace), self.initial or None
+            balance = energy_balance(described, command, self.duration, initial=initial, cancel=limit)
             head["energy"] = {**vars(balance), "air_litres_anr": balance.air_litres_anr}
         if self.spreads:
             limit.allow(MOST_SECONDS)
-            band, of = self._band(workspace, described, asked, shown, limit)
+            band, of = self._band(workspace, described, shown, limit)
             head["band"], arrays = band, arrays | of
         return head, arrays
 
+    def _other(self, workspace: Workspace, path: str, columns: Sequence[str], limit: RunLimit) -> dict[str, Array]:
+        """Return columns of another drive with the same command, or of a trajectory file."""
+        if _is_described(path):
+            try:
+                found = self.with_path(path).run(workspace, limit).columns
+            except PneudriveError as error:
+                error.where = error.where or path  # the file is not that of the run
+                raise
+            return {name: np.asarray(found[name]) for name in columns if name in found}
+        place = workspace.path(path, TRAJECTORIES)
+        names = columns_in(place, columns)
+        if "time_s" not in names or len(names) < 2:
+            raise CommandError(
+                f"{path} is not a trajectory of such a drive", rule="a file with the columns of pneudrive simulate"
+            )
+        found = read_columns(place, names)
+        time = found["time_s"]
+        if not len(time) or not (np.isfinite(time).all() and (np.diff(time) >= 0.0).all()):
+            raise CommandError(f"{path} has no samples whose times rise", remedy="Choose another file.")
+        return found
+
     def _band(
-        self, workspace: Workspace, described: Described, asked: RunRequest, shown: Sequence[str], limit: RunLimit
+        self, workspace: Workspace, described: Described, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import Gathered, results, study_of
@@ -129,12 +142,12 @@ class ExtrasRequest(PageRequest):
 
         study = study_of(
             described,
-            asked.command_of(described, workspace),
-            asked.duration,
+            self.command_of(described, workspace),
+            self.duration,
             vary=self._vary(),
             n=MEMBERS,
-            outputs=self._outputs(asked, shown),
-            initial=asked.initial or None,
+            outputs=self._outputs(shown),
+            initial=self.initial or None,
             rtol=BAND_RTOL,
             refuse=False,
         )
@@ -162,48 +175,47 @@ class ExtrasRequest(PageRequest):
     def _vary(self) -> dict[str, str]:
         return {key.removeprefix("components."): f"uniform({low}, {high})" for key, (low, high) in self.spreads.items()}
 
-    @staticmethod
-    def _outputs(asked: RunRequest, columns: Sequence[str]) -> list[str]:
-        rate = BAND_SAMPLES / parse(asked.duration, "s")
+    def _outputs(self, columns: Sequence[str]) -> list[str]:
+        rate = BAND_SAMPLES / parse(self.duration, "s")
         return [f"samples({meaning(column)[0]}, {rate!r} Hz)" for column in columns]
 
-    def as_command(self, asked: RunRequest, shown: Sequence[str], out: str, names: NewNames) -> str:
+    def extras_command(self, shown: Sequence[str], out: str, names: NewNames) -> str:
         """Return the shell lines that make the comparisons with the run written to `out`."""
-        others = [asked.with_path(path) for path in self.others if _is_described(path)]
+        others = [self.with_path(path) for path in self.others if _is_described(path)]
         lines = [other.as_command(names.of(other.stem())) for other in others]
-        lines += [f"{asked.as_command(out)} --energy"] if self.energy else []
+        lines += [f"{self.as_command(out)} --energy"] if self.energy else []
         if self.spreads:
             sweep = shell(
                 "sweep",
-                asked.path,
-                duration=asked.duration,
-                command=asked.lines,
-                initial=asked.initial,
-                set=[f"{key} = {value}" for key, value in asked.changes.items()],
+                self.path,
+                duration=self.duration,
+                command=self.lines,
+                initial=self.initial,
+                set=[f"{key} = {value}" for key, value in self.changes.items()],
                 vary=[f"{key} = {text}" for key, text in self._vary().items()],
-                output=self._outputs(asked, shown),
+                output=self._outputs(shown),
                 members=MEMBERS,
                 rtol=BAND_RTOL,
-                out=names.of(f"{asked.stem()}-band"),
+                out=names.of(f"{self.stem()}-band"),
             )
             lines.append(sweep)
         return "\n".join(lines)
 
-    def as_python(self, workspace: Workspace, asked: RunRequest, shown: Sequence[str]) -> str:
+    def extras_python(self, workspace: Workspace, shown: Sequence[str]) -> str:
         """Return the Python lines that make the comparisons, after those of the run."""
         lines = []
         for number, path in enumerate(self.others, start=1):
             if _is_described(path):
-                lines.append(asked.with_path(path).as_python(described_at(workspace, path), f"_{number}"))
+                lines.append(self.with_path(path).as_python(described_at(workspace, path), f"_{number}"))
             elif path.endswith(".nc"):
                 lines += ["import xarray as xr", f"run_{number} = xr.load_dataset({path!r})"]
             else:
                 lines += ["import polars as pl", f"run_{number} = pl.read_{path.rpartition('.')[2]}({path!r})"]
         if self.energy:
-            lines.append(f"energy = {asked.call('pn.energy_balance')}")
+            lines.append(f"energy = {self.call('pn.energy_balance')}")
         if self.spreads:
-            options = {"vary": self._vary(), "n": MEMBERS, "outputs": self._outputs(asked, shown), "rtol": BAND_RTOL}
-            lines.append(f"many = {asked.call('pn.simulate_many', **options)}")
+            options = {"vary": self._vary(), "n": MEMBERS, "outputs": self._outputs(shown), "rtol": BAND_RTOL}
+            lines.append(f"many = {self.call('pn.simulate_many', **options)}")
             each = f'name: many[name].quantile({list(BAND)!r}, "member")'
             lines.append(f"band = {{{each} for name in many.data_vars if many[name].dims == ('member', 'time')}}")
         return "\n".join([*lines, ""]) if lines else ""
@@ -211,7 +223,7 @@ class ExtrasRequest(PageRequest):
 
 def copied(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, str]:
     """Return a run and its comparisons as lines of a shell and as Python."""
-    asked, extras = RunRequest.of(given), ExtrasRequest.of(given)
+    asked = ExtrasRequest.of(given)
     asked.check_saved(workspace)
     columns = given.get("columns", [])
     columns = [name for name in columns if isinstance(name, str)] if isinstance(columns, list) else []
@@ -219,8 +231,8 @@ def copied(workspace: Workspace, given: Mapping[str, Any]) -> dict[str, str]:
     names = NewNames(workspace)
     out = names.of(asked.stem())
     return {
-        "command": f"{asked.as_command(out)}\n{extras.as_command(asked, columns, out, names)}".strip(),
-        "python": f"import pneudrive as pn\n\n{run}\n{extras.as_python(workspace, asked, columns)}",
+        "command": f"{asked.as_command(out)}\n{asked.extras_command(columns, out, names)}".strip(),
+        "python": f"import pneudrive as pn\n\n{run}\n{asked.extras_python(workspace, columns)}",
     }
 
 
@@ -263,30 +275,6 @@ def _ends(key: object, given: object) -> tuple[str, str]:
 
 def _is_described(path: str) -> bool:
     return is_in_catalogue(path) or path.lower().endswith(DESCRIPTIONS)
-
-
-def _other(
-    workspace: Workspace, asked: RunRequest, path: str, columns: Sequence[str], limit: RunLimit
-) -> dict[str, Array]:
-    """Return columns of another drive with the same command, or of a trajectory file."""
-    if _is_described(path):
-        try:
-            found = asked.with_path(path).run(workspace, limit).columns
-        except PneudriveError as error:
-            error.where = error.where or path  # the file is not that of the run
-            raise
-        return {name: np.asarray(found[name]) for name in columns if name in found}
-    place = workspace.path(path, TRAJECTORIES)
-    names = columns_in(place, columns)
-    if "time_s" not in names or len(names) < 2:
-        raise CommandError(
-            f"{path} is not a trajectory of such a drive", rule="a file with the columns of pneudrive simulate"
-        )
-    found = read_columns(place, names)
-    time = found["time_s"]
-    if not len(time) or not (np.isfinite(time).all() and (np.diff(time) >= 0.0).all()):
-        raise CommandError(f"{path} has no samples whose times rise", remedy="Choose another file.")
-    return found
 
 
 def _differences(run: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, dict[str, float]]:
@@ -365,7 +353,7 @@ class SentPlatform:
 
 
 def platform_motion(
-    described: Described, columns: Mapping[str, Array], rows: NDArray[np.int64]
+    described: Described, columns: Mapping[str, Array], rows: Array
 ) -> tuple[list[dict[str, Any]], dict[str, Array]]:
     """Return the platforms of a run as plain data, and arrays of their points and outputs at some of its samples."""
     sent, arrays = [], {}

@@ -32,7 +32,7 @@ from pneudrive.rig.loading import load_rig
 from pneudrive.views import ShownCurve, View
 from pneudrive.web.jobs import RIG, design_python
 from pneudrive.web.lineage import MOST_TRACED, SAME, Lineage, recordings_of_map
-from pneudrive.web.messages import number
+from pneudrive.web.messages import Array, number
 from pneudrive.web.requests import shell, wrong_request
 from pneudrive.web.results import sent
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
@@ -41,11 +41,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import xarray as xr
-    from numpy.typing import NDArray
 
     from pneudrive.identify.files import AnyFit
 
-    Array = NDArray[Any]
 
 MAPS = (".parquet", ".csv")
 FIT = "fit.toml"

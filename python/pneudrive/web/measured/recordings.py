@@ -26,18 +26,15 @@ from pneudrive.signals.recording import find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.measured.tiles import BLOCK, KeptSamples, Pyramid, TileWindow
-from pneudrive.web.messages import fault_of, pack, plain, problems_of
+from pneudrive.web.messages import Array, fault_of, pack, plain, problems_of
 from pneudrive.web.requests import MOST_PIXELS, PageRequest
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from pneudrive.signals.recording import Recording
 
-    Array = NDArray[Any]
 
 ENDS = 1 << 16  # bytes at both ends of a file that enter its key
 MOST_OPEN = 16  # recordings
