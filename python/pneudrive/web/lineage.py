@@ -103,7 +103,7 @@ class Lineage:
         return [file for file in self.files.values() if file.kind in kinds][: self.most]
 
     def _of(self, read: Callable[..., Any], path: str) -> Any:  # noqa: ANN401 - content of the file, or its hash
-        """Return what a kept function reads from a file."""
+        """Call a kept function of workspace, path and time of the last change with a file."""
         return read(self.workspace, path, self.files[path].changed)
 
     @cached_property

@@ -161,7 +161,7 @@ class OpenReports:
 
 
 def report_address(workspace: Workspace, path: str) -> dict[str, str]:
-    """Return the address of the report in a folder. The address is empty if there is no report."""
+    """Return the address of the report in a folder. Empty without a report."""
     if not (workspace.folder(path) / REPORT).is_file():
         return {"address": ""}
     folders = workspace.state(OpenReports).folders

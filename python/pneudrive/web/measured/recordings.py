@@ -305,8 +305,8 @@ def shown_spectrum(workspace: Workspace, path: str, given: Mapping[str, str]) ->
 def shown_strokes(workspace: Workspace, path: str) -> dict[str, Any]:
     """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
 
-    A stroke has start, end, direction and speed. A kind of fault has a count, and places as first and last time. If
-    samples are counted or too many, there are no strokes and faults, and a reason is given.
+    A stroke has start, end, direction and speed. A kind of fault has a count, and places as first and last time.
+    Without times, or with too many samples, a note says why both are empty.
     """
     file, nothing = workspace.path(path, TABLES), {"strokes": [], "faults": {}}
     reading = workspace.state(Recordings).opened(path)
