@@ -306,17 +306,15 @@ def is_fit(path: Path) -> bool:
 
 
 @kept(MOST_DRIVES)
-def drive_at(workspace: Workspace, name: str, _changed: float) -> Drive | None:
+def drive_at(workspace: Workspace, name: str, changed: float) -> Drive | None:
     """Return the drive of a file, or of a fit. None for another file, or one that is not valid."""
-    try:
-        path = workspace.path(name)
-        if is_fit(path):
-            fit = read_fit(path)
+    fit = _fit_at(workspace, name, changed)
+    with suppress(PneudriveError):
+        if fit is not None:
             return fit.apply() if isinstance(fit, DriveFit) and fit.converged else None
         found = described_at(workspace, name)
-    except PneudriveError:
-        return None
-    return found if isinstance(found, Drive) else None
+        return found if isinstance(found, Drive) else None
+    return None
 
 
 @lru_cache(maxsize=2 * MOST_TRACED)
