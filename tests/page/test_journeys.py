@@ -282,6 +282,8 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     page.wait_for_selector("text=darker: towards +x")
     page.click("section[aria-label=Friction] >> text=Copy as command or Python")
     assert "pneudrive characterise O-ring_" in page.inner_text("[data-copy=command]")
+    page.click("section[aria-label=Friction] button:text-is('All 2')")
+    page.wait_for_function("document.querySelectorAll('section[aria-label=Friction] input:checked').length === 2")
     assert violations(tab) == []
     tab.check()
 
