@@ -24,8 +24,7 @@ from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.report.page import FIGURES, Report
 from pneudrive.signals.columns import family_of, header_unit, split_name
 from pneudrive.signals.layout import labels_from_name
-from pneudrive.signals.sniff import read_preamble
-from pneudrive.signals.text_table import TextForm
+from pneudrive.signals.text_table import TextForm, read_preamble
 from pneudrive.simulation.trajectory import whole
 from pneudrive.units import parse
 from pneudrive.web.drive.description import edited

@@ -30,7 +30,7 @@ with used_later(__name__):
     from pneudrive.report.campaign import compare as comparison_page
     from pneudrive.report.campaign import page as campaign_page
     from pneudrive.signals import layout as layouts
-    from pneudrive.signals import load, roles
+    from pneudrive.signals import load
     from pneudrive.signals import proposal as proposals
     from pneudrive.simulation import trajectory
     from pneudrive.studies import bracha
@@ -85,7 +85,7 @@ def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) 
         strokes = f": {len(proposal.strokes)} strokes" if proposal.strokes else ""
         sys.stderr.write(f"A recording of {what}{strokes}; check the lines marked guess.\n")
     if proposal.unused:
-        sys.stderr.write(f"Not used: {', '.join(roles.families(proposal.unused))}.\n")
+        sys.stderr.write(f"Not used: {', '.join(proposals.families(proposal.unused))}.\n")
     sys.stderr.write("".join(f"{path}\n" for path in (out, picture) if path is not None))
     if proposal.problem:
         raise RecordingError(

@@ -14,7 +14,7 @@ import numpy as np
 from pneudrive.errors import CommandError, DescriptionError, LayoutError, RecordingError
 from pneudrive.files.tables import open_table
 from pneudrive.signals.importer import TEXT_KINDS, names_of, read_channels, read_foreign
-from pneudrive.signals.sniff import sniff_format
+from pneudrive.signals.text_table import sniff_format
 from pneudrive.simulation.trajectory import meaning, save_columns
 from pneudrive.units import converter, is_unit
 

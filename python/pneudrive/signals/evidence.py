@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.signals.sniff import FileForm
+    from pneudrive.signals.text_table import FileForm
 
     Array = NDArray[np.float64]
 

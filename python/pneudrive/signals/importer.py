@@ -20,14 +20,16 @@ from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
 from pneudrive.signals.columns import SECONDARY, ColumnUnit, role_of, side_of, split_name, words_of
 from pneudrive.signals.layout import UNITS
-from pneudrive.signals.sniff import FileForm, sniff_format, sniff_text
 from pneudrive.signals.text_table import (
+    FileForm,
     ForeignTable,
     TextForm,
     column_number,
     measurable,
     read_bytes,
     read_text,
+    sniff_format,
+    sniff_text,
 )
 from pneudrive.signals.times import (
     COUNTERS,

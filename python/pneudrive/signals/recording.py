@@ -13,7 +13,6 @@ from pneudrive.repr_tables import Shown
 from pneudrive.signals.motion import NOISE_FACTOR, middle, noise_level, thinned
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -233,29 +232,19 @@ def find_faults(recording: Recording) -> dict[str, SampleFault]:
         As for `clean`.
     """
     places: dict[str, list[tuple[float, float]]] = {}
-
-    def find(kind: str, time_s: NDArray[np.float64], mask: NDArray[np.bool_]) -> None:
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
-        ends = zip(time_s[edges[::2]], time_s[edges[1::2] - (kind != "gap")], strict=True)
-        places[kind] = [(float(first), float(last)) for first, last in ends if np.isfinite(first + last)]
-
-    flags = clean(recording, find).flags
+    flags = clean(recording, places).flags
     return {kind: SampleFault(count, places.get(kind, [])) for kind, count in flags.items()}
 
 
-def clean(
-    recording: Recording,
-    found: Callable[[str, NDArray[np.float64], NDArray[np.bool_]], None] = lambda _kind, _time_s, _mask: None,
-) -> Recording:
+def clean(recording: Recording, places: dict[str, list[tuple[float, float]]] | None = None) -> Recording:
     """Drop unusable samples and count them by kind.
 
     Parameters
     ----------
     recording
         As read.
-    found
-        Called with each kind of fault, the times and the mask of its samples. For gaps, the mask has the samples before
-        them.
+    places
+        Receives the first and last time of each occurrence by kind, s. A gap extends to the next sample.
 
     Returns
     -------
@@ -271,9 +260,12 @@ def clean(
     counts = dict(recording.flags)
 
     def count(kind: str, mask: NDArray[np.bool_]) -> None:
-        found(kind, recording.time_s, mask)
         if number := int(mask.sum()):
             counts[kind] = counts.get(kind, 0) + number
+        if places is not None:
+            edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
+            ends = zip(recording.time_s[edges[::2]], recording.time_s[edges[1::2] - (kind != "gap")], strict=True)
+            places[kind] = [(float(first), float(last)) for first, last in ends if np.isfinite(first + last)]
 
     channels = (*(getattr(recording, name) for name in CHANNELS), *(force.force_n for force in recording.parallel))
     finite = np.isfinite(recording.time_s)
