@@ -33,7 +33,7 @@ from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import (
-    Cycles,
+    CampaignFile,
     LongFile,
     RecordingFile,
     find_cycles,
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
     from pneudrive.progress import Flag
 
-    Source = Recording | RecordingFile | Cycles
+    Source = Recording | RecordingFile | CampaignFile
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset
 
 KEPT_IN_FULL = 300  # recordings; the samples of a larger campaign are not kept
@@ -191,7 +191,7 @@ def characterise_recordings(
     """
     choice = protocol if protocol is not None else Settled()
     watch, sources = Watch(progress, cancel), _sources(recordings, layout)
-    number = sum(len(source) if isinstance(source, Cycles) else 1 for source in sources)
+    number = sum(len(source) if isinstance(source, CampaignFile) else 1 for source in sources)
     is_large = number > KEPT_IN_FULL
     shown = np.unique(np.linspace(0, number - 1, SHOWN).astype(int)) if is_large else np.arange(number)
     found = _Results(large=is_large)
@@ -229,7 +229,7 @@ def _sources(recordings: Input, layout: Layout | str | Path | None) -> list[Sour
 def _readers(sources: list[Source]) -> Iterator[tuple[str, Callable[[], Recording | LongFile]]]:
     """Yield the name of each recording and a function that reads it, or opens it if it is long."""
     for source in sources:
-        if isinstance(source, Cycles):
+        if isinstance(source, CampaignFile):
             for cycle in read_cycles(source):
                 yield cycle.name, lambda cycle=cycle: cycle
         elif isinstance(source, Recording):

@@ -24,7 +24,7 @@ from pneudrive.friction.stick_slip import RIPPLE_LIMIT
 from pneudrive.friction.strokes import row_of
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.motion import Stroke, middle, speeds_differ, straight_line
-from pneudrive.signals.plausible import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S
+from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,7 +13,7 @@ import numpy as np
 
 from pneudrive.friction.bins import bin_means
 from pneudrive.signals.motion import find_strokes, local_slope, speed_levels, straight_line
-from pneudrive.signals.plausible import refuse_impossible
+from pneudrive.signals.recording import refuse_impossible
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

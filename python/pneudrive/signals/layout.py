@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from pneudrive.errors import DescriptionError
 
 
-class Kind(NamedTuple):
+class RecordingKind(NamedTuple):
     """Kind of recording: the SI units of its channels, the needed channels, and the needs in words."""
 
     units: dict[str, str]
@@ -61,13 +61,13 @@ _RIG = {"time": "s", "position": "m", "force": "N", "pressure_a": "Pa", "pressur
 #: A layout with a command is one of a drive. The command of a fixed volume is the opening fraction of its line, and the
 #: inlet pressure is that between line and tube.
 KINDS = {
-    "rig": Kind(_RIG, ("time", "position", "force"), "friction needs time, position and force"),
-    "drive": Kind(
+    "rig": RecordingKind(_RIG, ("time", "position", "force"), "friction needs time, position and force"),
+    "drive": RecordingKind(
         {**_RIG, "command": "", "velocity": "m/s", "temperature_a": "K", "temperature_b": "K"},
         ("time", "command", "position", "pressure_a", "pressure_b"),
         "a drive needs time, command, position and both pressures",
     ),
-    "fixed-volume": Kind(
+    "fixed-volume": RecordingKind(
         {"time": "s", "pressure": "Pa", "inlet_pressure": "Pa", "command": ""},
         ("time", "pressure"),
         'kind = "fixed-volume", with the columns time and pressure',

@@ -262,8 +262,8 @@ BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB w
 
 
 @dataclass(frozen=True)
-class Cycles:
-    """Part of a campaign file: first row of each cycle and the row after the last, with the cycles' numbers."""
+class CampaignFile:
+    """A campaign file: first row of each cycle and the row after the last, with the cycles' numbers."""
 
     path: Path
     layout: Layout
@@ -275,7 +275,7 @@ class Cycles:
         return self.numbers.size
 
 
-def find_cycles(path: Path, layout: Layout) -> Cycles:
+def find_cycles(path: Path, layout: Layout) -> CampaignFile:
     """Find where each cycle of a campaign file starts.
 
     A campaign file is Parquet, with one row for each sample. The rows of a cycle are together and in the order of time.
@@ -316,10 +316,10 @@ def find_cycles(path: Path, layout: Layout) -> Cycles:
             where=str(path),
             rule="all rows of a cycle must be together, in the order of time",
         )
-    return Cycles(path, layout, np.concatenate((starts, [numbers.size])).astype(np.int64), found)
+    return CampaignFile(path, layout, np.concatenate((starts, [numbers.size])).astype(np.int64), found)
 
 
-def read_cycles(cycles: Cycles) -> Iterator[Recording]:
+def read_cycles(cycles: CampaignFile) -> Iterator[Recording]:
     """Yield one cycle after the other, reading a batch of rows at a time."""
     said = cycles.layout.for_file(cycles.path)
     start = 0

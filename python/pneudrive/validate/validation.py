@@ -18,8 +18,7 @@ from pneudrive.identify.follow.fit import FollowFit
 from pneudrive.identify.follow.regulator import RegulatorFit
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
-from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, read_drive_recordings
-from pneudrive.signals.plausible import check_plausible, moves, time_gaps
+from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
 from pneudrive.simulation.trajectory import save_columns, whole
 from pneudrive.validate.diagnosis import diagnose
 from pneudrive.validate.held_out import HELD_OUT, badge_of, held_out_notes, sources_of

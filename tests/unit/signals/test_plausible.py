@@ -5,8 +5,7 @@ import pytest
 
 from oracle.drive_records import drive, record
 from pneudrive.errors import RecordingError
-from pneudrive.signals.drive_recording import drive_recording
-from pneudrive.signals.plausible import check_plausible, refuse_standstill, time_gaps
+from pneudrive.signals.drive_recording import check_plausible, drive_recording, refuse_standstill, time_gaps
 
 
 @pytest.fixture(scope="module")

@@ -32,8 +32,7 @@ from pneudrive.friction.conditions import LEVELS, Condition, Skipped
 from pneudrive.friction.motion import RecordedMotion
 from pneudrive.friction.strokes import stroke_rows
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move
-from pneudrive.signals.plausible import refuse_channels
-from pneudrive.signals.recording import Recording, clean
+from pneudrive.signals.recording import Recording, clean, refuse_channels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -47,8 +47,7 @@ from pneudrive.identify.dynamic.sensors import (
 from pneudrive.identify.follow.driven import check_follow, refuse_circuit
 from pneudrive.identify.follow.fit import identify_motion
 from pneudrive.progress import UNWATCHED, Watch
-from pneudrive.signals.drive_recording import read_drive_recordings
-from pneudrive.signals.plausible import check_plausible, refuse_standstill, time_gaps
+from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
