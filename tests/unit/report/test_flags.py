@@ -34,7 +34,7 @@ def test_what_the_code_raises_is_explained():
     of_samples |= set(
         re.findall(r'"(\w+)"', inspect.getsource(recording._bad_samples).split("masks = ")[1].split("}")[0])
     )
-    of_rows = set(re.findall(r'\{"(\w+)": \w+', inspect.getsource(text_table)))
+    of_rows = set(re.findall(r'\{"(\w+)": \w+', inspect.getsource(text_table.read_text)))
     assert len(of_levels) >= 14
     assert len(of_samples) >= 6
     assert of_rows == {"unreadable_row"}
