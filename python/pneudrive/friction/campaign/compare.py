@@ -69,26 +69,23 @@ class Check:
 def checks_of(
     first: CampaignCharacteristics, second: CampaignCharacteristics, about: dict[str, Any], other: dict[str, Any]
 ) -> Iterator[Check]:
-    """Compare rigs and protocols of two campaigns."""
+    """Compare rigs and protocols of two campaigns; values that were not measured are left out."""
     one, two = _shared(first, about), _shared(second, other)
     for what, row in read(TABLE)[0].items():
         a, b = one[what], two[what]
+        same = a == b
         if isinstance(a, float) and isinstance(b, float):
             if not np.isfinite([a, b]).all():
                 continue
             same = abs(a - b) <= max(row.get("share", 0.0) * max(abs(a), abs(b)), row.get("by", 0.0))
-        else:
-            same = a == b
-        form = row.get("written", "{}")
-        words = ["not stated" if v is None else form.format(v) for v in (a, b)]
-        yield Check(what, words[0], words[1], same, row["consequence"])
+        words = ["not stated" if v is None else row.get("written", "{}").format(v) for v in (a, b)]
+        yield Check(what, *words, same, row["consequence"])
 
 
 def _shared(found: CampaignCharacteristics, about: dict[str, Any]) -> dict[str, str | float | None]:
     """Return the compared values; NaN if not measured."""
-    rig = found.identity
+    rig, stated = found.identity, about.get("filter")
     rates = [s.sample_rate_hz for s in found.stops if np.isfinite(s.sample_rate_hz)]
-    stated = about.get("filter")
     average = stated.get("average", 1) if isinstance(stated, dict) else 1
     return {
         "data": "simulated" if rig.synthetic else "real",
@@ -156,9 +153,10 @@ class CommonPoints:
     levels: tuple[str, ...]
     left_out: int = 0
 
-    def blocks_of(self, campaign: int) -> int:
-        """Count the blocks of a campaign."""
-        return int((self.block[self.campaign == campaign] > 0.0).any(axis=0).sum())
+    @property
+    def blocks(self) -> list[int]:
+        """Number of blocks of each campaign."""
+        return [int((self.block[self.campaign == k] > 0.0).any(axis=0).sum()) for k in (0, 1)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -216,36 +214,48 @@ def compare_curves(
     cycles = [points.count[points.campaign == k].sum() for k in (0, 1)]
     if min(cycles) < FEWEST_CYCLES // 2 or sum(cycles) < FEWEST_CYCLES:
         return "too few cycles at common speeds and pressures"
-    with one_thread():
-        return _compared(points, float(np.sqrt(2.0)) * gain)
-
-
-def _compared(points: CommonPoints, u: float) -> CurveComparison:
-    """Test for a difference; `u` adds to the uncertainty of means."""
-    sign = points.campaign.astype(np.float64) - 0.5
-    m = points.speed_m_s.size
+    u, m, u_log = float(np.sqrt(2.0)) * gain, points.speed_m_s.size, np.log10(points.speed_m_s)
+    sign = (points.campaign.astype(np.float64) - 0.5)[:, None]
     dummies = (points.point[:, None] == np.arange(m)[None, :]).astype(float)
-    shape = _shape_columns(points)
-    pressure = _pressure_columns(points)
-    x = np.c_[dummies, shape[points.point] * sign[:, None], pressure[points.point] * sign[:, None]]
+    away = u_log - u_log.mean()
+    speeds, bar = np.unique(np.round(away, 2)).size, points.gauge_pa / 1e5
+    # Level, slope and bend over log speed; pressures of both chambers, or their sum if they are always equal.
+    shape = np.column_stack([np.ones(m), away, away**2 - np.mean(away**2)])
+    shape = shape[:, : 1 + (speeds > 1) + (speeds >= BEND_SPEEDS)]
+    pressure = (bar - bar.mean(axis=0))[:, : 1 if np.allclose(bar[:, 0], bar[:, 1], atol=0.02) else 2]
+    x = np.c_[dummies, shape[points.point] * sign, pressure[points.point] * sign]
     kept = independent(x)
-    fit = _model(points, x[:, kept]).fit()
     rows = np.eye(x.shape[1])[:, kept]
-    level = np.zeros(x.shape[1])
-    level[m] = 1.0
-    shapes = [i for i in range(m, m + shape.shape[1]) if i in kept]
-    pressures = [i for i in range(m + shape.shape[1], x.shape[1]) if i in kept]
-    each = _each(points, dummies, sign, u)
-    return CurveComparison(
-        points=points,
-        shape=fit.f_test(rows[shapes], u**2),
-        pressure=fit.f_test(rows[pressures]) if pressures else None,
-        mean=fit.contrast(level[kept], unit="").widened(u),
-        difference=each,
-        adjusted_p=holm(np.array([e.p for e in each])),
-        friction_n=_means(points),
-        several_blocks=all(points.blocks_of(k) > 1 for k in (0, 1)),
-    )
+    of_shape, of_pressure = kept[(kept >= m) & (kept < m + shape.shape[1])], kept[kept >= m + shape.shape[1]]
+    cell = m * points.campaign + points.point
+    total, number = (np.bincount(cell, points.count * v, 2 * m) for v in (points.log_n, np.ones(cell.size)))
+    with one_thread():
+        fit, each = (_model(points, columns).fit() for columns in (x[:, kept], np.c_[dummies, dummies * sign]))
+        difference = tuple(each.contrast(row, unit="").widened(u) for row in np.eye(2 * m)[m:])
+        return CurveComparison(
+            points=points,
+            shape=fit.f_test(rows[of_shape], u**2),
+            pressure=fit.f_test(rows[of_pressure]) if of_pressure.size else None,
+            mean=fit.contrast(rows[m], unit="").widened(u),
+            difference=difference,
+            adjusted_p=holm(np.array([e.p for e in difference])),
+            friction_n=np.exp(total / number).reshape(2, m),
+            several_blocks=min(points.blocks) > 1,
+        )
+
+
+def _model(points: CommonPoints, x: Array) -> MixedModel:
+    components = []
+    for k in (0, 1):
+        own = (points.campaign == k).astype(float)
+        components.append(RandomEffect(f"cycle {k + 1}", own / points.count, USUAL))
+        if own.sum() >= DRIFT_CYCLES:
+            kernel, members = np.zeros((own.size, own.size)), np.flatnonzero(own)
+            kernel[np.ix_(members, members)] = centred_walk(points.order[members])
+            components.append(RandomEffect(f"drift {k + 1}", kernel, USUAL))
+    if max(points.blocks) > 1:
+        components.append(RandomEffect("block", points.block @ points.block.T, USUAL))
+    return MixedModel(points.log_n, x, points.noise, tuple(components))
 
 
 def holm(p: Array) -> Array:
@@ -268,44 +278,47 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
     usable = [_usable(found) for found in (first, second)]
     titles = [{c.condition.title for c in cycles} for cycles in usable]
     with_levels = bool(titles[0] & titles[1]) and max(len(found) for found in titles) > 1
-    ambient = [found.identity.ambient_pressure_pa for found in (first, second)]
-    rows = [(k, c) for k, cycles in enumerate(usable) for c in cycles]
-    keys = [
-        (
-            c.condition.title if with_levels else "",
-            round(c.condition.pressure_a_pa - ambient[k], -2),
-            round(c.condition.pressure_b_pa - ambient[k], -2),
-            c.speed_m_s,
-        )
-        for k, c in rows
-    ]
-    campaign = np.array([k for k, _ in rows], dtype=np.int64)
-    place = _places(keys)
+    keys = []
+    for found, cycles in zip((first, second), usable, strict=True):
+        for c in cycles:
+            gauge = (
+                p - found.identity.ambient_pressure_pa for p in (c.condition.pressure_a_pa, c.condition.pressure_b_pa)
+            )
+            keys.append((c.condition.title if with_levels else "", *(round(p, -2) for p in gauge), c.speed_m_s))
+    campaign = np.repeat([0, 1], [len(cycles) for cycles in usable])
+    place = np.zeros(0, dtype=np.int64)
+    if keys:  # equal numbers for cycles at the same levels, pressures and speed
+        title, a, b, speed = zip(*keys, strict=True)
+        pressures = (levels(np.array(side), SAME_PRESSURE_PA) for side in (a, b))
+        speeds = levels(np.log(speed), np.log1p(SAME_SPEED))
+        place = cells(np.unique(title, return_inverse=True)[1], *pressures, speeds)
     common = np.intersect1d(place[campaign == 0], place[campaign == 1])
     at = sorted((int(np.argmax(place == one)) for one in common), key=lambda i: keys[i])  # the first cycle of each
     both = [at[i] for i in np.linspace(0, len(at) - 1, min(len(at), MOST_POINTS)).round().astype(int)]
-    number = {int(place[i]): n for n, i in enumerate(both)}
-    used = [i for i in range(len(rows)) if int(place[i]) in number]
-    cycles = [rows[i][1] for i in used]
-    campaign, point = campaign[used], np.array([number[int(place[i])] for i in used], dtype=np.int64)
-    named = [(rows[i][0], rows[i][1].block) for i in used]
+    used = np.flatnonzero(np.isin(place, place[both]))
+    point = (place[used][:, None] == place[both][None, :]).argmax(axis=1) if both else place[used]
+    campaign, cycles = campaign[used], [(*usable[0], *usable[1])[i] for i in used]
+    named = [(int(k), c.block) for k, c in zip(campaign, cycles, strict=True)]
     known = {block: i for i, block in enumerate(dict.fromkeys(named))}
-    blocks = [known[block] for block in named]
-    groups = _groups(campaign, point, blocks)
-    heads = [group[0] for group in groups]
+    blocks = np.array([known[block] for block in named], dtype=np.int64)
+    groups = [[i] for i in range(used.size)]
+    if used.size > MOST_CELLS:  # a row for several neighbouring repeats at one point
+        begin = np.array([blocks[campaign == k].min() for k in (0, 1)])
+        where = (2 * point + campaign, blocks - begin[campaign], np.zeros_like(point))
+        groups = grouped(*where, rows=MOST_CYCLES, cells=MOST_CELLS)[0]
+    heads, count = [group[0] for group in groups], np.array([len(group) for group in groups], dtype=float)
 
     def mean(values: list[float]) -> Array:
         return np.array([np.mean([values[i] for i in group]) for group in groups], dtype=np.float64)
 
     last = [max((c.index for c in found), default=1) for found in usable]
-    count = np.array([len(group) for group in groups], dtype=float)
     return CommonPoints(
         log_n=mean([float(np.log(c.friction_n)) for c in cycles]),
         noise=mean([(c.stderr_n / c.friction_n) ** 2 for c in cycles]) / count,
         count=count,
         campaign=campaign[heads],
         point=point[heads],
-        block=shares_of([[blocks[i] for i in group] for group in groups]),
+        block=shares_of([blocks[group].tolist() for group in groups]),
         order=mean([c.index / last[k] for c, k in zip(cycles, campaign, strict=True)]),
         speed_m_s=np.array([keys[i][3] for i in both]),
         gauge_pa=np.array([keys[i][1:3] for i in both]).reshape(-1, 2),
@@ -314,88 +327,15 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
     )
 
 
-def _places(keys: list[tuple[str, float, float, float]]) -> NDArray[np.int64]:
-    """Return a number for each cycle, equal for cycles at the same levels, pressures and speed."""
-    if not keys:
-        return np.zeros(0, dtype=np.int64)
-    title, a, b, speed = zip(*keys, strict=True)
-    pressures = (levels(np.array(side), SAME_PRESSURE_PA) for side in (a, b))
-    return cells(np.unique(title, return_inverse=True)[1], *pressures, levels(np.log(speed), np.log1p(SAME_SPEED)))
-
-
-def _groups(campaign: NDArray[np.int64], point: NDArray[np.int64], blocks: list[int]) -> list[list[int]]:
-    """Return the cycles of each row: one cycle, or in large campaigns several neighbouring repeats at one point."""
-    if campaign.size <= MOST_CELLS:
-        return [[i] for i in range(campaign.size)]
-    stretch = np.array(blocks, dtype=np.int64)
-    stretch -= np.array([stretch[campaign == k].min() for k in (0, 1)])[campaign]
-    return grouped(2 * point + campaign, stretch, np.zeros_like(point), rows=MOST_CYCLES, cells=MOST_CELLS)[0]
-
-
 def _usable(found: CampaignCharacteristics) -> list[CycleResult]:
     """Return the cycles that are points of F(v): both directions, positive, not excluded from the curves."""
     reasons = {p.reason for curve in found.curves for p in curve.excluded}
-    return [
+    cycles = (
         c
         for c in found.cycles
-        if c.kind in KINDS
-        and np.isfinite(c.friction_n)
-        and c.friction_n > 0
-        and np.isfinite(c.stderr_n)
-        and not reasons.intersection(c.flags)
-    ]
-
-
-def _shape_columns(points: CommonPoints) -> Array:
-    """Return the level, slope and bend over log speed, centred over the points, shape (m, 1 to 3)."""
-    u = np.log10(points.speed_m_s)
-    u = u - u.mean()
-    columns = [np.ones(u.size)]
-    speeds = np.unique(np.round(u, 2)).size
-    if speeds > 1:
-        columns.append(u)
-    if speeds >= BEND_SPEEDS:
-        columns.append(u**2 - np.mean(u**2))
-    return np.column_stack(columns)
-
-
-def _pressure_columns(points: CommonPoints) -> Array:
-    """Return the pressures of both chambers, or their sum if they are always equal; per bar, centred."""
-    bar = points.gauge_pa / 1e5
-    if np.allclose(bar[:, 0], bar[:, 1], atol=0.02):
-        bar = bar[:, :1]
-    return bar - bar.mean(axis=0)
-
-
-def _model(points: CommonPoints, x: Array) -> MixedModel:
-    components = []
-    for k in (0, 1):
-        own = (points.campaign == k).astype(float)
-        components.append(RandomEffect(f"cycle {k + 1}", own / points.count, USUAL))
-        if own.sum() >= DRIFT_CYCLES:
-            kernel = np.zeros((own.size, own.size))
-            members = np.flatnonzero(own)
-            kernel[np.ix_(members, members)] = centred_walk(points.order[members])
-            components.append(RandomEffect(f"drift {k + 1}", kernel, USUAL))
-    if any(points.blocks_of(k) > 1 for k in (0, 1)):
-        components.append(RandomEffect("block", points.block @ points.block.T, USUAL))
-    return MixedModel(points.log_n, x, points.noise, tuple(components))
-
-
-def _each(points: CommonPoints, dummies: Array, sign: Array, u: float) -> tuple[Estimate, ...]:
-    """Return the separate difference at each point."""
-    m = dummies.shape[1]
-    x = np.c_[dummies, dummies * sign[:, None]]
-    fit = _model(points, x).fit()
-    return tuple(fit.contrast(row, unit="").widened(u) for row in np.eye(2 * m)[m:])
-
-
-def _means(points: CommonPoints) -> Array:
-    """Return the mean of each campaign at the points, shape (2, m)."""
-    m = points.speed_m_s.size
-    cell = m * points.campaign + points.point
-    total = np.bincount(cell, points.count * points.log_n, 2 * m)
-    return np.exp(total / np.bincount(cell, points.count, 2 * m)).reshape(2, m)
+        if c.kind in KINDS and c.friction_n > 0 and np.isfinite([c.friction_n, c.stderr_n]).all()
+    )
+    return [c for c in cycles if not reasons.intersection(c.flags)]
 
 
 #: Two cycles of one campaign differ by less than this many standard deviations, 19 times of 20.
@@ -501,25 +441,19 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     abouts = [about_of(found) for found in (first, second)]
     curves = compare_curves(first, second, _gain(first, second, abouts))
     pairs = tuple(_pairs(first, second))
-    tests = _adjusted(
-        [
-            *(_curve_tests(first, second, curves) if isinstance(curves, CurveComparison) else ()),
-            *(test for pair in pairs for test in _dwell_tests(*pair)),
-            *_drift_test(first, second),
-            *_repeatability_test(first, second),
-        ]
-    )
-    found = Comparison(
-        first=first,
-        second=second,
-        checks=tuple(checks_of(first, second, *abouts)),
-        tests=tests,
-        curves=curves if isinstance(curves, CurveComparison) else None,
-        dwell=pairs,
-        different=any(test.different for test in tests),
-        statements=(),
-    )
-    return replace(found, statements=tuple(_statements(found, curves if isinstance(curves, str) else "")))
+    tests = [
+        *(_curve_tests(first, second, curves) if isinstance(curves, CurveComparison) else ()),
+        *(test for pair in pairs for test in _dwell_tests(*pair)),
+        *_drift_test(first, second),
+        *_repeatability_test(first, second),
+    ]
+    known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
+    for i, p in zip(known, holm(np.array([tests[i].p for i in known])).tolist(), strict=True):
+        tests[i] = replace(tests[i], adjusted_p=p, different=p < CHANCE)
+    why, curves = (curves, None) if isinstance(curves, str) else ("", curves)
+    checks = tuple(checks_of(first, second, *abouts))
+    found = Comparison(first, second, checks, tuple(tests), curves, pairs, any(test.different for test in tests), ())
+    return replace(found, statements=tuple(_statements(found, why)))
 
 
 def about_of(found: CampaignCharacteristics) -> dict[str, Any]:
@@ -626,14 +560,6 @@ def _repeatability_test(first: CampaignCharacteristics, second: CampaignCharacte
     error = value * float(np.sqrt(0.5 / free[0] + 0.5 / free[1]))
     estimate = Estimate(value, low, high, error, "", min(free), p)
     yield Test("repeatability of a cycle", estimate, p, note="ratio of the standard deviations, second over first")
-
-
-def _adjusted(tests: list[Test]) -> tuple[Test, ...]:
-    known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
-    adjusted = holm(np.array([tests[i].p for i in known]))
-    for i, p in zip(known, adjusted, strict=True):
-        tests[i] = replace(tests[i], adjusted_p=float(p), different=bool(p < CHANCE))
-    return tuple(tests)
 
 
 def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
