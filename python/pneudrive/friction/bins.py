@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MAXIMUM_BINS = 100
-MINIMUM_BINS = 5
-SAMPLES_PER_BIN = 4
 ALTERNATIONS, CONVERGED = 50, 1e-9
 MIDDLE = (0.2, 0.8)  # of the way: the window, if the layout does not state it
 
@@ -90,29 +87,6 @@ class Profile:
         return self.up_strokes_n if direction > 0 else self.down_strokes_n
 
 
-def grid_over(
-    window_m: tuple[float, float], ends_m: Sequence[float], samples_in_window: float, count: int | None = None
-) -> Grid:
-    """Divide the range between the outermost of some ends into bins.
-
-    Parameters
-    ----------
-    window_m : tuple of float
-    ends_m : sequence of float
-    samples_in_window : float
-        Samples of a stroke in the window: the bins hold about four each.
-    count : int, optional
-        Bins of the window; None: by the number of samples.
-    """
-    low, high = window_m
-    filled = int(np.clip(int(samples_in_window) // SAMPLES_PER_BIN, MINIMUM_BINS, MAXIMUM_BINS))
-    core = np.linspace(low, high, (count or filled) + 1)
-    width = core[1] - core[0]
-    below = max(int(np.ceil((low - min(ends_m)) / width)), 0)
-    above = max(int(np.ceil((max(ends_m) - high) / width)), 0)
-    return Grid(low, float(width), core.size - 1, -below, core.size - 1 + above)
-
-
 def grid_of(edges_m: Array) -> Grid:
     """Return the bins of all cycles as a grid, whose window is the middle of the way."""
     bins = edges_m.size - 1
@@ -136,29 +110,6 @@ def bin_means(
     bins = (float(edges_m[0]), float(edges_m[-1]), edges_m.size - 1)
     columns = np.ascontiguousarray(position_m), np.ascontiguousarray(values)
     return _core.bin_means(*columns, chosen, [(part.start, part.stop) for part in parts], bins)
-
-
-def pair(grid: Grid, strokes_n: dict[int, Array]) -> Profile:
-    """Pair the directions at equal position.
-
-    Parameters
-    ----------
-    grid : Grid
-    strokes_n : dict of ndarray, shape (strokes, bins)
-        By direction +1/-1.
-    """
-    edges = grid.edges_m
-    up, down = mean_profile(strokes_n[1]), mean_profile(strokes_n[-1])
-    return Profile(
-        position_m=(edges[:-1] + edges[1:]) / 2,
-        up_n=up,
-        down_n=down,
-        friction_n=(up - down) / 2,
-        offset_n=(up + down) / 2,
-        up_strokes_n=strokes_n[1],
-        down_strokes_n=strokes_n[-1],
-        in_window=grid.is_in_window,
-    )
 
 
 def mean_profile(strokes_n: Array) -> Array:

@@ -89,14 +89,24 @@ def systematic_budget(
     """
     skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.velocity_m_s) + abs(down.velocity_m_s)) / 2
     turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
-    return [
+    entries = [
         *(entry for side in ("a", "b") for entry in _pressure_entries(recording, side, up, down)),
         *_force_entries(recording, up, down),
         *_geometry_entries(recording, up, down),
         BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words),
-        *_parallel_entries(recording, up, down),
-        *_clock_entries(recording, up, down, late_s),
     ]
+    if recording.parallel:
+        largest, names = max(f.uncertainty for f in recording.parallel), ", ".join(f.name for f in recording.parallel)
+        area = abs(up.parallel_n - down.parallel_n) / 2.0, abs(up.parallel_n + down.parallel_n) / 2.0
+        entries.append(BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names))
+    if late_s != 0.0:  # the delay of several loggers, or as closed chambers show it
+        late = abs(up.late_n - down.late_n) / 2.0, abs(up.late_n + down.late_n) / 2.0
+        basis, words = (
+            "assumed" if recording.parallel and late_s == CLOCK_S else "data",
+            "delay of the pressures relative to the force",
+        )
+        entries.append(BudgetEntry(CLOCKS, late_s, "s", basis, "B", *late, words))
+    return entries
 
 
 def unseen_n(pattern_n: Array, coverage: float) -> float:
@@ -114,24 +124,6 @@ def window_entry(friction_n: Array, offset_n: Array, coverage: float) -> BudgetE
     friction, offset = (unseen_n(values, coverage) for values in (friction_n, offset_n))
     words = "standard deviation over the window times the share of the stroke outside it"
     return BudgetEntry("choice of the window", 1.0 - coverage, "", "data", "B", friction, offset, words)
-
-
-def _parallel_entries(recording: Recording, up: Side, down: Side) -> list[BudgetEntry]:
-    """Return the entry of the areas of parallel forces."""
-    if not recording.parallel:
-        return []
-    largest, names = max(f.uncertainty for f in recording.parallel), ", ".join(f.name for f in recording.parallel)
-    area = abs(up.parallel_n - down.parallel_n) / 2.0, abs(up.parallel_n + down.parallel_n) / 2.0
-    return [BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names)]
-
-
-def _clock_entries(recording: Recording, up: Side, down: Side, late_s: float) -> list[BudgetEntry]:
-    """Return the entry of the delay of the pressures: of several loggers, or as closed chambers show it."""
-    if late_s == 0.0:
-        return []
-    late = abs(up.late_n - down.late_n) / 2.0, abs(up.late_n + down.late_n) / 2.0
-    basis = "assumed" if recording.parallel and late_s == CLOCK_S else "data"
-    return [BudgetEntry(CLOCKS, late_s, "s", basis, "B", *late, "delay of the pressures relative to the force")]
 
 
 def _sensor_entries(
@@ -315,11 +307,6 @@ class CycleTerms(SharedTerms):
 def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
     """Return the standard uncertainty of friction and of offset, sources taken as independent."""
     return _root(e.friction_n for e in entries), _root(e.offset_n for e in entries)
-
-
-def expanded(stderr_n: float, u_systematic_n: float) -> float:
-    """Return the expanded uncertainty U with k = 2, N."""
-    return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(stderr_n), u_systematic_n))
 
 
 def stated_shares(recording: Recording, up: Side, down: Side, late_s: float = 0.0) -> dict[str, float | bool]:

@@ -111,6 +111,7 @@ def _all_parts(
     strokes: list[Stroke] = []
     tables: list[Strokes] = []
     flags: dict[str, int] = {}
+    largest_n = -np.inf
     for motion, counted in _parts(file, choice, watch):
         window = window or window_of(motion, choice)
         strokes += counted
@@ -120,15 +121,11 @@ def _all_parts(
             tables += [table] if table.directions else []
         for kind, count in motion.recording.flags.items():
             flags[kind] = flags.get(kind, 0) + count
-        if kept is None or _largest_n(motion) > _largest_n(kept):
-            kept = motion
+        if (most := float(np.abs(motion.recording.force_n).max())) > largest_n:
+            kept, largest_n = motion, most
     if kept is None or window is None:
         raise RecordingError("no stroke was found", where=file.file.name, rule="the position must move back and forth")
     return replace(kept, recording=replace(kept.recording, flags=flags)), strokes, tables, window
-
-
-def _largest_n(motion: RecordedMotion) -> float:
-    return float(max(motion.recording.force_n.max(), -motion.recording.force_n.min()))
 
 
 def _result(

@@ -10,10 +10,10 @@ import numpy as np
 
 from pneudrive.friction.bins import Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.budget import (
+    COVERAGE_FACTOR,
     BudgetEntry,
     chance_n,
     combined,
-    expanded,
     systematic_budget,
     window_entry,
 )
@@ -21,7 +21,6 @@ from pneudrive.friction.conditions import group_of
 from pneudrive.friction.motion import RecordedMotion
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
-from pneudrive.friction.strokes import row_of
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.motion import Stroke, middle, speeds_differ, straight_line
 from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S
@@ -35,6 +34,12 @@ if TYPE_CHECKING:
     from pneudrive.friction.strokes import Side, Strokes, StrokeUse
 
 NO_STROKES = spread_of(np.zeros(0))
+#: Columns of the map that are attributes of a level, and of one of its directions.
+OF_LEVEL = ("friction_n", "offset_n", "stderr_n", "u_systematic_n", "ambient_pressure_pa")
+OF_SIDE = (
+    *("velocity_m_s", "pressure_a_pa", "pressure_b_pa", "samples", "strokes", "strokes_recorded"),
+    *("breakaway_n", "dwell_s", "loading_rate_n_s"),
+)
 BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
 UNFOLLOWED = 0.25  # of pressure times area: least unexplained part of the force
 SMALLEST_N = 1e-3  # friction below the resolution of force sensors of piston drives
@@ -137,7 +142,7 @@ class Level(Shown):
     @property
     def expanded_n(self) -> float:
         """Expanded uncertainty U (k = 2) of ``friction_n``."""
-        return expanded(self.stderr_n, self.u_systematic_n)
+        return COVERAGE_FACTOR * float(np.hypot(np.nan_to_num(self.stderr_n), self.u_systematic_n))
 
     @cached_property
     def doubts(self) -> dict[str, str]:
@@ -209,24 +214,15 @@ class Level(Shown):
     @property
     def rows(self) -> tuple[dict[str, Any], ...]:
         """Rows of the friction map, one per present direction."""
-        return tuple(self._row(way, side) for way, side in self.sides.items())
-
-    def _row(self, way: int, side: Side) -> dict[str, Any]:
-        peaks = [peak for peak in self.table.peaks if peak and peak.direction == way]
-        spoiled = ("breakaway_spoiled",) if peaks and all(peak.flags for peak in peaks) else ()
-        return row_of(
-            self.recording,
-            way,
-            side,
-            self.window_m,
-            balance_n=side.spread.mean_n,
-            friction_n=self.friction_n,
-            offset_n=self.offset_n,
-            stderr_n=self.stderr_n,
-            u_systematic_n=self.u_systematic_n,
-            flags=",".join((*self.flags, *spoiled)),
-            ambient_pressure_pa=self.ambient_pressure_pa,
-        )
+        rows = []
+        for way, side in self.sides.items():
+            peaks = [peak for peak in self.table.peaks if peak and peak.direction == way]
+            spoiled = ("breakaway_spoiled",) if peaks and all(peak.flags for peak in peaks) else ()
+            own = {"recording": self.recording, "direction": way, "balance_n": side.spread.mean_n}
+            own |= {"position_from_m": self.window_m[0], "position_to_m": self.window_m[1]}
+            columns = {name: getattr(self, name) for name in OF_LEVEL} | {name: getattr(side, name) for name in OF_SIDE}
+            rows.append(own | columns | {"flags": ",".join((*self.flags, *spoiled))})
+        return tuple(rows)
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -256,6 +252,15 @@ def level_of(
     sides, bins = table.sides(uses_window=uses_window)
     if not sides:
         return None
+    # A missing direction is taken to be equal to the other one.
+    only, profile = next(iter(sides.values())), table.profile
+    up, down = (sides.get(way, only) for way in (1, -1))
+    known = bins & np.isfinite(profile.offset_n)
+    slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
+    entries = systematic_budget(recording, up, down, slope, middle(np.diff(motion.time_s)), motion.late_s)
+    single = profile.up_n if 1 in sides else profile.down_n
+    patterns = (profile.friction_n, profile.offset_n) if len(sides) == 2 else (single, single)
+    window = window_entry(*(pattern[bins] for pattern in patterns), float(bins.mean()))
     return Level(
         recording=recording.name,
         labels=recording.labels,
@@ -267,26 +272,11 @@ def level_of(
         bins=bins,
         uses_window=uses_window,
         sample_flags=tuple(kind for kind, count in recording.flags.items() if count),
-        budget=_budget(motion, table, sides, bins),
+        budget=(*entries, window),
         ambient_pressure_pa=recording.ambient_pressure_pa,
         areas_m2=(recording.area_a_m2, recording.area_b_m2),
         weight_n=recording.weight_n,
     )
-
-
-def _budget(
-    motion: RecordedMotion, table: Strokes, sides: dict[int, Side], bins: NDArray[np.bool_]
-) -> tuple[BudgetEntry, ...]:
-    """Return the systematic sources; a missing direction is taken to be equal to the other one."""
-    only, profile = next(iter(sides.values())), table.profile
-    up, down = (sides.get(way, only) for way in (1, -1))
-    known = bins & np.isfinite(profile.offset_n)
-    slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
-    entries = systematic_budget(motion.recording, up, down, slope, middle(np.diff(motion.time_s)), motion.late_s)
-    single = profile.up_n if 1 in sides else profile.down_n
-    patterns = (profile.friction_n, profile.offset_n) if len(sides) == 2 else (single, single)
-    friction, offset = (pattern[bins] for pattern in patterns)
-    return (*entries, window_entry(friction, offset, float(bins.mean())))
 
 
 def level_flags(level: Level) -> list[str]:

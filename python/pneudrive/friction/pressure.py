@@ -5,7 +5,7 @@ Both read a list of `LevelPoint`; neither knows a recording.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -249,7 +249,8 @@ def run_spread(points: Sequence[LevelPoint]) -> RunSpread | None:
         if len({p.run for p in members}) < 2:
             continue
         for cell in _repeats(members):
-            values = _run_means(cell)
+            runs = dict.fromkeys(p.run for p in cell)
+            values = np.array([float(np.mean([p.friction_n for p in cell if p.run == run])) for run in runs])
             if values.size >= 2:
                 mean = float(values.mean())
                 squares += float(((values / mean - 1) ** 2).sum())
@@ -281,11 +282,6 @@ def _neighbours(
         else:
             groups.append([point])
     return groups
-
-
-def _run_means(cell: list[LevelPoint]) -> Array:
-    runs = dict.fromkeys(p.run for p in cell)
-    return np.array([float(np.mean([p.friction_n for p in cell if p.run == run])) for run in runs], dtype=np.float64)
 
 
 def fit_pressure_lines(points: Sequence[LevelPoint]) -> list[PressureLine]:
@@ -348,45 +344,34 @@ def _line(title: str, seal: str, points: list[LevelPoint], spread: RunSpread | N
     speeds = np.array([abs(p.speed_m_s) for p in points])
     scatter = float(np.median([p.speed_stderr_m_s for p in points]))
     together = float(np.corrcoef(speeds, pressure)[0, 1]) if changed(speeds, scatter) else 0.0
-    covariance = np.asarray(unit @ (inverse * variance) @ unit, dtype=np.float64)
-    slope = float(solution[1] / scale)
-    return PressureLine(
+    line = PressureLine(
         seal=title,
         points=tuple(points),
         intercept_n=float(solution[0]),
-        slope_n_pa=slope,
-        covariance=covariance,
+        slope_n_pa=float(solution[1] / scale),
+        covariance=np.asarray(unit @ (inverse * variance) @ unit, dtype=np.float64),
         band_pressure_pa=band,
         band_mean_n=mean,
         band_low_n=mean - half,
         band_high_n=mean + half,
         basis=basis,
         speed_pressure_correlation=together,
-        statement=_line_statement(title, float(solution[0]), slope, covariance, freedom, basis, together, spread),
+        statement="",
     )
+    return replace(line, statement=_line_statement(line, student(freedom), 0.0 if spread is None else spread.relative))
 
 
-def _line_statement(
-    seal: str,
-    intercept: float,
-    slope: float,
-    covariance: Array,
-    freedom: float,
-    basis: str,
-    together: float,
-    spread: RunSpread | None,
-) -> str:
-    half_n, half_n_pa = student(freedom) * np.sqrt(np.diag(covariance))
-    interval = f"pressure_line.{basis if spread is not None else 'unknown'}"
-    confounded = ""
+def _line_statement(line: PressureLine, quantile: float, spread: float) -> str:
+    half_n, half_n_pa = quantile * np.sqrt(np.diag(line.covariance))
+    together, confounded = line.speed_pressure_correlation, ""
     if abs(together) > CONFOUNDED:
         word = "falls" if together < 0 else "rises"
         confounded = sentence("pressure_line.confounded", word=word, together=together)
     return sentence(
         "pressure_line.line",
-        seal=seal,
-        intercept=with_u(intercept, half_n),
-        rise=with_u(slope * 1e5, half_n_pa * 1e5, "N/bar"),
-        interval=sentence(interval, percent=100 * spread.relative if spread is not None else 0.0),
+        seal=line.seal,
+        intercept=with_u(line.intercept_n, half_n),
+        rise=with_u(line.slope_n_pa * 1e5, half_n_pa * 1e5, "N/bar"),
+        interval=sentence(f"pressure_line.{line.basis}", percent=100 * spread),
         confounded=confounded,
     )

@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
 
-from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, grid_over, pair, spread_of, stroke_means
+from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, mean_profile, spread_of, stroke_means
 from pneudrive.friction.breakaway import find_reversal_peaks, median
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import sliding_of, stroke_slip
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 # Least share of the window's bins with settled samples for a stroke to count. Missing bins are filled from the profile.
 COVERED_SHARE = 0.25
+MINIMUM_BINS, MAXIMUM_BINS, SAMPLES_PER_BIN = 5, 100, 4
 CUT_SHARE = 0.1  # of a bin: largest part of it that may lie outside the settled part
 MOST_NAMED = 12  # recordings with a sentence of their own on unused strokes
 MEANS = ("force_n", "pressure_a_pa", "pressure_b_pa", "velocity_m_s", "parallel_n", "late_n")
@@ -83,12 +84,11 @@ class Strokes:
         slips = tuple(stroke_slip(motion.recording, s) if c else None for s, c in zip(strokes, covered, strict=True))
         frame = pl.DataFrame({name: [row.get(name) for row in rows] for name in COLUMNS}, COLUMNS)
         table = cls(grid, tuple(strokes), frame, balance, slips, (None,) * len(strokes))
-        return replace(table, peaks=table._find_peaks(motion)) if len(table.directions) == 2 else table
-
-    def _find_peaks(self, motion: RecordedMotion) -> tuple[ReversalPeak | None, ...]:
-        found = find_reversal_peaks(motion.recording, self.strokes, motion.raw_balance_n, self.profile)
+        if len(table.directions) < 2:
+            return table
+        found = find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, table.profile)
         peaks = {peak.stroke: peak for peak in found}
-        return tuple(peaks.get(stroke.index) for stroke in self.strokes)
+        return replace(table, peaks=tuple(peaks.get(stroke.index) for stroke in strokes))
 
     @classmethod
     def joined(cls, tables: Sequence[Strokes]) -> Strokes:
@@ -121,8 +121,11 @@ class Strokes:
     @property
     def profile(self) -> Profile:
         """Both directions of all strokes, paired at equal position."""
-        way = self.frame["direction"].to_numpy()
-        return pair(self.grid, {direction: self.balance_n[way == direction] for direction in (1, -1)})
+        way, edges = self.frame["direction"].to_numpy(), self.grid.edges_m
+        strokes = [self.balance_n[way == direction] for direction in (1, -1)]
+        up, down = (mean_profile(rows) for rows in strokes)
+        centres, in_window = (edges[:-1] + edges[1:]) / 2, self.grid.is_in_window
+        return Profile(centres, up, down, (up - down) / 2, (up + down) / 2, *strokes, in_window)
 
     @property
     def directions(self) -> dict[int, list[int]]:
@@ -151,28 +154,27 @@ class Strokes:
             bins &= np.isfinite(self.balance_n[rows]).any(axis=0)
         if not ways or not bins.any():
             return {}, bins
-        return {way: self._side(way, rows, bins if uses_window else None) for way, rows in ways.items()}, bins
-
-    def _side(self, way: int, rows: list[int], bins: NDArray[np.bool_] | None) -> Side:
-        """Combine the strokes of one direction, which have equal weight."""
-        some = self.at(rows)
-        columns = {name: some.frame[name].to_numpy() for name in ("mean_n", *MEANS, "samples", "pressure_moves_n")}
-        means = columns["mean_n"] if bins is None else stroke_means(some.balance_n, bins)
-        peaks = [peak for peak in some.peaks if peak]
-        return Side(
-            **{name: float(columns[name].mean()) for name in MEANS},
-            samples=int(columns["samples"].sum()),
-            strokes=len(rows),
-            strokes_recorded=sum(s.direction == way for s in self.strokes),
-            used=some.strokes,
-            means_n=means,
-            spread=spread_of(means),
-            pressure_moves_n=float(np.median(columns["pressure_moves_n"])),
-            breakaway_n=median([peak.friction_n for peak in peaks if not peak.flags]),
-            dwell_s=median([s.dwell_s for s in some.strokes if s.index > 0]),
-            loading_rate_n_s=median([p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]),
-            **sliding_of([slip for slip in some.slips if slip]),
-        )
+        sides = {}
+        for way, rows in ways.items():  # strokes have equal weight
+            some = self.at(rows)
+            columns = {name: some.frame[name].to_numpy() for name in ("mean_n", *MEANS, "samples", "pressure_moves_n")}
+            means = stroke_means(some.balance_n, bins) if uses_window else columns["mean_n"]
+            peaks = [peak for peak in some.peaks if peak]
+            sides[way] = Side(
+                **{name: float(columns[name].mean()) for name in MEANS},
+                samples=int(columns["samples"].sum()),
+                strokes=len(rows),
+                strokes_recorded=sum(s.direction == way for s in self.strokes),
+                used=some.strokes,
+                means_n=means,
+                spread=spread_of(means),
+                pressure_moves_n=float(np.median(columns["pressure_moves_n"])),
+                breakaway_n=median([peak.friction_n for peak in peaks if not peak.flags]),
+                dwell_s=median([s.dwell_s for s in some.strokes if s.index > 0]),
+                loading_rate_n_s=median([p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]),
+                **sliding_of([slip for slip in some.slips if slip]),
+            )
+        return sides, bins
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,10 +262,16 @@ def _usual_range(values: Array) -> float:
 def stroke_grid(
     position_m: Array, strokes: Sequence[Stroke], window: tuple[float, float], bins: int | None = None
 ) -> Grid:
-    """Divide the travel of some strokes into bins."""
-    inside = [int(((x >= window[0]) & (x <= window[1])).sum()) for x in (position_m[s.samples] for s in strokes)]
+    """Divide the travel of some strokes into bins: this number in the window, or about four samples in each."""
+    low, high = window
+    inside = [int(((x >= low) & (x <= high)).sum()) for x in (position_m[s.samples] for s in strokes)]
     ends = [value for s in strokes for value in (s.from_m, s.to_m)]
-    return grid_over(window, ends, float(np.median(inside)), bins)
+    filled = int(np.clip(int(np.median(inside)) // SAMPLES_PER_BIN, MINIMUM_BINS, MAXIMUM_BINS))
+    core = np.linspace(low, high, (bins or filled) + 1)
+    width = core[1] - core[0]
+    below = max(int(np.ceil((low - min(ends)) / width)), 0)
+    above = max(int(np.ceil((max(ends) - high) / width)), 0)
+    return Grid(low, float(width), core.size - 1, -below, core.size - 1 + above)
 
 
 def stroke_rows(motion: RecordedMotion, strokes: Sequence[Stroke], grid: Grid) -> Array:
@@ -346,35 +354,3 @@ def stroke_notes(uses: Mapping[str, StrokeUse]) -> Iterator[str]:
     if rest:
         used, recorded = sum(use.used for use in rest), sum(use.recorded for use in rest)
         yield sentence("strokes.rest", count=len(rest), used=used, recorded=recorded)
-
-
-def row_of(
-    name: str,
-    direction: int,
-    side: Side,
-    window_m: tuple[float, float],
-    **columns: Any,  # noqa: ANN401
-) -> dict[str, Any]:
-    """Return the row of the friction map of one direction of a recording's speed level, or of a cycle.
-
-    Parameters
-    ----------
-    name : str
-        Index of the recording, or of the cycle.
-    direction : int
-    side : Side
-    window_m : tuple of float
-        Positions between which friction is averaged.
-    **columns
-        Further columns: friction with its uncertainty, flags, ambient pressure.
-    """
-    shared = ("velocity_m_s", "pressure_a_pa", "pressure_b_pa", "samples", "strokes", "strokes_recorded")
-    reversals = ("breakaway_n", "dwell_s", "loading_rate_n_s")
-    return {
-        "recording": name,
-        "direction": direction,
-        **{column: getattr(side, column) for column in (*shared, *reversals)},
-        "position_from_m": window_m[0],
-        "position_to_m": window_m[1],
-        **columns,
-    }

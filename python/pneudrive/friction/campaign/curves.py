@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.mixed import Predicted
-    from pneudrive.friction.campaign.cycles import Cycles
+    from pneudrive.friction.campaign.cycles import CycleTable
 
     Array = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ class Fits:
         return bool((self.offset.data.curve < 0).any())
 
 
-def fit_points(points: Points, tares: Cycles, *, condensed: bool = False) -> Fits | None:
+def fit_points(points: Points, tares: CycleTable, *, condensed: bool = False) -> Fits | None:
     """Fit the models; return None with too few points of F(v).
 
     A cycle that differs much from all others (a failed sensor) is removed, and the remaining ones are fitted again.
@@ -129,7 +129,7 @@ def fit_points(points: Points, tares: Cycles, *, condensed: bool = False) -> Fit
     return replace(fits, friction=both, doubtful=tuple(rows[readings[-1]].tolist()))
 
 
-def _fit_points(points: Points, tares: Cycles) -> Fits | None:
+def _fit_points(points: Points, tares: CycleTable) -> Fits | None:
     use = points.use
     if use.sum() < FEWEST:
         return None
@@ -177,7 +177,7 @@ def _better(data: CurveData) -> CurveFit:
     return either_chance(better)
 
 
-def _with_tares(tares: Cycles, data: CurveData) -> CurveData:
+def _with_tares(tares: CycleTable, data: CurveData) -> CurveData:
     """Add the zero runs: observations of only the zero, without a curve."""
     ones = np.ones(len(tares))
     columns = (tares["standing_n"], tares["standing_stderr_n"] ** 2, np.nan * ones, np.full(len(tares), -1))

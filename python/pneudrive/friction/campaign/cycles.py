@@ -75,13 +75,13 @@ OF_BINS = ("balance_n", "air_n")
 
 
 @dataclass(frozen=True, eq=False)
-class Cycles:
+class CycleTable:
     """Cycles by columns of equal length: `COLUMNS`, `OF_SIDES`, `OF_BINS`, and the objects ``condition``, ``flags``."""
 
     columns: dict[str, NDArray]
 
     @classmethod
-    def of(cls, rows: Sequence[Row], bins: int) -> Cycles:
+    def of(cls, rows: Sequence[Row], bins: int) -> CycleTable:
         """Make the table of some rows, with this number of bins of position."""
         columns: dict[str, NDArray] = {}
         for name, default in {**COLUMNS, "condition": None, "flags": None}.items():

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.estimate.estimates import Estimate
-    from pneudrive.friction.campaign.cycles import Cycles
+    from pneudrive.friction.campaign.cycles import CycleTable
     from pneudrive.friction.campaign.points import Points
     from pneudrive.friction.campaign.sensors import Gain
     from pneudrive.friction.conditions import Condition
@@ -182,7 +182,7 @@ HOUR_S = 3600.0
 FEWEST_TARES = 3  # least number of tares for a drift
 
 
-def sensor_zero(tares: Cycles) -> SensorZero:
+def sensor_zero(tares: CycleTable) -> SensorZero:
     """Return the zero of each zero run and its drift."""
     time, zero, stderr = (tares[name] for name in ("elapsed_s", "standing_n", "standing_stderr_n"))
     drift: Estimate | None = None

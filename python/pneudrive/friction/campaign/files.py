@@ -70,21 +70,8 @@ def friction_map(
     if points is not None and terms is not None:
         both, centre, common = moves.all(axis=1), points.pattern.position_m, points.pattern.common
         reason[both], width = points["reason"], edges[1] - edges[0]
-        friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
-        own = friction + ways * (np.full(len(points), np.nan) if fits is None else _offsets(points, fits))[:, None]
-        half, half_direction = terms.half_n[:, None], terms.half_direction_n[:, None]
-        values = {
-            "balance_n": ways * friction + offset,
-            "friction_n": friction,
-            "offset_n": offset,
-            "stderr_n": terms.stderr_n[:, None],
-            "u_systematic_n": terms.u_systematic_n[:, None],
-            "friction_low_n": friction - half,
-            "friction_high_n": friction + half,
-            "friction_direction_n": own,
-            "friction_direction_low_n": own - half_direction,
-            "friction_direction_high_n": own + half_direction,
-            "air_n": points["air_n"][:, None],
+        values = _paired(points, fits, terms)
+        values |= {
             "position_from_m": np.array([[centre[common][0] - width / 2.0]]),
             "position_to_m": np.array([[centre[common][-1] + width / 2.0]]),
         }
@@ -117,6 +104,26 @@ def friction_map(
         "synthetic": reading.identity.synthetic,
     }
     return found
+
+
+def _paired(points: Points, fits: Fits | None, terms: CycleTerms) -> dict[str, np.ndarray]:
+    """Return friction with uncertainty and band of the cycles with both directions, shape (n, 1) or (n, 2)."""
+    friction, offset, ways = points["friction_n"][:, None], points["offset_n"][:, None], np.array(WAYS)
+    own = friction + ways * (np.full(len(points), np.nan) if fits is None else _offsets(points, fits))[:, None]
+    half, half_direction = terms.half_n[:, None], terms.half_direction_n[:, None]
+    return {
+        "balance_n": ways * friction + offset,
+        "friction_n": friction,
+        "offset_n": offset,
+        "stderr_n": terms.stderr_n[:, None],
+        "u_systematic_n": terms.u_systematic_n[:, None],
+        "friction_low_n": friction - half,
+        "friction_high_n": friction + half,
+        "friction_direction_n": own,
+        "friction_direction_low_n": own - half_direction,
+        "friction_direction_high_n": own + half_direction,
+        "air_n": points["air_n"][:, None],
+    }
 
 
 def _flag(reason: str) -> str:

@@ -17,7 +17,7 @@ from pneudrive.estimate.levels import cells, levels
 from pneudrive.estimate.losses import moderate
 from pneudrive.friction.bins import known_mean
 from pneudrive.friction.budget import chance_n, unseen_n
-from pneudrive.friction.campaign.cycles import Cycles, mean_of_sides
+from pneudrive.friction.campaign.cycles import CycleTable, mean_of_sides
 from pneudrive.friction.campaign.result import ExcludedPoint
 from pneudrive.friction.conditions import PA_PER_BAR
 from pneudrive.friction.level import BELOW_AMBIENT
@@ -43,7 +43,7 @@ STICK_SLIP = ("stick-slip", "force swing")
 NAMES = (*STICK_SLIP, UNNAMED)
 
 
-def unsteady(cycles: Cycles, tares: Cycles, stiffness_n_m: float | None, mass_kg: float) -> NDArray:
+def unsteady(cycles: CycleTable, tares: CycleTable, stiffness_n_m: float | None, mass_kg: float) -> NDArray:
     """Return for each cycle the reason why sliding on the rig's spring was not steady; "" if it was steady.
 
     There are three signs. (1) The axis itself runs unevenly. (2) The piston's position, which is the axis
@@ -105,7 +105,7 @@ OTHER_SPEED = 1.5  # ratio of measured speed to that in the header, either way
 SET_PA, SET_SHARE, PRESSURE_ACCURACIES = 1e4, 0.1, 4.0
 
 
-def suspicions(cycles: Cycles, accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
+def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Said]:
     """Return sentences on cycles whose speeds or pressures differ from those of their plan.
 
     The mean of the pressures of both directions is compared with the set ones in the headers, because the moving air
@@ -113,7 +113,7 @@ def suspicions(cycles: Cycles, accuracy: Mapping[str, float], ambient_pa: float)
 
     Parameters
     ----------
-    cycles : Cycles
+    cycles : CycleTable
     accuracy : mapping
         Channel -> standard uncertainty, SI.
     ambient_pa : float
@@ -181,12 +181,12 @@ class Pattern:
         return unseen_n(self.offset_n[self.common], float(self.common.mean()))
 
 
-def reduce(cycles: Cycles, edges_m: Array, steady: NDArray[np.bool_]) -> tuple[Pattern, dict[str, Array]]:
+def reduce(cycles: CycleTable, edges_m: Array, steady: NDArray[np.bool_]) -> tuple[Pattern, dict[str, Array]]:
     """Bring cycles with both directions to the common range of position.
 
     Parameters
     ----------
-    cycles : Cycles
+    cycles : CycleTable
         With both sides.
     edges_m : ndarray, shape (bins + 1,)
     steady : ndarray of bool, shape (n,)
@@ -307,7 +307,7 @@ MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring b
 
 
 @dataclass(frozen=True, eq=False)
-class Points(Cycles):
+class Points(CycleTable):
     """Cycles with both directions, and the selection of points of F(v).
 
     Further columns: ``speed_m_s`` (mean of both directions); ``friction_n``, ``offset_n`` and ``air_n`` (half the
@@ -323,7 +323,7 @@ class Points(Cycles):
     conditions : tuple of Condition
         Those that occur.
     level_speeds_m_s : ndarray, shape (levels,)
-    whole : Cycles
+    whole : CycleTable
         All cycles with both directions.
     members : tuple of ndarray of int, length n
         Rows of `whole` of each point: more than one if a large campaign was condensed.
@@ -332,7 +332,7 @@ class Points(Cycles):
     pattern: Pattern
     conditions: tuple[Condition, ...]
     level_speeds_m_s: Array
-    whole: Cycles
+    whole: CycleTable
     members: tuple[NDArray[np.intp], ...]
 
     @property
@@ -384,7 +384,7 @@ def points_of(reading: CampaignData) -> Points | None:
     return Points(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
 
 
-def _reasons(cycles: Cycles, unsteady: NDArray, cell: Whole) -> NDArray:
+def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Whole) -> NDArray:
     """Return the reason why each cycle is not a point of F(v).
 
     Stick-slip concerns a condition and speed, not a single cycle.

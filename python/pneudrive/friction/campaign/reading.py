@@ -25,7 +25,7 @@ from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
 from pneudrive.estimate.levels import levels
 from pneudrive.friction.bins import grid_of
-from pneudrive.friction.campaign.cycles import Cycles, cycle_row, reduce_cycle
+from pneudrive.friction.campaign.cycles import CycleTable, cycle_row, reduce_cycle
 from pneudrive.friction.campaign.loops import Loop, chosen_loops, reversal_loop
 from pneudrive.friction.campaign.sensors import Gain, corrected, pressure_zeros, sensor_gain, without_zeros
 from pneudrive.friction.conditions import LEVELS, Condition, Skipped
@@ -231,7 +231,7 @@ class CampaignData:
     identity : Identity
     files : tuple of CycleFile
         All usable files in running order; empty for recordings.
-    sliding, tares : Cycles
+    sliding, tares : CycleTable
         They use the corrected gain of the force sensor (known weights) and zeros of the pressures (zero runs).
     gain : Gain
     pressure_zeros : dict
@@ -250,8 +250,8 @@ class CampaignData:
     source: Path
     identity: Identity
     files: tuple[CycleFile, ...]
-    sliding: Cycles
-    tares: Cycles
+    sliding: CycleTable
+    tares: CycleTable
     gain: Gain
     pressure_zeros: dict[str, PressureZero]
     skipped: tuple[Skipped, ...]
@@ -306,7 +306,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     travel = _travel(files, {key: way for key, (way, _, _) in found.items()})
     rests = _rests(files, {key: row["duration_s"] for key, row in rows.items() if row["kind"] != "weight"})
     whole = [row | {"travel_m": travel[key], "rest_s": rests[key]} for key, row in rows.items()]
-    cycles = Cycles.of(sorted(whole, key=lambda row: row["index"]), BINS)
+    cycles = CycleTable.of(sorted(whole, key=lambda row: row["index"]), BINS)
     skipped += [data for _, data, _ in found.values() if isinstance(data, Skipped)]
     kinds = cycles["kind"]
     tares = cycles.at(kinds == "tare")
@@ -484,8 +484,8 @@ def reading_of(found: Characterisation, name: str = "recordings") -> CampaignDat
         source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
         identity=_identity(found.recordings[0], name),
         files=(),
-        sliding=Cycles.of([row for row in rows if row["sides"]], BINS),
-        tares=Cycles.of([], BINS),
+        sliding=CycleTable.of([row for row in rows if row["sides"]], BINS),
+        tares=CycleTable.of([], BINS),
         gain=Gain(),
         pressure_zeros={},
         skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),

@@ -16,7 +16,7 @@ from pneudrive.friction.campaign.cycles import mean_of_sides
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.friction.campaign.cycles import Cycles
+    from pneudrive.friction.campaign.cycles import CycleTable
     from pneudrive.rig.interface import Identity
 
     Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class Gain:
     surprising: bool = False
 
 
-def sensor_gain(identity: Identity, weights: Cycles, tares: Cycles) -> Gain:
+def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> Gain:
     """Compare the readings of the sensor under known weights with its readings when released.
 
     If a weight pulls the piston in +x, the rig holds it back, and the sensor shows less by this force.
@@ -90,7 +90,7 @@ def stated_gain(identity: Identity) -> float | None:
     return identity.accuracy["force_n"] / max(abs(v) for v in identity.limits["force_n"])
 
 
-def corrected(cycles: Cycles, gain: Gain) -> Cycles:
+def corrected(cycles: CycleTable, gain: Gain) -> CycleTable:
     """Correct the gain of cycles, and replace the stated uncertainty by the remaining one."""
     if not np.isfinite(gain.stderr):
         return cycles
@@ -133,7 +133,7 @@ class PressureZero:
     unsteady: dict[str, float] = field(default_factory=dict)
 
 
-def pressure_zeros(identity: Identity, tares: Cycles) -> dict[str, PressureZero]:
+def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, PressureZero]:
     """Find the zero of each transducer whose accuracy is stated, by chamber ("a", "b")."""
     found = {}
     for side in "ab":
@@ -144,7 +144,7 @@ def pressure_zeros(identity: Identity, tares: Cycles) -> dict[str, PressureZero]
     return found
 
 
-def _zero(seen: Cycles, side: str, ambient_pa: float, accuracy_pa: float) -> PressureZero:
+def _zero(seen: CycleTable, side: str, ambient_pa: float, accuracy_pa: float) -> PressureZero:
     off, change = seen[f"open_{side}_pa"] - ambient_pa, seen[f"open_{side}_change_pa"]
     unsteady = np.abs(change) > accuracy_pa
     far = ~unsteady & (np.abs(off) > REACH * accuracy_pa)
@@ -162,7 +162,7 @@ def _zero(seen: Cycles, side: str, ambient_pa: float, accuracy_pa: float) -> Pre
     return PressureZero(means, float(np.mean(values)), stderr, values.size, *bad)
 
 
-def without_zeros(cycles: Cycles, zeros: dict[str, PressureZero], identity: Identity) -> Cycles:
+def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: Identity) -> CycleTable:
     """Subtract the zeros from cycles and zero runs: those of the block, otherwise the mean of all.
 
     After this correction, a zero run shows only the zero of the force sensor.
