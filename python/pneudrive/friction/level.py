@@ -259,8 +259,8 @@ def level_of(
     slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
     entries = systematic_budget(recording, up, down, slope, middle(np.diff(motion.time_s)), motion.late_s)
     single = profile.up_n if 1 in sides else profile.down_n
-    patterns = (profile.friction_n, profile.offset_n) if len(sides) == 2 else (single, single)
-    window = window_entry(*(pattern[bins] for pattern in patterns), float(bins.mean()))
+    friction, offset = (profile.friction_n, profile.offset_n) if len(sides) == 2 else (single, single)
+    window = window_entry(friction[bins], offset[bins], float(bins.mean()))
     return Level(
         recording=recording.name,
         labels=recording.labels,

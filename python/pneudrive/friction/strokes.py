@@ -122,10 +122,10 @@ class Strokes:
     def profile(self) -> Profile:
         """Both directions of all strokes, paired at equal position."""
         way, edges = self.frame["direction"].to_numpy(), self.grid.edges_m
-        strokes = [self.balance_n[way == direction] for direction in (1, -1)]
-        up, down = (mean_profile(rows) for rows in strokes)
+        up_n, down_n = (self.balance_n[way == direction] for direction in (1, -1))
+        up, down = mean_profile(up_n), mean_profile(down_n)
         centres, in_window = (edges[:-1] + edges[1:]) / 2, self.grid.is_in_window
-        return Profile(centres, up, down, (up - down) / 2, (up + down) / 2, *strokes, in_window)
+        return Profile(centres, up, down, (up - down) / 2, (up + down) / 2, up_n, down_n, in_window)
 
     @property
     def directions(self) -> dict[int, list[int]]:

@@ -78,8 +78,8 @@ def checks_of(
             if not np.isfinite([a, b]).all():
                 continue
             same = abs(a - b) <= max(row.get("share", 0.0) * max(abs(a), abs(b)), row.get("by", 0.0))
-        words = ["not stated" if v is None else row.get("written", "{}").format(v) for v in (a, b)]
-        yield Check(what, *words, same, row["consequence"])
+        shown, other_shown = ("not stated" if v is None else row.get("written", "{}").format(v) for v in (a, b))
+        yield Check(what, shown, other_shown, same, row["consequence"])
 
 
 def _shared(found: CampaignCharacteristics, about: dict[str, Any]) -> dict[str, str | float | None]:

@@ -93,9 +93,7 @@ def friction_map(
         AMBIENT: np.full((count, 2), reading.identity.ambient_pressure_pa),
     }
     rows = {name: values[moves] for name, values in columns.items()}
-    order = sorted(
-        range(int(moves.sum())), key=lambda i: (rows["began_s"][i], rows["recording"][i], -rows["direction"][i])
-    )
+    order = np.lexsort((-rows["direction"], rows["recording"].astype(str), rows["began_s"]))
     found = columns_to_dataset({name: values[order] for name, values in rows.items()}, COLUMNS)
     found.attrs |= {
         "title": "friction map of a campaign",

@@ -546,7 +546,7 @@ def _speeds(points: Points, number: int, index: int) -> CurveSpeeds:
     every = np.concatenate([speeds, between[apart]])
     cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
     order = np.argsort(every)
-    out = points.at(here & ~points.use)
+    out = points.at(np.flatnonzero(here & ~points.use))
     ripple = np.nan_to_num(np.hstack([out["ripple"], out["piston_ripple"]])).max(axis=1, initial=0.0)
     columns = (out["speed_m_s"].tolist(), out["friction_n"].tolist(), out["reason"].tolist(), ripple.tolist())
     excluded = sorted((ExcludedPoint(*row) for row in zip(*columns, strict=True)), key=lambda p: p.speed_m_s)

@@ -178,6 +178,11 @@ def read_or_skip(
     return Skipped(file.head.cycle.key, file.path.name, reason)
 
 
+def read_each(read: Callable[[CycleFile, Samples], T], files: Sequence[CycleFile]) -> list[T | Skipped]:
+    """Read some cycles one after the other, as `read_or_skip`."""
+    return [read_or_skip(read, file, samples) for file, samples in zip(files, read_samples(files), strict=True)]
+
+
 def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> Row:
     """Read a zero run or a known weight: mean force while the axis is released at rest, and its uncertainty.
 

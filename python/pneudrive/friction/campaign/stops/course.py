@@ -27,18 +27,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.campaign.storage.folder import read_samples
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, student
 from pneudrive.estimate.levels import cells, means
 from pneudrive.estimate.separable import Scan, corrected_criterion, refined, scan
 from pneudrive.friction.bins import profile_stderr
-from pneudrive.friction.campaign.reading import condition_of, read_or_skip, recording_of, steps_of
+from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
 from pneudrive.friction.conditions import Skipped
 from pneudrive.rig.interface import Hold, Move
 from pneudrive.signals.motion import middle, noise_level
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -142,7 +141,7 @@ def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[
     """Find the stop only from the steps of the samples: a rest before a move, with the planned duration."""
     if not cycle.stop_s or not cycle.speed_m_s:
         return None
-    found: list[tuple[float, int]] = []
+    found = [(np.inf, 0)]
     for number in np.unique(step):
         rest, after = np.flatnonzero(step == number), np.flatnonzero(step == number + 1)
         if rest.size < FEWEST or after.size < FEWEST:
@@ -150,7 +149,7 @@ def _resting_step(cycle: Cycle, time_s: Array, position_m: Array, step: NDArray[
         duration = float(time_s[after[0]] - time_s[rest[0]])
         if np.ptp(position_m[rest]) < RESTS * np.ptp(position_m[after]) and duration > 0:
             found.append((float(abs(np.log(duration / cycle.stop_s))), int(number)))
-    misfit, number = min(found, default=(np.inf, 0))
+    misfit, number = min(found)
     return number if misfit < np.log(OTHER_DURATION) else None
 
 
@@ -309,17 +308,15 @@ def strokes_of(
     return out
 
 
-def read_strokes(files: Iterable[CycleFile], identity: Identity) -> list[UninterruptedStroke]:
+def read_strokes(files: Sequence[CycleFile], identity: Identity) -> list[UninterruptedStroke]:
     """Return the uninterrupted strokes of whole cycles; unreadable cycles give none."""
 
     def read(file: CycleFile, samples: Samples) -> list[UninterruptedStroke]:
         recording, _ = recording_of(file, identity, samples)
         return strokes_of(file, recording, steps_of(recording, samples))
 
-    found = list(files)
-    every = [read_or_skip(read, file, samples) for file, samples in zip(found, read_samples(found), strict=True)]
     # The characterisation of the cycle reports skipped parts.
-    return [stroke for strokes in every if not isinstance(strokes, Skipped) for stroke in strokes]
+    return [s for strokes in read_each(read, files) if not isinstance(strokes, Skipped) for s in strokes]
 
 
 def _means(values: Array, most: int) -> tuple[Array, float]:
@@ -502,17 +499,7 @@ class Recovery:
     exponential: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Excess:
-    """Excess over uninterrupted sliding in bins of travel since the peak, with standard errors; shape (m,) each."""
-
-    travel_m: Array
-    time_s: Array
-    excess_n: Array
-    stderr_n: Array
-
-
-def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Excess | None:
+def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Array | None:
     """Average over bins whose width grows with travel; None if there are too few samples.
 
     Parameters
@@ -523,6 +510,11 @@ def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, 
         Noise of one sample.
     texture_n : float
         Standard deviation of friction over position in uninterrupted sliding, which bins do not average out.
+
+    Returns
+    -------
+    ndarray or None, shape (4, m)
+        Travel and time since the peak, excess over uninterrupted sliding, and its standard error.
     """
     known = travel_m > 0
     travel, time, excess = travel_m[known], time_s[known], excess_n[known]
@@ -545,15 +537,16 @@ def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, 
     if kept.sum() < FEWEST_BINS:
         return None
     stderr = np.hypot(noise_n / np.sqrt(count), texture_n)
-    return Excess(*(column[kept] for column in (*means(group, travel, time, excess), stderr)))
+    return np.array([*means(group, travel, time, excess), stderr])[:, kept]
 
 
-def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery | None:
+def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Recovery | None:
     """Fit the return to uninterrupted sliding.
 
     Parameters
     ----------
-    bins : Excess
+    bins : ndarray, shape (4, m)
+        Result of `bin_excess`.
     running_stderr_n : float
         Standard error of the level of uninterrupted sliding.
     speed_m_s : float
@@ -564,14 +557,19 @@ def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery
     Recovery or None
         None if the excess at the peak is not distinguishable from zero.
     """
-    s, y, sigma = bins.travel_m, bins.excess_n, bins.stderr_n
+    s, time, y, sigma = bins
     first = slice(0, max(2, s.size // 10))
     start = float(np.average(y[first], weights=sigma[first] ** -2))
     if start < SIGNIFICANT * float(np.hypot(sigma[first].min(), running_stderr_n)):
         return None
     freedom = s.size - 3
     coarse = np.geomspace(float(s[0]), 3.0 * float(s[-1]), LENGTHS)
-    found = refined(lambda at: _scan(s, y, sigma, at), coarse, LENGTHS, lambda one: one.rise(freedom, 1.0))
+
+    def at(lengths: Array) -> Scan:
+        decay = np.exp(-s[None, :] / lengths[:, None])
+        return scan(lengths[:, None], np.stack([decay, np.ones_like(decay)], axis=2) / sigma[None, :, None], y / sigma)
+
+    found = refined(at, coarse, LENGTHS, lambda one: one.rise(freedom, 1.0))
     lengths = found.shape[:, 0]
     back = lengths * np.log(1.0 / BACK)
     inside = back[found.inside(found.rise(freedom, 1.0))]
@@ -581,16 +579,18 @@ def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery
     exponential = not (strange and float(np.sqrt(np.mean(rest**2))) > MISFIT * start)
     value, low, high, seen = float(back[best]), float(inside.min()), float(inside.max()), float(s[-1])
     if not exponential:
-        value, low, high = _by_bins(bins, left)
+        value, low, high = _by_bins(s, y - left, sigma)
     complete = high <= seen
     high = high if complete else float("inf")
     level = float(np.hypot(np.sqrt(found.scale(freedom, 1.0) * found.covariance[best, 1, 1]), running_stderr_n))
     reach = student(freedom) * level
-    to_time = np.r_[0.0, s], np.r_[0.0, bins.time_s]
-    at, early, late, last = (_time(x, *to_time, speed_m_s) for x in (value, low, high, 2 * seen))
+    # Beyond the observed travel, at the speed of the move.
+    ends = np.array([value, low, high, 2 * seen])
+    times = np.interp(ends, np.r_[0.0, s], np.r_[0.0, time]) + np.maximum(ends - seen, 0.0) / max(speed_m_s, 1e-9)
+    soonest, early, late, last = times.tolist()
     return Recovery(
         distance=Estimate(value, low, high, (min(high, 2 * seen) - low) / 4.0, "m"),
-        time=Estimate(at, early, late, (min(late, last) - early) / 4.0, "s"),
+        time=Estimate(soonest, early, late, (min(late, last) - early) / 4.0, "s"),
         length_m=float(lengths[best]),
         left=Estimate(left, left - reach, left + reach, level, "N", float(freedom)),
         seen_m=seen,
@@ -599,33 +599,17 @@ def recover(bins: Excess, running_stderr_n: float, speed_m_s: float) -> Recovery
     )
 
 
-def _scan(s: Array, y: Array, sigma: Array, lengths: Array) -> Scan:
-    decay = np.exp(-s[None, :] / lengths[:, None])
-    return scan(lengths[:, None], np.stack([decay, np.ones_like(decay)], axis=2) / sigma[None, :, None], y / sigma)
-
-
-def _by_bins(bins: Excess, left_n: float) -> tuple[float, float, float]:
+def _by_bins(travel: Array, above: Array, sigma: Array) -> tuple[float, float, float]:
     """Return the distance from the bins: where the excess falls below 5 % and stays there, with its error."""
-    above = bins.excess_n - left_n
     top = float(above[: max(2, above.size // 10)].mean())
 
     def crossing(shift: float) -> float:
-        over = np.flatnonzero(above + shift * bins.stderr_n > BACK * top)
-        if not over.size:
-            return float(bins.travel_m[0])
-        last = int(over[-1])
-        return float(bins.travel_m[last + 1]) if last + 1 < above.size else float("inf")
+        over = np.flatnonzero(above + shift * sigma > BACK * top)
+        last = int(over[-1]) + 1 if over.size else 0
+        return float(travel[last]) if last < above.size else float("inf")
 
     low, value, high = crossing(-1.0), crossing(0.0), crossing(1.0)
-    return min(value, bins.travel_m[-1]), low, max(high, value)
-
-
-def _time(travel: float, known_m: Array, known_s: Array, speed_m_s: float) -> float:
-    """Return the time at a travel; beyond the observed travel at the speed of the move."""
-    if not np.isfinite(travel):
-        return float("inf")
-    beyond = max(travel - float(known_m[-1]), 0.0) / max(speed_m_s, 1e-9)
-    return float(np.interp(travel, known_m, known_s)) + beyond
+    return min(value, travel[-1]), low, max(high, value)
 
 
 PER_DECADE = 12

@@ -24,7 +24,7 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
-from pneudrive.estimate.levels import cells, levels
+from pneudrive.estimate.levels import levels
 from pneudrive.estimate.separable import Scan, refined, scan
 from pneudrive.friction.campaign.stops.course import BACK
 from pneudrive.friction.campaign.stops.dwell_models import (
@@ -252,11 +252,19 @@ def fit_contact_age(
     columns = np.column_stack([np.ones(len(stops)), pressures])
     dwell = np.array([s.dwell_s for s in stops])
     speed = np.array([s.speed_m_s for s in stops])
-    back = np.array([_back(s) for s in stops])
+    recoveries = [s.recovery for s in stops]  # travel from the peak to 5 % of the excess; NaN if not observed
+    back = np.array([r.distance.value if r is not None and r.complete else np.nan for r in recoveries])
     increment = np.array([s.increment_n for s in stops])
 
+    seen = np.isfinite(back)
+
+    def lengths(time: float) -> Array:
+        return _lengths(form.growth, exponent, time, dwell[seen], speed[seen], back[seen])
+
     def at(times: Array) -> Scan:
-        distance = np.array([_distance(form.growth, exponent, t, dwell, speed, back) for t in times])
+        distance = np.full(times.size, ASSUMED_DISTANCE_M)
+        if seen.sum() >= FEWEST_STOPS:
+            distance = np.array([np.mean(lengths(t)) for t in times])
         aged = np.array(
             [
                 _psi(form.growth, dwell / t, exponent) - _psi(form.growth, length / speed / t, exponent)
@@ -277,14 +285,13 @@ def fit_contact_age(
     clear = np.abs(b) > student(freedom) * spread
     shares = iter(np.where(clear, b / b[0], 0.0)[1:].tolist())
     each = [next(shares)] * 2 if together else [next(shares) if own else 0.0 for own in varied]
-    seen = np.isfinite(back)
-    lengths = _lengths(form.growth, exponent, time, dwell[seen], speed[seen], back[seen])
+    each_length = lengths(time)
     return ContactAge(
         growth=form.growth,
         exponent=exponent,
         increment=Estimate(float(b[0]), *found.interval(row, rise), float(spread[0]), "N", freedom),
         time=Estimate(time, *found.shape_interval(0, rise, limits), float("nan"), "s"),
-        distance=mean_estimate(lengths, "m") if lengths.size >= FEWEST_STOPS else None,
+        distance=mean_estimate(each_length, "m") if each_length.size >= FEWEST_STOPS else None,
         share_a_pa=each[0],
         share_b_pa=each[1],
         together=together,
@@ -293,19 +300,6 @@ def fit_contact_age(
 
 def _psi(growth: str, ratio: Array, exponent: float) -> Array:
     return _core.dwell_growth(growth, np.asarray(ratio, dtype=float), 1.0, exponent)[:, 0]
-
-
-def _back(stop: Stop) -> float:
-    """Return the travel from the peak to 5 % of the excess; NaN if not observed."""
-    seen = stop.recovery is not None and stop.recovery.complete
-    return stop.recovery.distance.value if seen else float("nan")  # type: ignore[union-attr]
-
-
-def _distance(growth: str, exponent: float, time: float, dwell: Array, speed: Array, back: Array) -> float:
-    seen = np.isfinite(back)
-    if seen.sum() < FEWEST_STOPS:
-        return ASSUMED_DISTANCE_M
-    return float(np.mean(_lengths(growth, exponent, time, dwell[seen], speed[seen], back[seen])))
 
 
 def _lengths(growth: str, exponent: float, time: float, dwell: Array, speed: Array, back: Array) -> Array:
@@ -334,7 +328,11 @@ RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 def dwell_statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Statement]:
     """Return statements on the values that the stops of a series determine."""
     where = f"Stops ({series.name})"
-    yield from _spoiled(where, stops)
+    flags = Counter(flag for s in stops for flag in s.flags if flag in SPOILING)
+    if flags:
+        kind = next((f"spoiled_{flag}" for flag in ("negative_friction", "undersampled") if flags[flag]), "spoiled")
+        counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in flags.most_common())
+        yield say(f"stops.{kind}", where=where, count=sum(not s.usable for s in stops), stops=len(stops), flags=counts)
     durations = series.curve.data.durations if series.curve is not None else 0
     if series.curve is None or durations < 2:
         yield from _one_duration(where, [s for s in stops if s.usable])
@@ -344,19 +342,17 @@ def dwell_statements(series: DwellSeries, stops: list[Stop]) -> Iterator[Stateme
         share = f"; {100 * series.share.value:.2g} % of running friction" if series.share is not None else ""
         numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
         yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
-    yield from _directions(where, series)
+    # Peaks of both directions, from cells with both.
+    cells: dict[tuple, dict[int, list[float]]] = {}
+    for s in series.stops:
+        cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)
+    pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
+    if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
+        yield say("stops.directions", where=where, found=found)
     if slope is None or slope.differs:  # else there is no effect
         yield from _laws(where, series, durations)
     yield from _confounding(where, series, series.curve)
     yield say("stops.peaks", where=where)
-
-
-def _spoiled(where: str, stops: list[Stop]) -> Iterator[Statement]:
-    flags = Counter(flag for s in stops for flag in s.flags if flag in SPOILING)
-    if flags:
-        kind = next((f"spoiled_{flag}" for flag in ("negative_friction", "undersampled") if flags[flag]), "spoiled")
-        counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in flags.most_common())
-        yield say(f"stops.{kind}", where=where, count=sum(not s.usable for s in stops), stops=len(stops), flags=counts)
 
 
 def _one_duration(where: str, stops: list[Stop]) -> Iterator[Statement]:
@@ -370,16 +366,6 @@ def _one_duration(where: str, stops: list[Stop]) -> Iterator[Statement]:
         yield say(kind, where=where, duration=duration, found=found, count=len(stops))
     of = "one duration" if durations == 1 else f"{durations} durations"
     yield say("stops.too_few_durations", where=where, count=len(stops), durations=of)
-
-
-def _directions(where: str, series: DwellSeries) -> Iterator[Statement]:
-    """Return statements on the difference of peaks between directions, from cells with both."""
-    cells: dict[tuple, dict[int, list[float]]] = {}
-    for s in series.stops:
-        cells.setdefault((s.condition, round(s.stop_s, 6)), {1: [], -1: []})[s.direction].append(s.increment_n)
-    pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
-    if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
-        yield say("stops.directions", where=where, found=found)
 
 
 def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement]:
@@ -423,7 +409,6 @@ def _confounding(where: str, series: DwellSeries, curve: DwellCurve) -> Iterator
 REFERENCE_S = 15.0
 INSIDE = 1.5  # factor by which the durations must exceed it on both sides
 GRID_POINTS = 61
-SAME_PLACE_M = 1e-3
 SAME_PRESSURE_PA = 100.0
 
 
@@ -467,7 +452,8 @@ def _series(stops: list[Stop], ambient: float) -> DwellSeries:
         reference_s=_reference([s.dwell_s for s in used]),
         running_n=_running(used or stops),
     )
-    curve = fit_curve(_data(used, enough)) if used else None
+    drift_n = _running_drift(used) * float(np.ptp([s.increment_n for s in used])) if used else 0.0
+    curve = fit_curve(DwellData(tuple(used), tuple(enough), drift_n)) if used else None
     return replace(series, **_results(series, curve, ambient)) if curve is not None else series
 
 
@@ -494,7 +480,7 @@ def _results(series: DwellSeries, curve: DwellCurve, ambient: float) -> dict[str
         "pressure": _pressure(curve, at, ambient),
         "scatter_n": curve.fit.most_probable_sd("scatter"),
         "block_n": curve.fit.most_probable_sd("block"),
-        "outlying": tuple(k for k, w in zip(curve.data.key, curve.weight, strict=True) if w < 0.7),
+        "outlying": tuple(k for k, w in zip(curve.data["key"].tolist(), curve.weight, strict=True) if w < 0.7),
         "curve": curve,
     }
 
@@ -512,22 +498,6 @@ def _running(stops: Sequence[Stop]) -> float:
     """Average running friction; the mean of both directions removes the offset."""
     by_direction = [np.mean([s.running_n for s in stops if s.direction == d]) for d in {s.direction for s in stops}]
     return float(np.mean(by_direction)) if by_direction else float("nan")
-
-
-def _data(stops: list[Stop], conditions: list[Condition]) -> DwellData:
-    place = np.array([(s.direction, round(s.position_m / SAME_PLACE_M)) for s in stops], dtype=np.int64)
-    return DwellData(
-        key=tuple(s.key for s in stops),
-        duration_s=np.array([s.dwell_s for s in stops]),
-        increment_n=np.array([s.increment_n for s in stops]),
-        stderr_n=np.array([s.increment_stderr_n for s in stops]),
-        condition=np.array([conditions.index(s.condition) for s in stops], dtype=np.int64),
-        place=cells(*place.T),
-        began_s=np.array([s.began_s for s in stops]),
-        block=np.array([s.block for s in stops], dtype=np.int64),
-        conditions=tuple(conditions),
-        drift_prior_n=_running_drift(stops) * float(np.ptp([s.increment_n for s in stops])),
-    )
 
 
 def _running_drift(stops: Sequence[Stop]) -> float:

@@ -20,6 +20,7 @@ scatter.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +37,7 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from pneudrive.friction.campaign.stops.stop import Stop
     from pneudrive.friction.conditions import Condition
 
     Array = NDArray[np.float64]
@@ -207,7 +209,7 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
 
 def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float) -> DwellLawFit:
     n, conditions = len(curve.data), len(curve.data.conditions)
-    shortest, longest = float(curve.data.duration_s.min()), float(curve.data.duration_s.max())
+    shortest, longest = float(curve.data["dwell_s"].min()), float(curve.data["dwell_s"].max())
     below, above = REACH.get(form.name, USUAL_REACH)
     limits = {"s": (shortest / below, longest * above), "": (EXPONENTS[0], np.inf)}
     linear = conditions + curve.extra.shape[1] + (conditions if form.growth else 0)
@@ -254,9 +256,10 @@ def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> Sc
     shapes = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns)) if columns else EMPTY
     designs = np.broadcast_to(np.c_[own, curve.extra], (len(shapes), len(data), conditions + curve.extra.shape[1]))
     if form.growth:
-        psi = np.array([form.psi(data.duration_s, *shape) for shape in shapes])
+        dwell = data["dwell_s"]
+        psi = np.array([form.psi(dwell, *shape) for shape in shapes])
         designs = np.concatenate([designs, own[None, :, :] * psi[:, :, None]], axis=2)
-    return scan(shapes, whitener @ designs, whitener @ data.increment_n)
+    return scan(shapes, whitener @ designs, whitener @ data["increment_n"])
 
 
 #: Correlation length of the bends in decades (the known laws turn within one or two), and their prior size as a
@@ -272,6 +275,7 @@ BLOCKS_FOR_SLOPES = 3
 CONFOUNDED = 5.0
 #: Durations within this many decades (2 %) count as one.
 SAME_DURATION = 0.0086
+SAME_PLACE_M = 1e-3  # stops in one direction whose positions differ by less: other places differ by a constant
 #: Huber's constant for outlying stops, and number of updates of their weights.
 HUBER_K, ROUNDS = 2.5, 3
 LEAST_FREEDOM = 2
@@ -281,50 +285,43 @@ SPARE_FOR_PLACES, SPARE_FOR_DRIFT = 4, 6
 
 @dataclass(frozen=True, eq=False)
 class DwellData:
-    """Stops of one series, shape (n,) each.
+    """Stops of one series.
 
     Attributes
     ----------
-    key : tuple of str
-    duration_s, increment_n, stderr_n : ndarray
-        stderr_n comes from noise within the cycle.
-    condition : ndarray of int
-        Index into `conditions`.
-    place : ndarray of int
-        Direction and position of the stop: places differ by a constant.
-    began_s : ndarray
-        The rig's clock.
-    block : ndarray of int
+    stops : tuple of Stop
     conditions : tuple of Condition
     drift_prior_n : float
         Standard deviation of the increments' drift over half the campaign if the order of the stops hides it.
     """
 
-    key: tuple[str, ...]
-    duration_s: Array
-    increment_n: Array
-    stderr_n: Array
-    condition: NDArray[np.int64]
-    place: NDArray[np.int64]
-    began_s: Array
-    block: NDArray[np.int64]
+    stops: tuple[Stop, ...]
     conditions: tuple[Condition, ...]
     drift_prior_n: float = 0.0
 
-    @property
+    def __getitem__(self, name: str) -> NDArray:
+        """Return an attribute of all stops, shape (n,)."""
+        return np.array([getattr(stop, name) for stop in self.stops])
+
+    def __len__(self) -> int:
+        """Return the number of stops."""
+        return len(self.stops)
+
+    @cached_property
     def log_s(self) -> Array:
         """Decadic logarithm of the duration."""
-        return np.log10(self.duration_s)
+        return np.log10(self["dwell_s"])
+
+    @cached_property
+    def condition(self) -> NDArray[np.int64]:
+        """Index of the condition of each stop."""
+        return np.array([self.conditions.index(stop.condition) for stop in self.stops], dtype=np.int64)
 
     @property
     def durations(self) -> int:
         """Largest number of different durations at a condition."""
         level = levels(self.log_s, SAME_DURATION)
         return max(np.unique(level[self.condition == c]).size for c in range(len(self.conditions)))
-
-    def __len__(self) -> int:
-        """Return the number of stops."""
-        return self.duration_s.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -415,7 +412,7 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
     curve = None
     for _ in range(ROUNDS):
         scatter = replace(components[0], kernel=components[0].kernel / weight)
-        model = MixedModel(data.increment_n, x, data.stderr_n**2 / weight, (scatter, *components[1:]))
+        model = MixedModel(data["increment_n"], x, data["increment_stderr_n"] ** 2 / weight, (scatter, *components[1:]))
         curve = DwellCurve(data, model.fit(), centre, extra, inflation, weight)
         away = _standardised(curve)
         updated = np.minimum(1.0, HUBER_K / np.maximum(away, 1e-12))
@@ -428,13 +425,15 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
 def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
     """Return fixed columns of places and drift, the column of a hidden drift, and its variance inflation."""
     n = len(data)
-    names, member = np.unique(data.place, return_inverse=True)
+    at = np.round(data["position_m"] / SAME_PLACE_M).astype(np.int64)
+    names, member = np.unique(cells(data["direction"], at), return_inverse=True)
     extra = (member[:, None] == np.arange(names.size)[None, :]).astype(float) - 1.0 / names.size
     extra = extra[:, independent(np.c_[x, extra])[x.shape[1] :] - x.shape[1]]
     if n - x.shape[1] - extra.shape[1] < SPARE_FOR_PLACES:
         extra = np.zeros((n, 0))
     spare = n - x.shape[1] - extra.shape[1]
-    time = data.began_s - data.began_s.mean()
+    time = data["began_s"]
+    time = time - time.mean()
     if np.ptp(time) == 0:
         return extra, np.zeros((n, 0)), 1.0
     drift = (time / np.abs(time).max())[:, None]
@@ -458,7 +457,7 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
 
 def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect, ...]:
     """Return the sources of scatter; the scatter from stop to stop comes first."""
-    y, u = data.increment_n, data.log_s
+    y, u = data["increment_n"], data.log_s
     line = np.abs(x @ np.linalg.lstsq(x, y, rcond=None)[0])
     size = np.clip(line / max(float(line.mean()), 1e-300), *GROWTH_RANGE)
     tau = _first_scatter(data, x)
@@ -469,7 +468,7 @@ def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect,
         out += [
             RandomEffect(name, gaussian(u, u, length) * share, swing * size) for name, (length, size) in BENDS.items()
         ]
-    names, member = np.unique(data.block, return_inverse=True)
+    names, member = np.unique(data["block"], return_inverse=True)
     if names.size > 1:
         same = (member[:, None] == member[None, :]).astype(float)
         out.append(RandomEffect("block", same, tau))
@@ -483,7 +482,7 @@ def _components(data: DwellData, x: Array, hidden: Array) -> tuple[RandomEffect,
 
 def _first_scatter(data: DwellData, x: Array) -> float:
     """Return a first estimate of the scatter beyond noise: within equal stops, otherwise about lines."""
-    y = data.increment_n
+    y = data["increment_n"]
     cell = cells(data.condition, levels(data.log_s, SAME_DURATION))
     counts = np.bincount(cell)
     repeats = int((counts - 1).sum())
@@ -492,7 +491,7 @@ def _first_scatter(data: DwellData, x: Array) -> float:
     else:
         rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
         total = float(rest @ rest) / max(y.size - x.shape[1], 1)
-    noise = float(np.mean(data.stderr_n**2))
+    noise = float(np.mean(data["increment_stderr_n"] ** 2))
     return float(np.sqrt(max(total - noise, 0.05 * total, 0.05 * noise, 1e-18 * float(y @ y), 1e-300)))
 
 

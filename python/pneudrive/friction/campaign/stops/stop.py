@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.batching import share_out
-from pneudrive.campaign.storage.folder import CycleFile, read_samples
-from pneudrive.friction.campaign.reading import condition_of, read_or_skip, recording_of, steps_of
+from pneudrive.campaign.storage.folder import CycleFile
+from pneudrive.friction.campaign.reading import condition_of, read_each, recording_of, steps_of
 from pneudrive.friction.campaign.stops.course import (
     SAME_SPEED,
     ForceRelaxation,
@@ -165,7 +165,9 @@ def _read(
     own = strokes_of(file, recording, step, leave=stop_step(cycle)) if phases.by_steps else []
     running = running_level(recording, friction, phases, own, others, condition)
     steady = steady_part(recording, phases.restart)
-    time, travel, after = _restart(recording, friction, phases)
+    part = phases.restart
+    travel = phases.direction * (recording.position_m[part] - recording.position_m[part.start])
+    time, travel, after = recording.time_s[part], np.maximum.accumulate(travel), friction[part]
     level = running.level_n if np.isfinite(running.level_n) else float(np.median(after[after.size // 2 :]))
     peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m, identity.bandwidth_hz.get("force_n"))
     at_peak = phases.restart.start + peak.index
@@ -202,12 +204,6 @@ def _read(
     )
     in_chamber = identity.pressure_measured_at == "chamber"
     return replace(stop, flags=(*stop.flags, *_spoiled(recording, phases, stop, at_peak, in_chamber)))
-
-
-def _restart(recording: Recording, friction: Array, phases: Phases) -> tuple[Array, Array, Array]:
-    part = phases.restart
-    travel = phases.direction * (recording.position_m[part] - recording.position_m[part.start])
-    return recording.time_s[part], np.maximum.accumulate(travel), friction[part]
 
 
 def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: Running) -> Recovery | None:
@@ -323,37 +319,31 @@ def read_stops(
     others : sequence of UninterruptedStroke
         Strokes of other cycles, for cycles without their own.
     """
-
-    def read(file: CycleFile, samples: Samples) -> Stop | Skipped:
-        return _read(file, samples, identity, others)
-
-    return [read_or_skip(read, file, samples) for file, samples in zip(files, read_samples(files), strict=True)]
+    return read_each(lambda file, samples: _read(file, samples, identity, others), files)
 
 
 def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
     """Return cycles without a stop, at condition and speed of a stop without its own uninterrupted stroke."""
-    alone = [f.head for f in stops if not _has_reference(f.head.cycle)]
-    wanted = {(condition_of(h), _speed_key(h.cycle)) for h in alone}
+    wanted = {_place(f) for f in stops if not _has_reference(f.head.cycle)}
     found: dict[tuple, list[CycleFile]] = {}
     for file in files:
         cycle = file.head.cycle
         uninterrupted = cycle.kind in ("sweep", "sentinel", "blank") or (cycle.kind == "stop" and cycle.stop_s == 0.0)
-        key = (condition_of(file.head), _speed_key(cycle))
-        if uninterrupted and key in wanted:
+        if uninterrupted and (key := _place(file)) in wanted:
             found.setdefault(key, []).append(file)
     return [
         group[i] for group in found.values() for i in np.unique(np.linspace(0, len(group) - 1, MOST_CYCLES).astype(int))
     ]
 
 
-def _speed_key(cycle: Cycle) -> float:
-    return round(float(np.log(cycle.speed_m_s)) / SAME_SPEED) if cycle.speed_m_s else float("nan")
+def _place(file: CycleFile) -> tuple[Condition, float]:
+    """Return condition and number of the speed of a cycle."""
+    speed = file.head.cycle.speed_m_s
+    return condition_of(file.head), round(float(np.log(speed)) / SAME_SPEED) if speed else float("nan")
 
 
 def _has_reference(cycle: Cycle) -> bool:
     """Return whether a move of the cycle, away from the stop, is at the speed of the restart."""
     hold = stop_step(cycle)
-    return hold is not None and any(
-        isinstance(step, Move) and abs(i - hold) > 1 and step.speed_m_s == cycle.speed_m_s
-        for i, step in enumerate(cycle.steps)
-    )
+    moves = ((i, step) for i, step in enumerate(cycle.steps) if isinstance(step, Move))
+    return hold is not None and any(abs(i - hold) > 1 and step.speed_m_s == cycle.speed_m_s for i, step in moves)
