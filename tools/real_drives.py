@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from pneudrive.report.recording.motion import over_time_figure
 
 import published_models
 from pneudrive.errors import PneudriveWarning
@@ -22,7 +23,6 @@ from pneudrive.identify.follow.problem import FollowProblem, solve_follow
 from pneudrive.identify.follow.regulator import RegulatorFit, identify_regulator
 from pneudrive.numbers import plain
 from pneudrive.report import style
-from pneudrive.report.recording.motion import over_time_figure
 from pneudrive.validate.closure import Closure
 from pneudrive.validate.motion import MotionValidation, validate_motion
 

@@ -7,7 +7,7 @@ from pneudrive.cli.hand_over import AXIS, SHIPPED
 from pneudrive.cli.main import run
 from pneudrive.errors import CampaignError
 from pneudrive.friction.characterisation import characterise_recordings
-from pneudrive.report.recording.closure import draw
+from pneudrive.report.recordings import closures
 
 
 def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
@@ -43,7 +43,7 @@ def test_what_the_demo_has_elsewhere_can_be_characterised():
     files = sorted(SHIPPED.glob("friction/*"))
     found = characterise_recordings(files)
     assert [one.recording.name for one in found.results] == ["O-ring_1bar", "O-ring_5bar"]
-    assert len(draw(found.closures).axes) == 1, "a line through two points has no residuals"
+    assert len(closures(found.closures).panels) == 1, "a line through two points has no residuals"
     assert (SHIPPED / "LICENSE").is_file()
     assert AXIS.is_file()
 

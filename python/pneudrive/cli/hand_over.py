@@ -22,8 +22,7 @@ with used_later(__name__):
     from pneudrive.identify.export import convert
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import friction_curve
-    from pneudrive.report import study
-    from pneudrive.report.recording import verdict
+    from pneudrive.report import speed, study
     from pneudrive.studies import bracha, identified_axis
     from pneudrive.studies.bracha import reproduction
 
@@ -167,6 +166,6 @@ def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
     made = reproduction.reproduce(folder / bracha.FOLDER)
     sections = (identified_axis.identify_axis(pn.Circuit.load(AXIS)).section(),)
     page = report.write_report(found, fits, folder, study.WithSections(made, sections))
-    for number, line in enumerate(verdict.verdict(found, fits, made), 1):
+    for number, line in enumerate(speed.verdict(found, fits, made), 1):
         typer.echo(f"{number}. {line}")
     typer.echo(f"\nReport: {page.resolve()}")

@@ -26,9 +26,9 @@ with used_later(__name__):
     from pneudrive.identify import files as sources
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import result as static_result
+    from pneudrive.report import campaign as campaign_page
+    from pneudrive.report import comparison as comparison_page
     from pneudrive.report import layout_figure
-    from pneudrive.report.campaign import compare as comparison_page
-    from pneudrive.report.campaign import page as campaign_page
     from pneudrive.signals import layout as layouts
     from pneudrive.signals import load
     from pneudrive.signals import proposal as proposals

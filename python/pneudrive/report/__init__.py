@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pneudrive.lazy_names import lazy, upper
 
 if TYPE_CHECKING:
-    from pneudrive.report.campaign.page import write_campaign_report as write_campaign_report
+    from pneudrive.report.campaign import write_campaign_report as write_campaign_report
     from pneudrive.report.circuit.drawing import draw_circuit as draw_circuit
     from pneudrive.report.control.figures import plot_control as plot_control
     from pneudrive.report.control.figures import plot_reference as plot_reference
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from pneudrive.report.lines_figure import plot_lines as plot_lines
     from pneudrive.report.platform.figures import animate_platform as animate_platform
     from pneudrive.report.platform.figures import draw_platform as draw_platform
-    from pneudrive.report.recording.pressure import plot_pressure as plot_pressure
+    from pneudrive.report.recordings import plot_pressure as plot_pressure
+    from pneudrive.report.recordings import write_report as write_report
     from pneudrive.report.trajectory import plot as plot
-    from pneudrive.report.write import write_report as write_report
 #: Module -> its names.
 _HOMES = {
-    "campaign.page": ["write_campaign_report"],
+    "campaign": ["write_campaign_report"],
     "circuit.drawing": ["draw_circuit"],
     "control.figures": ["plot_control", "plot_reference"],
     "control.page": ["write_control_report"],
@@ -30,9 +30,8 @@ _HOMES = {
     "layout_figure": ["write_layout_figure"],
     "lines_figure": ["plot_lines"],
     "platform.figures": ["animate_platform", "draw_platform"],
-    "recording.pressure": ["plot_pressure"],
     "trajectory": ["plot"],
-    "write": ["write_report"],
+    "recordings": ["plot_pressure", "write_report"],
 }
 _STUDY = ("Reproduction", "reproduce")  # of the source paper, a layer above the report
 

@@ -8,9 +8,11 @@ from io import BytesIO, StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from pneudrive import figures
 from pneudrive.errors import is_severe, shown
 from pneudrive.files.writing import make_subfolder
 from pneudrive.report import style
+from pneudrive.report.render import render
 from pneudrive.simulation.trajectory import whole
 
 if TYPE_CHECKING:
@@ -60,8 +62,15 @@ class Picture:
 
     name: str
     caption: str
-    figure: Figure
+    figure: figures.Figure | Figure
     synthetic: bool | None = None
+
+    def drawn(self) -> Figure:
+        """Draw the figure, within `style.applied`, with letters, mark and fixed places of its panels."""
+        figure = render(self.figure) if isinstance(self.figure, figures.Figure) else self.figure
+        style.finish(figure, synthetic=bool(self.synthetic))
+        style.lay_out(figure)
+        return figure
 
 
 Block: TypeAlias = Paragraph | Items | PageTable | Picture
@@ -115,6 +124,7 @@ class Report:
         self.verdict = sorted(self.verdict, key=lambda line: not is_severe(line))
         self.sections = [_marked(part, self.synthetic) for part in self.sections if part is not None]
 
+    @style.applied()
     def write(self, folder: str | Path) -> Path:
         """Write report.html and figures/*.png, *.svg into an existing folder.
 
@@ -137,14 +147,13 @@ class Report:
         blocks = (block for part in self.sections if part is not None for block in part.blocks)
         return (block for block in blocks if isinstance(block, Picture))
 
+    @style.applied()
     def plain_svg(self) -> dict[str, str]:
         """Return the pictures that are not yet part of the page as SVG, by name."""
         out = {}
         for block in self.drawn():
             if block.name not in self.pictures:
-                style.finish(block.figure, synthetic=bool(block.synthetic))
-                style.lay_out(block.figure)
-                out[block.name] = svg_text(block.figure)
+                out[block.name] = svg_text(block.drawn())
         return out
 
     def alone(self) -> str:
@@ -190,13 +199,11 @@ def _words(text: str) -> object:
 
 def write_picture(picture: Picture, folder: Path) -> str:
     """Write PNG and SVG; return the SVG for use inside a page."""
-    style.finish(picture.figure, synthetic=bool(picture.synthetic))
-    style.lay_out(picture.figure)
-    png = BytesIO()
-    picture.figure.savefig(png, format="png", dpi=style.PNG_DPI)
+    figure, png = picture.drawn(), BytesIO()
+    figure.savefig(png, format="png", dpi=style.PNG_DPI)
     with whole(folder / f"{picture.name}.png") as temporary:
         temporary.write_bytes(png.getvalue())
-    svg = svg_text(picture.figure)
+    svg = svg_text(figure)
     with whole(folder / f"{picture.name}.svg") as temporary:
         temporary.write_text(svg, encoding="utf-8")
     return inline(svg, picture.name, picture.caption)
@@ -220,7 +227,7 @@ def inline(svg: str, name: str, description: str) -> str:
     body = re.sub(r'(href="#|url\(#)', rf"\g<1>{prefix}-", body)
     label = html.escape(shown(description, len(description)), quote=True)
     points = re.search(r'<svg [^>]*?width="([\d.]+)pt"', body)
-    share = min(float(points[1]) / (72.0 * style.WIDTH_IN), 1.0) if points else 1.0
+    share = min(float(points[1]) / (72.0 * figures.WIDTH_IN), 1.0) if points else 1.0
     size = f'style="max-width: {100.0 * share:.3g}%" ' if share < 1.0 else ""
     given = rf'<svg role="img" aria-label="{label}" {size}\1'
     return re.sub(r'<svg ([^>]*?)height="[^"]*"( ?)', given, body, count=1)

@@ -117,9 +117,16 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
     drawn_panels = [(axes[index], panel) for index, panel in enumerate(figure.panels) if panel is not None]
     if figure.tall is not None:
         drawn_panels.append((made.add_subplot(layout[:, 0 if first else -1]), figure.tall))
-    handles: dict[str, Any] = {}
+    labels = [_panel(axis, panel, figure, dark=dark) for axis, panel in drawn_panels]
+    done: set[tuple[str, Any]] = set()
     for axis, panel in drawn_panels:
-        handles |= _panel(axis, panel, figure, dark=dark)
+        for side, own in zip("xy", figure.axes_of(panel), strict=True):
+            group = {(side, other) for other in getattr(axis, f"get_shared_{side}_axes")().get_siblings(axis)}
+            _limit(axis, side, own, is_first=not group & done)
+            done |= group
+    handles: dict[str, Any] = {}
+    for (axis, panel), own in zip(drawn_panels, labels, strict=True):
+        handles |= _legend(axis, own, figure, figure.legend if panel.legend is None else panel.legend)
     _outer(made, figure, axes)
     if handles:
         entries = min(len(handles), figure.entries)
@@ -163,7 +170,7 @@ def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
 
 
 def _panel(axis: Axes, panel: figures.Panel, figure: figures.Figure, *, dark: bool) -> dict[str, Any]:
-    """Draw one panel and return the handles of the legend above all panels."""
+    """Draw one panel and return the handles of its labels."""
     x, y = figure.axes_of(panel)
     if panel.title:
         axis.set_title(panel.title, fontsize=style.TITLE_PT * figure.text_scale)
@@ -182,7 +189,7 @@ def _panel(axis: Axes, panel: figures.Panel, figure: figures.Figure, *, dark: bo
         axis.tick_params(labelsize=style.TICK_PT * figure.text_scale)
         for label in (axis.xaxis.label, axis.yaxis.label):
             label.set_fontsize(style.LABEL_PT * figure.text_scale)
-    return _legend(axis, handles, figure, figure.legend if panel.legend is None else panel.legend)
+    return handles
 
 
 def _marks(axis: Axes, marks: Sequence[Any], x: figures.Axis, y: figures.Axis, *, dark: bool) -> dict[str, Any]:
@@ -250,11 +257,15 @@ def _scale(axis: Axes, side: str, own: figures.Axis, marks: Sequence[Any]) -> No
         getattr(axis, f"set_{side}ticks")(range(len(own.names)), list(own.names))
         axis.grid(visible=False, axis=side)  # type: ignore[arg-type]
     getattr(axis, f"set_{side}label")(own.label)
-    low, high = (None if end is None else float(own.shown(end)) for end in (own.low, own.high))
+
+
+def _limit(axis: Axes, side: str, own: figures.Axis, *, is_first: bool) -> None:
+    """Give an axis its ends, after all marks; the first one of several with equal ends has the room around the data."""
     limit = getattr(axis, f"set_{side}lim")
-    if own.below or own.above:
+    if is_first and (own.below or own.above):
         bottom, top = getattr(axis, f"get_{side}lim")()
         limit(bottom - own.below * (top - bottom), top + own.above * (top - bottom))
+    low, high = (None if end is None else float(own.shown(end)) for end in (own.low, own.high))
     if low is not None or high is not None:
         limit(low, high)
 
@@ -279,7 +290,8 @@ def _band(mark: figures.Band, axis: Axes, x: figures.Axis, y: figures.Axis, *, d
 def _points(mark: Points, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
     color = style.ink(mark.look.color, dark=dark)
     shown: dict[str, Any] = {"color": color, "ms": mark.size, "marker": mark.look.marker}
-    shown |= {"ls": mark.look.dash if mark.joined else "none", "mfc": color if mark.filled else "none", "lw": 0.9}
+    shown |= {"ls": mark.look.dash if mark.joined else "none", "lw": 0.9}
+    shown["mfc"] = color if mark.filled else style.ink("paper", dark=dark)
     at, values = x.shown(mark.x), y.shown(mark.y)
     for where, name in zip(zip(at, values, strict=True), mark.names, strict=False):
         axis.annotate(name, where, (3.5, 2.5), textcoords="offset points", fontsize=5.5)
@@ -332,7 +344,7 @@ def _stroke(axis: Axes, stroke: Stroke, *, dark: bool) -> None:
     if stroke.head:
         look = {"arrowstyle": stroke.head, "lw": stroke.width, "color": color}
         begin, end = points
-        axis.annotate("", end, begin, arrowprops=look, va="center")
+        axis.annotate(stroke.text, end, begin, arrowprops=look, va="center")
     elif stroke.text:
         across, _, up = stroke.align.partition(" ")
         place: dict[str, Any] = {"ha": across, "va": up or "center", "fontweight": "bold" if stroke.bold else "normal"}
@@ -340,7 +352,10 @@ def _stroke(axis: Axes, stroke: Stroke, *, dark: bool) -> None:
         axis.text(x, y, stroke.text, fontsize=stroke.size, color=color, **place)
     else:
         if stroke.fill:
-            axis.fill(*points.T, color=style.ink(stroke.fill, dark=dark), alpha=stroke.tint, lw=0.0)
+            face = {"facecolor": style.ink(stroke.fill, dark=dark), "alpha": stroke.tint}
+            axis.fill(*points.T, edgecolor=color, lw=0.0 if stroke.tint < 1.0 else stroke.width, **face)
+        if stroke.fill and stroke.tint == 1.0:  # the outline is hidden by what is drawn later, as the area is
+            return
         line: Any = (0.0, list(stroke.dash)) if stroke.dash else "-"
         cap: Any = stroke.cap
         axis.plot(*points.T, color=color, lw=stroke.width, ls=line, alpha=stroke.opacity, solid_capstyle=cap)

@@ -2,88 +2,84 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.report import style
+import numpy as np
+
+from pneudrive.figures import Drawing, Figure, Panel, Stroke
 from pneudrive.report.topics import texts_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
+    from collections.abc import Collection, Mapping
 
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from pneudrive.rig.interface import Envelope, Identity
+    from pneudrive.signals.recording import Recording
 
 SKETCHES = Path(__file__).with_name("sketches.toml")
-FACES = {"WALL": "#cfcfcf", "PISTON": "#8f8f8f"}
 
 
-def draw_sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
-    """Draw a sketch.
-
-    Parameters
-    ----------
-    name : str
-        Name in ``sketches.toml``.
-    there : collection of str
-        Optional parts of the rig that are present.
-    **values
-        Values for the texts.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    said = texts_of(SKETCHES)[name]
-    figure = style.new_figure(said["height_in"])
-    axis = figure.subplots()
-    axis.set_axis_off()
-    axis.grid(visible=False)
-    for stroke in said["strokes"]:
-        if stroke.get("when", "") in ("", *there):
-            next(draw for kind, draw in DRAWN.items() if kind in stroke)(axis, stroke, values)
-    axis.set(xlim=said["x"], ylim=said["y"])
-    if said.get("equal"):
-        axis.set_aspect("equal")
-    return figure
+def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
+    """Return a sketch of ``sketches.toml`` with values in its texts and the optional parts that are present."""
+    table = texts_of(SKETCHES)[name]
+    strokes = [_stroke(one, values) for one in table["strokes"] if one.get("when", "") in ("", *there)]
+    drawing = Drawing(strokes, tuple(table["x"]), tuple(table["y"]), equal=table.get("equal", False))
+    return Figure([Panel([drawing])], row_in=table["height_in"], rest_in=0.0)
 
 
-def _color(stroke: Mapping[str, Any]) -> str:
-    name = stroke.get("color", "BLACK")
-    return FACES.get(name) or getattr(style, name, name)
+def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> Stroke:
+    color, text = table.get("color", "black").lower(), table.get("text", "")
+    if "box" in table:
+        x, y, width, height = table["box"]
+        corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y)]
+        return Stroke(corners, fill="paper" if color == "white" else color, width=table["lw"])
+    look = {"color": color, "width": table.get("lw", 1.0), "cap": table.get("cap", "round")}
+    if "line" in table:
+        return Stroke(table["line"], **look)
+    if "arrow" in table:
+        return Stroke(table["arrow"], text, head=table["head"], **look)
+    align = f"{table.get('align', 'center')} center"
+    return Stroke([table["at"]], text.format(**values), size=table["size"], align=align, bold="weight" in table)
 
 
-def _box(axis: Axes, stroke: Mapping[str, Any], _: Mapping[str, object]) -> None:
-    from matplotlib.patches import FancyBboxPatch, Rectangle
-
-    x, y, width, height = stroke["box"]
-    look = {"facecolor": _color(stroke), "edgecolor": style.BLACK, "lw": stroke["lw"]}
-    if "round" in stroke:
-        axis.add_patch(FancyBboxPatch((x, y), width, height, boxstyle=f"round,pad={stroke['round']}", **look))
-    else:
-        axis.add_patch(Rectangle((x, y), width, height, **look))
+def is_open(recording: Recording, side: str) -> bool:
+    """Return whether a chamber was open to ambient: its pressure equals ambient exactly."""
+    values = getattr(recording, f"pressure_{side}_pa")
+    return bool(np.ptp(values) == 0 and abs(values[0] - recording.ambient_pressure_pa) < 1.0)
 
 
-def _line(axis: Axes, stroke: Mapping[str, Any], _: Mapping[str, object]) -> None:
-    xs, ys = zip(*stroke["line"], strict=True)
-    axis.plot(xs, ys, color=_color(stroke), lw=stroke["lw"], solid_capstyle=stroke.get("cap", "round"))
+def recorded_rig(recording: Recording) -> Figure:
+    """Draw cylinder, piston, force sensor and servo or hand, with signs."""
+    incline = recording.incline_rad
+    states = {}
+    for side in "ab":
+        stated = "stated" if np.ptp(getattr(recording, f"pressure_{side}_pa")) == 0 else "measured"
+        states[side] = "open to ambient" if is_open(recording, side) else f"p_{side} {stated}"
+    return sketch("recording", ["inclined"] if incline else [], **states, incline=np.degrees(incline))
 
 
-def _arrow(axis: Axes, stroke: Mapping[str, Any], _: Mapping[str, object]) -> None:
-    look = {"arrowstyle": stroke["head"], "lw": stroke["lw"], "color": _color(stroke)}
-    begin, end = stroke["arrow"]
-    axis.annotate(stroke.get("text", ""), end, begin, arrowprops=look, va="center")
-
-
-def _text(axis: Axes, stroke: Mapping[str, Any], values: Mapping[str, object]) -> None:
-    look = {"fontsize": stroke["size"], "fontweight": stroke.get("weight", "normal")}
-    x, y = stroke["at"]
-    axis.text(x, y, stroke["text"].format(**values), ha=stroke.get("align", "center"), va="center", **look)
-
-
-DRAWN: dict[str, Callable[[Axes, Mapping[str, Any], Mapping[str, object]], None]] = {
-    "box": _box,
-    "line": _line,
-    "arrow": _arrow,
-    "text": _text,
-}
+def rig_diagram(identity: Identity, envelope: Envelope) -> Figure:
+    """Draw a rig with its stated values."""
+    sensor = []
+    if "force_n" in identity.limits:
+        sensor.append(f"±{max(abs(v) for v in identity.limits['force_n']):.0f} N")
+    if "force_n" in identity.accuracy:
+        sensor.append(f"u = {identity.accuracy['force_n']:.2g} N")
+    if identity.stiffness_n_m is not None:
+        sensor.append(f"{1e-6 * identity.stiffness_n_m:.3g} N/µm")
+    low, high = (1e-5 * (p - identity.ambient_pressure_pa) for p in envelope.pressure_pa)
+    return sketch(
+        "rig",
+        [identity.chambers if identity.chambers in ("open", "common") else "separate"],
+        low_mm=1e3 * envelope.position_m[0],
+        high_mm=1e3 * envelope.position_m[1],
+        speed_mm_s=1e3 * envelope.speed_m_s,
+        acceleration=envelope.acceleration_m_s2,
+        jerk=envelope.jerk_m_s3,
+        sensor=", ".join(sensor),
+        bore_mm=2e3 * math.sqrt(identity.area_a_m2 / math.pi),
+        mass=identity.mass_beyond_sensor_kg,
+        held="pressures held" if identity.chambers == "held" else "a regulator for each chamber",
+        served=f"{max(low, 0.0):.2g} to {high:.3g} bar gauge",
+    )

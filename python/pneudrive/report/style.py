@@ -199,7 +199,7 @@ def logarithmic(axis: Axes, side: str = "x") -> None:
     own.set_minor_formatter(LogFormatter())  # the usual one writes formulas
 
 
-# --- names of figures that are not yet specs --------------------------------------------------------------------------
+# --- names of figures that are not yet specs -------------------------------------------------------------------------
 
 BLACK, BLUE, ORANGE, GREEN, GREY = (INKS[name][0] for name in ("black", "blue", "orange", "green", "grey"))
 BAND, SHADE = INKS["band"][0], INKS["shade"][0]

@@ -13,7 +13,9 @@ from pneudrive.report.tables import PageColumn, table
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from matplotlib.figure import Figure
+    import matplotlib.figure
+
+    from pneudrive.figures import Figure
 
 TEXTS = Path(__file__).with_name("texts")
 
@@ -53,7 +55,9 @@ class Topic:
         lead = (self.text(name, kind),) if name else ()
         return (*lead, Items(lines)) if lines else ()
 
-    def picture(self, name: str, figure: Figure, synthetic: bool | None = None, /, **values: object) -> Picture:
+    def picture(
+        self, name: str, figure: Figure | matplotlib.figure.Figure, synthetic: bool | None = None, /, **values: object
+    ) -> Picture:
         """Return a picture with its caption."""
         return Picture(name, self.texts["pictures"][name].format(**values), figure, synthetic)
 

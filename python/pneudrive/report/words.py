@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.conditions import group_of
+from pneudrive.friction.conditions import Condition, group_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.signals.recording import Recording
 
+MM = 1e3  # of a metre
+CHAMBERS = ("chamber a", "chamber b", "both together")
 MOST_SHOWN = 24  # panels of one kind in a report; a campaign has too many recordings to show all
+
+
+def condition_names(found: CampaignCharacteristics) -> Callable[[Condition], str]:
+    """Return a function that names the conditions of a campaign."""
+    return partial(Condition.label, ambient_pressure_pa=found.identity.ambient_pressure_pa)
 
 
 def seal_of(recording: Recording) -> str:
@@ -29,10 +38,10 @@ def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
     groups: dict[str, list[RecordingResult]] = {}
     for result in found.results:
         groups.setdefault(seal_of(result.recording), []).append(result)
-    return {seal: sorted(group, key=lambda r: gauge_bar(r.levels[0], r.recording)) for seal, group in groups.items()}
+    return {seal: sorted(group, key=lambda r: gauge_bar(r.levels[0])) for seal, group in groups.items()}
 
 
-def gauge_bar(level: Level, recording: Recording) -> float:
+def gauge_bar(level: Level) -> float:
     """Return the higher gauge pressure of both chambers, mean of both directions, bar."""
     return level.pressure_pa / 1e5
 

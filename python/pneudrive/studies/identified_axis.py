@@ -18,15 +18,14 @@ import numpy as np
 from pneudrive.campaign.run import Options, run_campaign
 from pneudrive.control.controller import Controller
 from pneudrive.control.loop import run
+from pneudrive.figures import Figure, Line, Panel, look
 from pneudrive.friction.campaign.characteristics import characterise
 from pneudrive.identify.static.fit import fit_friction
-from pneudrive.report import style
 from pneudrive.report.page import PageTable, Paragraph, Picture, section
 from pneudrive.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from pneudrive.describe.circuit import Circuit
@@ -159,20 +158,13 @@ class IdentifiedAxis:
             synthetic=True,
         )
 
-    @style.applied()
     def figure(self) -> Figure:
         """Draw the error over the last periods."""
-        figure = style.new_figure(2.8)
-        axes = figure.subplots()
-        for number, (told, found) in enumerate(list(self.runs.items())[:3]):
-            late, look = found.time > FROM_S, style.look(number)
-            error = 1e3 * (found.reference - found.position)[late]
-            axes.plot(found.time[late], error, color=look.color, linestyle=look.linestyle, label=told)
-        axes.set(xlabel="time / s", ylabel="error / mm")
-        axes.margins(x=0)
-        style.headroom(axes, above=0.2)
-        axes.legend(loc="upper center", ncols=3)
-        return figure
+        lines = []
+        for number, (assumed, found) in enumerate(list(self.runs.items())[:3]):
+            late = found.time > FROM_S
+            lines.append(Line(found.time[late], (found.reference - found.position)[late], assumed, look(number)))
+        return Figure([Panel(lines)], "time / s", "error / mm", row_in=2.8, rest_in=0.0)
 
 
 def identify_axis(sheet: Circuit) -> IdentifiedAxis:

@@ -11,7 +11,7 @@ from pneudrive.characterise import characterise_recordings, load_recordings
 from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report import write_report
 from pneudrive.report.page import Report
-from pneudrive.report.recording.verdict import verdict
+from pneudrive.report.speed import verdict
 from pneudrive.rig import SimulatedRig, sweep
 from pneudrive.signals.load import from_run
 from pneudrive.studies.bracha.stick_slip import creep

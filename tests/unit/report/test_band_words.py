@@ -3,8 +3,7 @@
 import pytest
 
 from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines
-from pneudrive.report import style
-from pneudrive.report.recording.pressure import draw_panel
+from pneudrive.report.recordings import pressure_panel
 
 
 @pytest.mark.parametrize("runs", [("1",), ("1", "2")])
@@ -15,9 +14,7 @@ def test_the_legend_promises_no_further_run_where_nothing_was_run_twice(runs):
         for bar, off in zip((1, 2, 4, 6), (more, more + 0.1, more - 0.1, more), strict=True)
     ]
     (line,) = fit_pressure_lines(points)
-    with style.applied():
-        axis = style.new_figure(2.0).subplots()
-        label = draw_panel(axis, points, line)["band"].get_label()
+    label = pressure_panel(points, line, runs).marks[0].label
     assert ("for a further run" in label) == (len(runs) > 1)
     assert ('two values of the label "run"' in line.statement) == (len(runs) == 1)
     assert "+-0.00" not in line.statement

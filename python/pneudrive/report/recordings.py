@@ -1,0 +1,498 @@
+"""The report of recordings: measurement, record, loops, balance, friction over pressure, uncertainty, flags."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive.figures import (
+    MEASURED,
+    THIN,
+    Axis,
+    Band,
+    Bars,
+    Figure,
+    Line,
+    Look,
+    Panel,
+    Points,
+    Rule,
+    look,
+    thin,
+)
+from pneudrive.friction.pressure import MINIMUM_RANGE_PA
+from pneudrive.friction.sentences import flag_table
+from pneudrive.numbers import fixed, plain, with_u
+from pneudrive.report import campaign, provenance, speed, strokes
+from pneudrive.report.page import Items, Paragraph, Picture, Report
+from pneudrive.report.render import draw_figure
+from pneudrive.report.sketch import is_open, recorded_rig
+from pneudrive.report.topics import Topic
+from pneudrive.report.words import (
+    MOST_SHOWN,
+    broken,
+    by_seal,
+    gauge_bar,
+    plural,
+    seal_of,
+    sentence,
+    speed_mm_s,
+    spread_evenly,
+)
+from pneudrive.units import readable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    import matplotlib.figure
+
+    from pneudrive.estimate.estimates import Estimate
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
+    from pneudrive.friction.characterisation import Characterisation
+    from pneudrive.friction.level import Level, RecordingResult
+    from pneudrive.friction.pressure import ClosureFit, LevelPoint, PressureLine
+    from pneudrive.report.page import Section
+    from pneudrive.report.study import Addition, Fits, Study
+    from pneudrive.signals.recording import Recording
+
+#: Sections that recordings share with campaigns; a section without data is None.
+CURVES = (
+    campaign.curves,
+    campaign.pressure,
+    campaign.direction,
+    campaign.position,
+    campaign.repeatability,
+    campaign.stick_slip,
+    campaign.statements,
+    campaign.budget,
+)
+PRESSURE = Axis("gauge pressure / bar")
+
+
+def write_report(
+    found: Characterisation | None,
+    fits: Fits,
+    folder: str | Path,
+    reproduction: Study | None = None,
+    curves: CampaignCharacteristics | None = None,
+) -> Path:
+    """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
+
+    Parameters
+    ----------
+    found : Characterisation or None
+        Result of recordings, real or simulated.
+    fits : mapping
+        Group -> law -> FrictionFit; may be empty.
+    folder : path-like
+        Must be there; figures go into its folder ``figures``.
+    reproduction : Reproduction, optional
+        Adds the sections of the source paper; any study with an `addition` fits.
+    curves : CampaignCharacteristics, optional
+        Curves, effects and statements of the recordings, from ``recorded_characteristics``.
+
+    Returns
+    -------
+    pathlib.Path
+        Folder of report.html.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written to.
+    """
+    study = None if reproduction is None else reproduction.addition(found)
+    lines = speed.lines_of(found, fits, () if study is None else study.verdict)
+    synthetic = found is not None and found.synthetic
+    return Report(_title(found, study), lines, sections(found, fits, study, curves), synthetic).write(folder)
+
+
+def sections(
+    found: Characterisation | None, fits: Fits, study: Addition | None, curves: CampaignCharacteristics | None = None
+) -> list[Section]:
+    """Return all sections with data, in the report's order; sections of one key become one."""
+    of_recordings = () if found is None else (
+        *(part(found) for part in (measured, record, loops, closure, pressure)),
+        speed.section(found, fits),
+        *(part(found) for part in (strokes.drift, strokes.peaks, budget, flags)),
+        speed.recovered_section(found, fits),
+        strokes.stick_slip(found),
+    )  # fmt: skip
+    of_curves = () if curves is None else tuple(part(curves) for part in CURVES)
+    parts: dict[str, Section] = {}
+    for part in (*of_recordings, *(study.sections if study else ()), *of_curves):
+        if part is not None:
+            before = parts.pop(part.key, None)
+            parts[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)
+    return [*parts.values(), provenance.section(found, study)]
+
+
+def _title(found: Characterisation | None, study: Addition | None) -> str:
+    if found is None:
+        return study.title if study is not None else "Nothing"
+    title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
+    return f"{title}, with a simulated rig" if study is not None and not found.synthetic else title
+
+
+# --- measurement -----------------------------------------------------------------------------------------------------
+
+# Channel -> (words, factor from SI, unit)
+CHANNELS = {
+    "position_m": ("position", 1e3, "mm"),
+    "force_n": ("force", 1.0, "N"),
+    "pressure_a_pa": ("pressure a", 1e-5, "bar gauge"),
+    "pressure_b_pa": ("pressure b", 1e-5, "bar gauge"),
+}
+
+
+def measured(found: Characterisation) -> Section:
+    """Return the section on rig, sensors and files."""
+    topic, first = Topic("recordings", "measured"), found.recordings[0]
+    uses = found.stroke_uses.values()
+    used = {"used": sum(use.used for use in uses), "strokes": sum(use.recorded for use in uses)}
+    counts = {"recordings": plural(len(found.results), "recording"), "seals": plural(len(by_seal(found)), "seal")}
+    areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
+    return topic.section(
+        topic.text(**counts, **used),
+        topic.picture("rig", recorded_rig(first), **areas),
+        topic.table(_sensors(found.recordings), "sensors"),
+        topic.table(_files(found), "files"),
+        *topic.listed(topic.say("left_out", name=name, why=why) for name, why in found.skipped),
+    )
+
+
+def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
+    """Return range of each channel over all recordings, and its stated accuracy."""
+    for channel, (name, factor, unit) in CHANNELS.items():
+        values = [getattr(r, channel) for r in recordings]
+        if channel.startswith("pressure"):
+            if all(is_open(r, channel[9]) for r in recordings):
+                yield name, "open to ambient: not measured", None, None
+                continue
+            values = [v - r.ambient_pressure_pa for v, r in zip(values, recordings, strict=True)]
+        stated = [r.accuracy[channel] * factor for r in recordings if channel in r.accuracy]
+        unstated = "not stated" if channel == "position_m" else "not stated: assumed (see the budget)"
+        accuracy = f"{max(stated):.3g} {unit.split()[0]}" if stated else unstated
+        notes = {r.calibration[channel] for r in recordings if channel in r.calibration}
+        if notes and (stated or channel != "position_m"):
+            accuracy += f" ({'; '.join(sorted(notes))})"
+        low, high = min(v.min() for v in values) * factor, max(v.max() for v in values) * factor
+        yield name, f"{unit}; standard uncertainty {accuracy}", low, high
+    rates = [(r.time_s.size - 1) / (r.time_s[-1] - r.time_s[0]) for r in recordings]
+    yield "sampling", "samples per second, mean of each recording", min(rates), max(rates)
+
+
+def _files(found: Characterisation) -> Iterator[tuple]:
+    for result in found.results:
+        r = result.recording
+        where = f"{r.source.parent.name}/{r.source.name}" if r.source else "simulated" if r.synthetic else "from Python"
+        diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
+        labels = (seal_of(r), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
+        use = found.stroke_uses[r.name]
+        yield where, *labels, len(r), use.recorded, use.used, use.why or None, r.time_s[-1] - r.time_s[0], diameter
+
+
+IN_ONE_FIGURE, MOST_FIGURES = 3, 3
+
+
+def record(found: Characterisation) -> Section:
+    """Return the section with one recording of each seal over time, all channels."""
+    topic = Topic("recordings", "record")
+    chosen = [group[len(group) // 2] for group in by_seal(found).values()][: IN_ONE_FIGURE * MOST_FIGURES]
+    parts = [chosen[i : i + IN_ONE_FIGURE] for i in range(0, len(chosen), IN_ONE_FIGURE)]
+    pictures = (
+        Picture(f"record-{i}", topic.say("caption", names=", ".join(r.recording.name for r in part)), records(part))
+        for i, part in enumerate(parts, 1)
+    )
+    return topic.section(topic.text(), *pictures)
+
+
+def records(results: list[RecordingResult]) -> Figure:
+    """Draw position, pressure and force over time with strokes shaded, a column for each recording."""
+    sides = [s for s in ("a", "b") if not all(is_open(r.recording, s) for r in results)] or ["b"]
+    rows: list[list[Panel]] = [[] for _ in range(2 + len(sides))]
+    for result in results:
+        r, time = result.recording, result.recording.time_s - result.recording.time_s[0]
+        channels = [("position / mm", r.position_m)]
+        for side in sides:
+            gauge = getattr(r, f"pressure_{side}_pa") - r.ambient_pressure_pa
+            channels.append((f"pressure {side} /\nbar gauge", gauge))
+        channels.append(("force F / N", r.force_n))
+        outward = [Rule((time[s.start], time[s.stop - 1])) for s in result.strokes if s.direction > 0]
+        part, title = thin(time), f"{r.name} ({gauge_bar(result.levels[0]):.2g} bar)"
+        for row, (label, values) in zip(rows, channels, strict=True):
+            line = Line(time[part], values[part], width=0.6)
+            row.append(Panel([*outward, line], "" if row is not rows[0] else title, y=label))
+    shared = {"share_x": "col", "share_y": "row", "row_in": 1.15}
+    return Figure([panel for row in rows for panel in row], "time / s", columns=len(results), **shared)
+
+
+# --- loops, and the balance of both directions -----------------------------------------------------------------------
+
+COLUMNS, NAME_LETTERS = 4, 18  # panels in a row, letters of a name over one
+MOST_LARGE = 12  # levels that are named
+
+
+def loops(found: Characterisation) -> Section:
+    """Return the section with a figure for each seal, a panel for each recording and speed class."""
+    topic, groups, pictures = Topic("recordings", "loops"), by_seal(found), []
+    for seal, results in groups.items():
+        pairs = [(r, level) for r in results for level in r.levels]
+        shown = spread_evenly(pairs, max(MOST_SHOWN // len(groups), 2 * COLUMNS))
+        name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
+        some = topic.say("some", shown=len(shown), all=len(pairs)) if len(shown) < len(pairs) else ""
+        figure = Figure(
+            [_loop(level) for _, level in shown],
+            "position / mm",
+            "balance, friction, offset / N",
+            columns=COLUMNS,
+            row_in=1.75,
+            rest_in=0.7,
+            share_x="all",
+            share_y="all",
+            text_scale=0.9,
+        )
+        pictures.append(Picture(f"loops-{name}", topic.say("caption", seal=seal, some=some), figure))
+    large = [
+        topic.say(
+            "large",
+            recording=level.recording,
+            offset_n=level.offset_n,
+            friction=with_u(level.friction_n, level.expanded_n),
+        )
+        for level in found.levels
+        if abs(level.offset_n) > level.friction_n
+    ]
+    return topic.section(topic.text(), *topic.listed(large[:MOST_LARGE]), *pictures)
+
+
+def _loop(level: Level) -> Panel:
+    """Draw both directions, half their difference and half their sum, with all strokes."""
+    p = level.profile
+    every = [Line(p.position_m, values, look=THIN, width=0.3) for values in (*p.up_strokes_n, *p.down_strokes_n)]
+    means = (
+        ("towards +x", p.up_n, Look("blue"), None),
+        ("towards −x", p.down_n, Look("blue", "--"), None),
+        ("friction (half difference)", p.friction_n, MEASURED, 1.8),
+        ("offset (half sum)", p.offset_n, Look("orange", ":"), 1.8),
+    )
+    lines = [Line(p.position_m, values, label, own, width) for label, values, own, width in means]
+    title = f"{broken(level.recording, NAME_LETTERS)}\n{fixed(gauge_bar(level), 1)} bar, {speed_mm_s(level):.3g} mm/s"
+    return Panel([Rule(level.window_m), *every, Rule(y=0.0), *lines], title)
+
+
+MOST_GROUPS = 8
+MOST_JOINED = 12  # points beyond which residuals are not joined by lines
+
+
+def closure(found: Characterisation) -> Section | None:
+    """Return the section on half the sum of both directions' forces against pressure; None at one pressure."""
+    if not found.closures:
+        return None
+    topic, shown = Topic("recordings", "closure"), spread_evenly(found.closures, MOST_GROUPS)
+    text = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
+    text = topic.say("with_residuals", said=text) if any(fit.degrees_of_freedom > 0 for fit in shown) else text
+    return topic.section(
+        topic.text(),
+        topic.picture("closure", closures(shown), said=text),
+        topic.table(_areas(found.closures)),
+        *(Paragraph(sentence(fit.statement)) for fit in found.closures[:MOST_SHOWN] if fit.degrees_of_freedom <= 0),
+    )
+
+
+def _is_one_chamber(fits: Sequence[ClosureFit]) -> bool:
+    return all(len(fit.areas_m2) == 1 for fit in fits)
+
+
+def closures(fits: Sequence[ClosureFit]) -> Figure:
+    """Draw all groups over pressure, or over the fit if both chambers' pressures changed. Residuals are drawn below.
+
+    A line with as many parameters as points has no residuals. If all lines are of this kind, there is only one panel.
+    """
+    above, below, one_chamber = [], [], _is_one_chamber(fits)
+    for index, fit in enumerate(sorted(fits, key=lambda fit: fit.group)):
+        own, force, rest = look(index), fit.half_sum_force_n, fit.residual_n
+        x = fit.pressure_pa if one_chamber else force - rest
+        if one_chamber:
+            (side, area), *_ = fit.nominal_m2.items()  # of the one chamber whose pressure changed
+            force = force - (-area if side == "a" else area) * fit.pressure_pa
+        order = np.argsort(x, kind="stable")
+        x, force, rest = x[order], force[order], rest[order]
+        above += [Points(x, force, fit.group, own), Line(x, force - rest, look=own, width=0.8)]
+        if fit.degrees_of_freedom > 0:
+            below.append(Points(x, rest, look=own, joined=x.size <= MOST_JOINED))
+    y = "half sum −\nnominal area × pressure / N" if one_chamber else "half sum of forces / N"
+    panels = [Panel(above, y=y, legend="panel")]
+    panels += [Panel([Rule(y=0.0), *below], y="residual / N")] if below else []
+    x_axis = PRESSURE if one_chamber else "half sum as fitted / N"
+    size = {"row_in": 2.0, "rest_in": 0.0, "heights": (2, 1)} if below else {"row_in": 2.8, "rest_in": 0.0}
+    return Figure(panels, x_axis, share_x="all", **size)
+
+
+def _areas(fits: Sequence[ClosureFit]) -> Iterator[tuple]:
+    for fit in fits[:MOST_SHOWN]:
+        for side, area in fit.areas_m2.items():
+            nominal = fit.nominal_m2[side]
+            off, low, high = (100 * (v / nominal - 1) for v in (area.value, area.low, area.high))
+            between = f"{low:+.2f} … {high:+.2f}" if np.isfinite(area.low) else "no spare recording"
+            zero = _interval(fit.force_zero_n)
+            yield fit.group, side, nominal * 1e4, area.value * 1e4, off, between, zero, len(fit.recordings)
+
+
+def _interval(estimate: Estimate) -> str:
+    ends = f" ({estimate.low:+.2f} … {estimate.high:+.2f})" if np.isfinite(estimate.low) else ""
+    return f"{estimate.value:+.2f}{ends}"
+
+
+# --- friction over pressure ------------------------------------------------------------------------------------------
+
+MOST_PANELS = 9
+#: Meaning of the band, by whether a run was repeated.
+BAND = {True: "a further run", False: "a further recording of the same run"}
+
+
+def pressure(found: Characterisation) -> Section | None:
+    """Return the section on friction over pressure for each seal; None at one pressure."""
+    if len(found.points) < 2 or np.ptp([p.pressure_pa for p in found.points]) < MINIMUM_RANGE_PA:
+        return None
+    topic, spread = Topic("recordings", "pressure"), found.run_spread
+    known = topic.say("between", percent=100 * spread.relative) if spread else "nothing was run twice"
+    cells = () if spread is None else ((seal, p / 1e5, *n, 100 * share) for seal, p, *n, share in spread.cells)
+    return topic.section(
+        topic.text(band=topic.say("runs" if spread else "one_run")),
+        topic.picture("friction-pressure", over_pressure(found), further=BAND[spread is not None], known=known),
+        topic.table(cells) if spread is not None else None,
+        Items(tuple(sentence(line.statement) for line in found.pressure_lines)),
+    )
+
+
+def plot_pressure(found: Characterisation, path: str | Path) -> matplotlib.figure.Figure:
+    """Draw friction against pressure with prediction bands, and write it.
+
+    Parameters
+    ----------
+    found : Characterisation
+        From ``characterise_recordings``, with recordings at two or more pressures.
+    path : path-like
+        Picture to write: .png, .svg or .pdf.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or the file cannot be written.
+    """
+    return draw_figure(over_pressure(found), path)
+
+
+def over_pressure(found: Characterisation) -> Figure:
+    """Draw a panel for each line, and one for each seal without a line, on shared axes."""
+    groups: dict[str, tuple[list[LevelPoint], PressureLine | None]] = {
+        line.seal: (list(line.points), line) for line in found.pressure_lines
+    }
+    covered = {(p.recording, p.speed_m_s) for points, _ in groups.values() for p in points}
+    with_line = {p.seal for points, _ in groups.values() for p in points}
+    for point in found.points:
+        if (point.recording, point.speed_m_s) not in covered and point.seal not in with_line:
+            groups.setdefault(point.seal, ([], None))[0].append(point)
+    shown = spread_evenly(list(groups.items()), MOST_PANELS)
+    highest = max(p.friction_n + np.nan_to_num(p.expanded_n) for _, (points, _) in shown for p in points)
+    bands = [float(line.band_high_n.max()) for _, (_, line) in shown if line is not None]
+    y = Axis("friction / N", low=0.0, high=min(1.05 * max([highest, *bands]), 2 * highest))
+    runs = sorted({p.run for _, (points, _) in shown for p in points})  # a run keeps its marker in all panels
+    panels = [pressure_panel(points, line, runs, title) for title, (points, line) in shown]
+    size = {"row_in": 2.0, "rest_in": 0.8, "width_in": 7.1 if len(shown) > 1 else 4.5}
+    return Figure(panels, PRESSURE, y, columns=3, share_x="all", share_y="all", **size)
+
+
+def pressure_panel(points: list[LevelPoint], line: PressureLine | None, runs: Sequence[str], title: str = "") -> Panel:
+    """Draw the points of each run, and the line with its band."""
+    marks: list[Band | Line | Points] = []
+    if line is not None:
+        x, label = line.band_pressure_pa, f"95 % for {BAND[line.basis != 'unknown']}"
+        marks += [Band(x, line.band_low_n, line.band_high_n, label), Line(x, line.band_mean_n, "line", width=0.9)]
+    own = sorted({p.run for p in points})
+    for run in own:
+        x, y, reach = np.array([(p.pressure_pa, p.friction_n, p.expanded_n) for p in points if p.run == run]).T
+        index = runs.index(run) if len(own) > 1 else 0
+        label = f"run {run}, with U (k = 2)" if len(own) > 1 else "recording with U (k = 2)"
+        marks.append(Points(x, y, label, look(index), y - reach, y + reach, filled=not index))
+    return Panel(marks, title)
+
+
+# --- uncertainty and flags -------------------------------------------------------------------------------------------
+
+STATISTICAL = "spread between strokes"
+MOST_NAMED = 8  # names of recordings with a flag
+
+
+def budget(found: Characterisation) -> Section:
+    """Return the section on contributions to friction, at the smallest and the largest uncertainty."""
+    topic, levels = Topic("recordings", "budget"), sorted(found.levels, key=lambda level: level.expanded_n)
+    shown = levels if len(levels) == 1 else [levels[0], levels[-1]]
+    assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))
+    return topic.section(
+        topic.text(),
+        topic.picture("budget", contributions(shown)),
+        *(topic.table(_sources(level), recording=level.recording) for level in shown),
+        topic.text("assumed", "note", sources=assumed) if assumed else None,
+    )
+
+
+def contributions(levels: list[Level]) -> Figure:
+    """Draw standard uncertainties of friction by source, a bar for each level."""
+    parts: list[dict[str, float]] = []
+    for level in levels:
+        parts.append({STATISTICAL: float(np.nan_to_num(level.stderr_n))})
+        for e in level.budget:
+            parts[-1][e.source] = float(np.hypot(parts[-1].get(e.source, 0.0), e.friction_n))
+    names = sorted({s for part in parts for s in part}, key=lambda s: max(part.get(s, 0.0) for part in parts))
+    height, bars = 0.8 / len(levels), []
+    for index, (level, part) in enumerate(zip(levels, parts, strict=True)):
+        at = np.arange(len(names)) + (index - (len(levels) - 1) / 2) * height
+        label = f"{level.recording}: {with_u(level.friction_n, level.expanded_n)}"
+        values = [part.get(name, 0.0) for name in names]
+        bars.append(Bars(at, values, label, thickness=height, across=True, hatched=bool(index)))
+    axes = {"x": "standard uncertainty of friction / N", "y": Axis(names=names), "legend": "panel"}
+    return Figure([Panel(bars, **axes)], row_in=0.27 * len(names) + 1.1, rest_in=0.0)
+
+
+def _sources(level: Level) -> Iterator[tuple]:
+    chance = float(np.nan_to_num(level.stderr_n))
+    yield STATISTICAL, "data", "A", "", chance, None
+    for e in sorted(level.budget, key=lambda e: -e.friction_n):
+        factor, unit = readable(e.unit)
+        size = f"{plain(e.standard_uncertainty / factor)} {unit}".strip()
+        yield e.source, e.basis, e.kind, f"{size}{'; ' if e.note else ''}{e.note}", e.friction_n, e.offset_n
+    yield "combined, u", "", "", "", float(np.hypot(chance, level.u_systematic_n)), level.u_offset_n
+    yield "expanded, U (k = 2)", "", "", "", level.expanded_n, 2 * level.u_offset_n
+
+
+def flags(found: Characterisation) -> Section:
+    """Return the section on flags: meaning and place of each."""
+    topic, where, samples, rows = Topic("recordings", "flags"), {}, Counter(), []
+    for level in found.levels:
+        spoilt = ["breakaway_spoiled"] if level.peaks and all(p.flags for p in level.peaks) else []
+        for flag in (*level.flags, *spoilt):
+            where.setdefault(flag, {})[level.recording] = True
+    for recording in found.recordings:
+        samples.update(recording.flags)
+    for flag, texts in flag_table().items():
+        names = list(where.get(flag, ()))
+        if not names:
+            continue
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        every = len(names) == len(found.results) > 1
+        shown = "all recordings" if every else ", ".join(names[:MOST_NAMED]) + more
+        rows.append((flag.replace("_", " "), texts["means"], texts["do"], shown, len(names), samples.get(flag, "")))
+    if not rows:
+        return topic.section(topic.text("nothing"))
+    return topic.section(topic.text(kinds=plural(len(rows), "kind")), topic.table(rows))
