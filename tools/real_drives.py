@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from pneudrive.report.recording.motion import over_time_figure
 
 import published_models
 from pneudrive.errors import PneudriveWarning
@@ -23,6 +22,8 @@ from pneudrive.identify.follow.problem import FollowProblem, solve_follow
 from pneudrive.identify.follow.regulator import RegulatorFit, identify_regulator
 from pneudrive.numbers import plain
 from pneudrive.report import style
+from pneudrive.report.motion import over_time_figure
+from pneudrive.report.render import render
 from pneudrive.validate.closure import Closure
 from pneudrive.validate.motion import MotionValidation, validate_motion
 
@@ -47,7 +48,7 @@ def main() -> None:
     friction, differ = friction_rows(files, layout)
     seals = seal_rows()
     with style.applied():
-        save(over_time_figure(fit.solution, 0), "real-gas-spring")
+        save(render(over_time_figure(fit.solution, 0)), "real-gas-spring")
         save(joint_figure(joints), "real-joints")
         save(seal_figure(seals), "real-seals")
     text = page(fit, check, halves, delays, joints, friction, differ, seals)

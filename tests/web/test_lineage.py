@@ -191,9 +191,7 @@ def test_a_result_is_made_again_by_its_command(chain: Served, path: str, monkeyp
     again = get(chain, "/api/lineage", path=path)["again"]
     copied = post(chain, "/api/work", again)
     monkeypatch.chdir(chain.folder)
-    monkeypatch.setattr(
-        "pneudrive.report.validation.page.write_validation_report", lambda *_: "report.html"
-    )  # takes long
+    monkeypatch.setattr("pneudrive.report.validation.write_validation_report", lambda *_: "report.html")  # takes long
     line = shlex.split(copied["command"].splitlines()[-1])
     assert run_command(line[1:]) == 0
     out = line[line.index("--out") + 1]

@@ -66,9 +66,7 @@ def test_page_command_and_python_find_the_same(served: Served, bench: Path, monk
         (served.folder / path.name).write_bytes(path.read_bytes())
     copied = post(served, "/api/work", ASKED)
     monkeypatch.chdir(served.folder)
-    monkeypatch.setattr(
-        "pneudrive.report.validation.page.write_validation_report", lambda *_: "report.html"
-    )  # takes long
+    monkeypatch.setattr("pneudrive.report.validation.write_validation_report", lambda *_: "report.html")  # takes long
     Path("results").mkdir()
     assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
     names: dict = {}

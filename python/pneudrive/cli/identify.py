@@ -34,8 +34,7 @@ with used_later(__name__):
     from pneudrive.identify.static import laws as law_choice
     from pneudrive.identify.static import model, survey
     from pneudrive.identify.static import result as static_fits
-    from pneudrive.report.validation import page as validation_page
-    from pneudrive.report.validation import static as friction_page
+    from pneudrive.report import validation as validation_page
     from pneudrive.rig import loading
     from pneudrive.simulation import trajectory
     from pneudrive.validate import regulator as regulator_check
@@ -441,7 +440,7 @@ def validate(
             what = "a friction map or a campaign cannot be validated together with other files"
             raise CommandError(what, remedy="Name one of them.")
         law = described.apply() if isinstance(described, drive_fits.DriveFit) else described
-        _show_check(friction_check.validate_friction(law, recordings[0]), out, friction_page.write_friction_report)
+        _show_check(friction_check.validate_friction(law, recordings[0]), out, validation_page.write_friction_report)
         return
     found = pn.validate(described, recordings, layout=layout, window_s=seconds, sensors=sensors, progress=tell)
     folder = terminal.writable_folder(out)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.report import axes, style
+from pneudrive.figures import RESIDUAL, SPEED, Figure, Line, Panel, Points, Rule, thin
 from pneudrive.report.page import Report
 from pneudrive.report.tables import quantity
 from pneudrive.report.topics import Topic
@@ -12,8 +12,6 @@ from pneudrive.report.words import sentence, spread_evenly
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from matplotlib.figure import Figure
 
     from pneudrive.identify.base import Fit, FittedData
     from pneudrive.report.page import Section
@@ -23,7 +21,6 @@ MOST_PANELS = 12
 MANY = 200
 
 
-@style.applied()
 def write_fit_report(fit: Fit, folder: str | Path) -> Path:
     """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
 
@@ -45,7 +42,10 @@ def write_fit_report(fit: Fit, folder: str | Path) -> Path:
         The folder cannot be written to.
     """
     values, lost, data = (Topic("fit", key) for key in ("values", "undetermined", "data"))
-    rows = [(k, v if isinstance(v, str) else f"{v:.6g}") for k, v in _facts(fit)]
+    # Recordings and nested tables of the provenance are shown elsewhere.
+    plain = {k: str(v) for k, v in fit.provenance.items() if not isinstance(v, list | tuple | dict)}
+    facts = [*fit.statistics.items(), *plain.items()]
+    rows = [(k, v if isinstance(v, str) else f"{v:.6g}") for k, v in facts]
     parts = [
         values.section(values.text(), values.table(fit.rows())),
         lost.section(*lost.listed(map(sentence, fit.statements()))) if fit.statements() else None,
@@ -56,36 +56,22 @@ def write_fit_report(fit: Fit, folder: str | Path) -> Path:
     return Report(values.say("page", kind=fit.TITLE), lines, parts, fit.synthetic).write(folder)
 
 
-def _facts(fit: Fit) -> list[tuple[str, str | float]]:
-    """Return statistics and provenance as rows of a table; recordings and nested tables are shown elsewhere."""
-    plain = {k: str(v) for k, v in fit.provenance.items() if not isinstance(v, list | tuple | dict)}
-    return [*fit.statistics.items(), *plain.items()]
-
-
 def _residuals(fit: Fit) -> Section:
     topic, every = Topic("fit", "residuals"), fit.compared()
     if not every:
         return topic.section(topic.text("none"))
     shown = spread_evenly(list(every), MOST_PANELS)
-    said = topic.text("text", shown=len(shown), all=len(every))
-    return topic.section(said, topic.picture("residuals", _figure({name: every[name] for name in shown})))
+    text = topic.text("text", shown=len(shown), all=len(every))
+    figure = Figure([_panel(name, every[name]) for name in shown], columns=2, row_in=1.7, rest_in=0.3)
+    return topic.section(text, topic.picture("residuals", figure))
 
 
-def _figure(every: dict[str, FittedData]) -> Figure:
-    """Draw measured values minus those of the model, with a panel for each channel of each recording."""
-    figure, panels = axes.grid(len(every), 2, 1.7, 0.3)
-    for axis, (name, one) in zip(panels, every.items(), strict=True):
-        (across, x_unit), (up, y_unit) = quantity(one.x), quantity(one.y)
-        x, rest = one.at / across, (one.measured - one.model) / up
-        keep = style.thin(x)
-        if x.size > MANY:
-            axis.plot(x[keep], rest[keep], color=style.BLUE, lw=0.6)
-        else:
-            axes.marks(axis, x, rest, style.look(0), 3.0)
-        axes.zero_line(axis)
-        if one.x == "speed_m_s":
-            axes.speed_axis(axis, x)
-        else:
-            axis.set_xlabel(f"time / {x_unit}" if x_unit else one.x)
-        axis.set(ylabel=f"residual / {y_unit}" if y_unit else "residual", title=name)
-    return figure
+def _panel(name: str, data: FittedData) -> Panel:
+    """Draw measured values minus those of the model of one channel of one recording."""
+    rest, x_unit, y_unit = data.measured - data.model, quantity(data.x)[1], quantity(data.y)[1]
+    part = thin(data.at)
+    is_line = data.at.size > MANY
+    mark = Line(data.at[part], rest[part], look=RESIDUAL, width=0.6) if is_line else Points(data.at, rest, size=3.0)
+    x = SPEED if data.x == "speed_m_s" else f"time / {x_unit}" if x_unit else data.x
+    y_label = f"residual / {y_unit if '/' not in y_unit else f'({y_unit})'}" if y_unit else "residual"
+    return Panel([Rule(y=0.0), mark], name, x, y_label)
