@@ -160,8 +160,8 @@ def joint_figure(joints: dict[str, RegulatorFit]) -> object:
     figure = style.new_figure(3.6)
     for axis, (side, fit) in zip(figure.subplots(2, 1, sharex=True), joints.items(), strict=True):
         time, measured, model = next(iter(fit.series.values()))
-        axis.plot(time, measured / 1e5, color=style.BLACK, label="measured")
-        axis.plot(time, model / 1e5, "--", color=style.ORANGE, label="model of all runs")
+        axis.plot(time, measured / 1e5, color=style.ink("black"), label="measured")
+        axis.plot(time, model / 1e5, "--", color=style.ink("orange"), label="model of all runs")
         axis.set_ylabel(f"pressure {side} / bar")
     axis.set_xlabel("time / s")
     axis.legend()
@@ -173,7 +173,7 @@ def seal_figure(rows: list[tuple[str, float, float, float, float]]) -> object:
     figure = style.new_figure(2.8, 4.5)
     axis = figure.subplots()
     at = np.array([float(row[0].split()[0]) for row in rows])
-    for column, (label, colour) in ((1, ("run 1", style.BLUE)), (3, ("run 3", style.ORANGE))):
+    for column, (label, colour) in ((1, ("run 1", style.ink("blue"))), (3, ("run 3", style.ink("orange")))):
         values, bars = (np.array([row[c] for row in rows]) for c in (column, column + 1))
         axis.errorbar(at + 0.05 * (column - 2), values, bars, fmt="o", color=colour, label=label)
     axis.set(xlabel="gauge pressure / bar", ylabel="friction / N")

@@ -16,7 +16,7 @@ from pneudrive.units.table import TABLE
 
 WIDTH_IN = 7.1  # 180 mm: the text width of a printed page
 #: Additions to a unit that do not change its size.
-ADDITIONS = (" abs", " gauge", " ANR")
+ADDITIONS = (" abs", " gauge")
 
 
 class Look(NamedTuple):
@@ -69,6 +69,10 @@ class Axis:
         Room below and above the data, as a fraction of their range.
     names : sequence of str
         Names of the positions 0, 1, 2 ... of a bar chart.
+    is_si : bool
+        False for values that are already in the unit of the label.
+    is_named : bool
+        False for a label that the title of the panel shows.
     """
 
     label: str = ""
@@ -78,6 +82,8 @@ class Axis:
     below: float = 0.0
     above: float = 0.0
     names: Sequence[str] = ()
+    is_si: bool = True
+    is_named: bool = True
 
     @property
     def unit(self) -> str:
@@ -87,7 +93,7 @@ class Axis:
     @property
     def size(self) -> float:
         """Size of the unit in SI; 1 for a unit without a size of its own."""
-        unit = self.unit
+        unit = self.unit if self.is_si else ""
         for addition in ADDITIONS:
             unit = unit.removesuffix(addition)
         return 0.01 if unit.startswith("%") else TABLE[unit][1] if unit in TABLE else 1.0
@@ -262,6 +268,8 @@ class Figure:
     title : str
     text_scale : float
         Size of labels relative to the usual one.
+    has_margins : bool
+        False for a drawing that fills its paper.
     tall : Panel or None
         A panel over all rows, in a column of its own: the first one if `tall_first`, or else the last one.
     """
@@ -281,6 +289,7 @@ class Figure:
     entries: int = 4
     title: str = ""
     text_scale: float = 1.0
+    has_margins: bool = True
     tall: Panel | None = None
     tall_first: bool = False
 

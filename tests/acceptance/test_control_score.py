@@ -17,7 +17,8 @@ from pneudrive.cli.main import run
 from pneudrive.control.mismatch import Mismatch, ready_mismatches
 from pneudrive.control.results.measures import SCORED, score_of
 from pneudrive.errors import PneudriveWarning
-from pneudrive.report.control.figures import boxes
+from pneudrive.report.control import boxes_figure
+from pneudrive.report.render import draw_figure
 from pneudrive.simulation.trajectory import save
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -573,7 +574,8 @@ def test_what_is_damaged_is_run_again_and_a_lost_law_is_drawn_as_nothing(axis, t
     assert [one.score.max_error_m for one in again.runs] == [one.score.max_error_m for one in made.runs]
     lost = tuple(one._replace(score=None) if one.law == "pid" else one for one in made.runs)
     for runs in (lost, tuple(one._replace(score=None) for one in made.runs)):
-        boxes(dataclasses.replace(made, runs=runs), pn.control.reference(STEP).text).savefig(tmp_path / "boxes.png")
+        figure = boxes_figure(dataclasses.replace(made, runs=runs), pn.control.reference(STEP).text)
+        draw_figure(figure, tmp_path / "boxes.png")
     table = tmp_path / "score.parquet"
     table.write_bytes(table.read_bytes()[:-9])
     with pytest.raises(pn.errors.CommandError, match="cut off"):

@@ -43,8 +43,7 @@ with used_later(__name__):
     )
     from pneudrive.control.results import card, comparison, measures
     from pneudrive.describe.files import load
-    from pneudrive.report.control import figures, page
-    from pneudrive.report.control import pose as pose_page
+    from pneudrive.report import control as control_page
     from pneudrive.simulation import trajectory
 
 #: Reference along which a tuned law is tried, and share of its way by which that may miss it (assumed).
@@ -194,7 +193,7 @@ def run(
         typer.echo(f"\n{found.provenance['law_failure']}\nAnother law took over.", err=True)
     terminal.write_outputs(
         (out, lambda path: trajectory.save(found.dataset(), path)),
-        (plot, lambda path: figures.plot_control(found.dataset(), path)),
+        (plot, lambda path: control_page.plot_control(found.dataset(), path)),
     )
 
 
@@ -219,7 +218,7 @@ def _run_platform(
     if score.spread():
         typer.echo(f"\n{aligned(score.spread(), right_from=1)}")
     terminal.show_events(about["events"])
-    draw = partial(pose_page.plot_pose, run)
+    draw = partial(control_page.plot_pose, run)
     of_folder = ((RUN, partial(trajectory.save, run)), (SCORE, write_score), (PICTURE, draw))
     terminal.write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
 
@@ -288,7 +287,7 @@ def benchmark(
         terminal.show_table(*found.table(name, spread=bool(found.spread), only=SHOWN))
     for (law, reason), count in Counter((run.law, run.reason) for run in found.runs if run.reason).items():
         typer.echo(f"{count} {'run' if count == 1 else 'runs'} of {law} ended early: {reason}", err=True)
-    terminal.show_paths(out / card.SCORES, page.write_control_report(found, out))
+    terminal.show_paths(out / card.SCORES, control_page.write_control_report(found, out))
 
 
 def reference(
@@ -316,7 +315,7 @@ def reference(
     stroke_m, speed_m_s = tuned.plant.stroke_m, tuned.plant.speed_m_s
     path = references.named_or_read(along, stroke_m, speed_m_s)
     typer.echo(f"{path.text}\n{aligned(demand.feasibility(tuned, path).rows())}")
-    terminal.write_outputs((plot, partial(figures.plot_reference, path, tuned.plant)))
+    terminal.write_outputs((plot, partial(control_page.plot_reference, path, tuned.plant)))
     references.check_reach(path, stroke_m, speed_m_s)
 
 

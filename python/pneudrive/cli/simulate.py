@@ -29,8 +29,8 @@ with used_later(__name__):
     from pneudrive.identify import files as fits
     from pneudrive.identify.follow import fit as motion_fits
     from pneudrive.platforms import outputs
-    from pneudrive.report import lines_figure
-    from pneudrive.report.platform import figures, page
+    from pneudrive.report import trajectory as pictures
+    from pneudrive.report.platform import page
     from pneudrive.simulation import simulate as simulation
     from pneudrive.simulation import trajectory, tube_study
     from pneudrive.web import serve
@@ -373,7 +373,7 @@ def lines(
     heads = ("bore", "length", "C dm3/(s bar)", "choked m/s", "out s", "back s", "mean m/s", "end m/s", "of the speed")
     table = [heads, *((bore, long, *_tube_cells(values, full)) for bore, long, values in rows)]
     typer.echo(f"{study.attrs['title']}\n{aligned(table, right_from=0)}\n\n{ABOUT_TUBES}")
-    terminal.write_outputs((out, partial(_save_tubes, study)), (plot, partial(lines_figure.plot_lines, study)))
+    terminal.write_outputs((out, partial(_save_tubes, study)), (plot, partial(pictures.plot_lines, study)))
 
 
 def _tube_cells(values: Mapping[str, Any], full_speed: float) -> list[str]:
@@ -430,7 +430,7 @@ def platform(
     if out is not None and run is None and out.suffix.lower() in OF_RUNS:
         raise CommandError(f"{out.name} shows a run", remedy="Add --run RUN.parquet, from pneudrive simulate --out.")
     if out is not None and run is None:
-        figures.draw_platform(machine, path=out, dark=dark)
+        page.draw_platform(machine, path=out, dark=dark)
     elif run is None:
         _show_platform(machine)
     else:
@@ -442,13 +442,13 @@ def platform(
 def _write_platform(machine: platforms.Platform, columns: dict, out: Path, *, dark: bool) -> None:
     poses, suffix = outputs.motion_of(machine, columns)[0], out.suffix.lower()
     if suffix in PICTURES:
-        figures.draw_platform(machine, poses, out, dark=dark)
+        page.draw_platform(machine, poses, out, dark=dark)
     elif suffix == ".html":
         page.write_platform_page(machine, columns, out)
     elif suffix in (".parquet", ".csv"):
         trajectory.save_columns(columns | outputs.platform_outputs(machine, columns), {"title": machine.name}, out)
     else:
-        figures.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
+        page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
 
 
 def _show_platform_run(machine: platforms.Platform, columns: dict) -> None:

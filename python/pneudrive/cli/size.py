@@ -18,9 +18,8 @@ from pneudrive.lazy_names import used_later
 with used_later(__name__):
     from pneudrive.datasheet import registry, sheet
     from pneudrive.describe.files import load
-    from pneudrive.report.datasheet import figures
-    from pneudrive.report.datasheet import page as sheet_page
-    from pneudrive.report.sizing import page as sizing_page
+    from pneudrive.report import datasheet as sheet_page
+    from pneudrive.report import sizing as sizing_page
     from pneudrive.simulation import trajectory
     from pneudrive.sizing import result as results
     from pneudrive.sizing import search
@@ -163,7 +162,7 @@ def characteristic(
     settings = {key: _setting(key, text, kind) for key, text in texts.items()}
     found = registry.found_under(load.load_described(drive), name, terminal.watch(), intervals=intervals, **settings)
     _show_characteristic(found)
-    terminal.write_outputs((out, partial(_save, found)), (plot, partial(figures.plot_characteristic, found)))
+    terminal.write_outputs((out, partial(_save, found)), (plot, partial(sheet_page.plot_characteristic, found)))
 
 
 def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401

@@ -17,7 +17,7 @@ from pneudrive.lazy_names import used_later
 from pneudrive.progress import Watch
 
 with used_later(__name__):
-    from pneudrive.report import written
+    from pneudrive.report import render
     from pneudrive.simulation import trajectory
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def check_outputs(
     if out is not None:
         trajectory.check_target(out, tuple(suffixes) or trajectory.SUFFIXES)
     if plot is not None:
-        trajectory.check_target(plot, (*written.PICTURES, *more))
+        trajectory.check_target(plot, (*render.PICTURES, *more))
 
 
 def write_outputs(*targets: tuple[Path | None, Callable[[Path], object]]) -> None:

@@ -9,28 +9,26 @@ from pneudrive.lazy_names import lazy, upper
 if TYPE_CHECKING:
     from pneudrive.report.campaign import write_campaign_report as write_campaign_report
     from pneudrive.report.circuit.drawing import draw_circuit as draw_circuit
-    from pneudrive.report.control.figures import plot_control as plot_control
-    from pneudrive.report.control.figures import plot_reference as plot_reference
-    from pneudrive.report.control.page import write_control_report as write_control_report
-    from pneudrive.report.datasheet.figures import plot_characteristic as plot_characteristic
+    from pneudrive.report.control import plot_control as plot_control
+    from pneudrive.report.control import plot_reference as plot_reference
+    from pneudrive.report.control import write_control_report as write_control_report
+    from pneudrive.report.datasheet import plot_characteristic as plot_characteristic
     from pneudrive.report.layout_figure import write_layout_figure as write_layout_figure
-    from pneudrive.report.lines_figure import plot_lines as plot_lines
-    from pneudrive.report.platform.figures import animate_platform as animate_platform
-    from pneudrive.report.platform.figures import draw_platform as draw_platform
+    from pneudrive.report.platform.page import animate_platform as animate_platform
+    from pneudrive.report.platform.page import draw_platform as draw_platform
     from pneudrive.report.recordings import plot_pressure as plot_pressure
     from pneudrive.report.recordings import write_report as write_report
     from pneudrive.report.trajectory import plot as plot
+    from pneudrive.report.trajectory import plot_lines as plot_lines
 #: Module -> its names.
 _HOMES = {
     "campaign": ["write_campaign_report"],
     "circuit.drawing": ["draw_circuit"],
-    "control.figures": ["plot_control", "plot_reference"],
-    "control.page": ["write_control_report"],
-    "datasheet.figures": ["plot_characteristic"],
+    "control": ["plot_control", "plot_reference", "write_control_report"],
+    "datasheet": ["plot_characteristic"],
     "layout_figure": ["write_layout_figure"],
-    "lines_figure": ["plot_lines"],
-    "platform.figures": ["animate_platform", "draw_platform"],
-    "trajectory": ["plot"],
+    "platform.page": ["animate_platform", "draw_platform"],
+    "trajectory": ["plot", "plot_lines"],
     "recordings": ["plot_pressure", "write_report"],
 }
 _STUDY = ("Reproduction", "reproduce")  # of the source paper, a layer above the report

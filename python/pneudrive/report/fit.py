@@ -74,4 +74,4 @@ def _panel(name: str, data: FittedData) -> Panel:
     mark = Line(data.at[part], rest[part], look=RESIDUAL, width=0.6) if is_line else Points(data.at, rest, size=3.0)
     x = SPEED if data.x == "speed_m_s" else f"time / {x_unit}" if x_unit else data.x
     y_label = f"residual / {y_unit if '/' not in y_unit else f'({y_unit})'}" if y_unit else "residual"
-    return Panel([Rule(y=0.0), mark], name, x, y_label)
+    return Panel([mark, Rule(y=0.0)], name, x, y_label)

@@ -13,10 +13,11 @@ from pneudrive.report import style
 from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from PIL import Image
 
 Handle: TypeAlias = Any  # of matplotlib, for a legend; None for a mark without one
 #: Suffixes of a picture's file.
@@ -117,6 +118,10 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
     drawn_panels = [(axes[index], panel) for index, panel in enumerate(figure.panels) if panel is not None]
     if figure.tall is not None:
         drawn_panels.append((made.add_subplot(layout[:, 0 if first else -1]), figure.tall))
+    if not figure.has_margins:
+        made.set_layout_engine("none")
+        for axis, _ in drawn_panels:
+            axis.set_position((0.0, 0.0, 1.0, 1.0))
     labels = [_panel(axis, panel, figure, dark=dark) for axis, panel in drawn_panels]
     done: set[tuple[str, Any]] = set()
     for axis, panel in drawn_panels:
@@ -135,6 +140,26 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
         made.suptitle(figure.title, fontsize=9, x=0.01, ha="left")
     made.align_ylabels()
     return made
+
+
+def film(pictures: Iterable[figures.Figure], dpi: float, *, dark: bool) -> Iterator[Image.Image]:
+    """Yield an image of each figure: of equal size, with one drawing without margins, within `style.applied`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    canvas = None
+    for picture in pictures:
+        if canvas is None:
+            made = render(picture, dark=dark)
+            made.set_dpi(dpi)
+            canvas = FigureCanvasAgg(made)
+        else:
+            (axis,), (panel,) = canvas.figure.axes, picture.panels
+            for artist in (*axis.lines, *axis.patches, *axis.texts):
+                artist.remove()
+            DRAWN[Drawing](panel.marks[0], axis, *picture.axes_of(panel), dark=dark)
+        canvas.draw()
+        yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
 def _partner(axes: dict[int, Axes], how: str, row: int, column: int, columns: int) -> Axes | None:
@@ -256,7 +281,7 @@ def _scale(axis: Axes, side: str, own: figures.Axis, marks: Sequence[Any]) -> No
     if own.names:
         getattr(axis, f"set_{side}ticks")(range(len(own.names)), list(own.names))
         axis.grid(visible=False, axis=side)  # type: ignore[arg-type]
-    getattr(axis, f"set_{side}label")(own.label)
+    getattr(axis, f"set_{side}label")(own.label if own.is_named else "")
 
 
 def _limit(axis: Axes, side: str, own: figures.Axis, *, is_first: bool) -> None:

@@ -9,12 +9,12 @@ from functools import lru_cache
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from pneudrive.figures import WIDTH_IN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
     from types import ModuleType
 
     from matplotlib.axes import Axes
@@ -197,79 +197,3 @@ def logarithmic(axis: Axes, side: str = "x") -> None:
     own = getattr(axis, f"{side}axis")
     own.set_major_formatter(lambda value, _: f"{value:g}")
     own.set_minor_formatter(LogFormatter())  # the usual one writes formulas
-
-
-# --- names of figures that are not yet specs -------------------------------------------------------------------------
-
-BLACK, BLUE, ORANGE, GREEN, GREY = (INKS[name][0] for name in ("black", "blue", "orange", "green", "grey"))
-BAND, SHADE = INKS["band"][0], INKS["shade"][0]
-
-
-class Look(NamedTuple):
-    """Colour, line style and marker of one curve."""
-
-    color: Any
-    linestyle: Any
-    marker: str
-
-
-#: They differ in line style and marker as well as in colour.
-LOOKS = (
-    Look(BLACK, "-", "o"),
-    Look(BLUE, "--", "s"),
-    Look(ORANGE, "-.", "^"),
-    Look(GREEN, ":", "D"),
-    Look(GREY, (0, (5, 1)), "v"),
-    Look(BLACK, (0, (1, 1)), "P"),
-    Look(BLUE, (0, (3, 1, 1, 1, 1, 1)), "X"),
-    Look(ORANGE, (0, (7, 2)), "*"),
-)
-
-
-def look(index: int) -> Look:
-    """Return the look of the curve with this index. Colours, lines and markers repeat after eight curves."""
-    return LOOKS[index % len(LOOKS)]
-
-
-def ramp(index: int, count: int) -> Look:
-    """Return the look of one of `count` curves in an order (pressures, durations): from light to dark."""
-    share = index / max(count - 1, 1)
-    light, dark = RAMP
-    color = tuple(a + share * (b - a) for a, b in zip(light, dark, strict=True))
-    return Look(color, "-", LOOKS[index % len(LOOKS)].marker)
-
-
-def panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes]:  # noqa: ANN401 - of matplotlib
-    """Return `count` axes in a grid of at most `columns`; the rest of the grid stays empty."""
-    columns = max(min(columns, count), 1)
-    rows = -(-count // columns)
-    grid = figure.subplots(rows, columns, squeeze=False, **shared)
-    axes = list(grid.ravel())
-    for spare in axes[count:]:
-        spare.set_visible(False)
-    for index, axis in enumerate(axes[:count]):
-        if shared.get("sharex") and index + columns >= count:
-            axis.tick_params(labelbottom=True)  # the lowest panel of its column has the numbers
-    return axes[:count]
-
-
-def outer_labels(figure: Figure, x: str, y: str) -> None:
-    """Label only the outer sides of the panels."""
-    figure.supxlabel(x, fontsize=_SETTINGS["axes.labelsize"])
-    figure.supylabel(y, fontsize=_SETTINGS["axes.labelsize"])
-
-
-def legend_above(figure: Figure, handles: Sequence[Any], columns: int | None = None) -> None:
-    """Put one legend above all panels."""
-    figure.legend(handles=list(handles), loc="outside upper center", ncols=columns or len(handles))
-
-
-def headroom(axis: Axes, above: float = 0.0, below: float = 0.0) -> None:
-    """Widen the vertical range by fractions of itself to leave room for a legend."""
-    low, high = axis.get_ylim()
-    axis.set_ylim(low - below * (high - low), high + above * (high - low))
-
-
-def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence
-    """Return the slice that keeps at most `most` samples of a long record, enough for a page."""
-    return slice(None, None, max(len(values) // most, 1))

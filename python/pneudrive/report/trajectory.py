@@ -1,46 +1,47 @@
-"""A trajectory as a picture."""
+"""Pictures of simulated runs: a trajectory over time, and speed and stroke time over the tubes of a drive."""
 
 from __future__ import annotations
 
 import re
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pneudrive.report import style
-from pneudrive.report.axes import legend_over, stack
-from pneudrive.report.written import PICTURES, drawn, write_picture
+from pneudrive.figures import LOOKS, MEASURED, MODEL, Axis, Figure, Line, Look, Panel, Points, Rule, ramp, stack, thin
+from pneudrive.report.render import PICTURES, draw_figure, drawn, render, write_picture
 from pneudrive.simulation.trajectory import attributes, check_si, columns, whole
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
+    import matplotlib.figure
     import xarray as xr
-    from matplotlib.figure import Figure
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
 
 #: Names of rows in the table of provenance -> attribute that lists them.
 LISTS = {"warning": "warnings", "assumed": "assumed"}
+WITHOUT = Look("grey", "--")
 MOST_IN_A_ROW = 4  # entries of a legend
 TITLE_LETTERS = 100  # of a line
 ENDINGS = (*PICTURES, ".html")
-#: Panels: label, factor from SI, name of the variable or last part of it, its unit.
+#: Panels: label, name of the variable or last part of it, its unit.
 PANELS = (
-    ("position / mm", 1e3, "position", "m"),
-    ("velocity / (m/s)", 1.0, "velocity", "m/s"),
-    ("pressure / bar abs", 1e-5, "pressure", "Pa"),
-    ("gas temperature / K", 1.0, "temperature", "K"),
-    ("friction force / N", 1.0, "friction_force", "N"),
-    ("end stop force / N", 1.0, "end_stop_force", "N"),
-    ("valve position", 1.0, "position", "1"),
-    ("command", 1.0, "command", "1"),
+    ("position / mm", "position", "m"),
+    ("velocity / (m/s)", "velocity", "m/s"),
+    ("pressure / bar abs", "pressure", "Pa"),
+    ("gas temperature / K", "temperature", "K"),
+    ("friction force / N", "friction_force", "N"),
+    ("end stop force / N", "end_stop_force", "N"),
+    ("valve position", "position", "1"),
+    ("command", "command", "1"),
 )
-#: Of a drive with its two chambers.
-CHAMBERS = ((style.BLACK, "-"), (style.ORANGE, "--"))
 
 
-def plot(run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Drive | None = None) -> Figure:
+def plot(
+    run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Drive | None = None
+) -> matplotlib.figure.Figure:
     """Draw a trajectory over time: position, velocity, pressures, temperatures, friction, end stops, command.
 
     Parameters
@@ -71,53 +72,43 @@ def plot(run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Dri
     6
     """
 
-    def write(figure: Figure, target: Path) -> None:
+    def write(figure: matplotlib.figure.Figure, target: Path) -> None:
         if target.suffix.lower() == ".html":
             _write_page(figure, run, target, circuit)
         else:
             write_picture(figure, target)
 
-    return drawn(lambda: draw(run), path, ENDINGS, write)
+    spec = over_time(run)
+    return drawn(lambda: render(spec), path, ENDINGS, write)
 
 
-def draw(run: xr.Dataset) -> Figure:
+def over_time(run: xr.Dataset) -> Figure:
     """Draw one panel for each kind of variable, on one time axis."""
     check_si(run)
-    shown = _panels(run)
-    figure, axes = stack(1.15 * len(shown) + 0.5, [1] * max(len(shown), 1))
-    part = style.thin(run.time, 20_000)
-    time = run.time.to_numpy()[part]
-    for axis, (label, factor, variables) in zip(axes, shown, strict=False):
-        for name, look, words in variables:
-            values = factor * run[name].to_numpy()[part]
-            steps = "steps-post" if label == "command" else "default"
-            axis.plot(time, values, **look, lw=1.0, drawstyle=steps, label=words or None)
-        if len(variables) > 1:
-            legend_over(axis, min(len(variables), MOST_IN_A_ROW))
-        axis.set_ylabel(label)
-    title = run.attrs.get("title")
-    if title:
-        figure.suptitle(fill(f"{title} (simulated)", TITLE_LETTERS), fontsize=9, x=0.01, ha="left")
-    figure.align_ylabels()
-    return figure
-
-
-def _panels(run: xr.Dataset) -> list[tuple[str, float, list[tuple[str, dict[str, Any], str]]]]:
-    """Return label, factor and variables (name, look, words) of each panel with data."""
-    panels = []
-    for label, factor, last, unit in PANELS:
-        wanted = re.compile(rf"{last}(_[ab])?|.+\.{last}")
-        of_kind = (str(name) for name, one in run.data_vars.items() if one.attrs.get("units") == unit)
-        names = [name for name in of_kind if wanted.fullmatch(name)][: len(style.LOOKS)]
-        is_drive = not any("." in name for name in names)
-        looks = CHAMBERS if is_drive else [style.look(i)[:2] for i in range(len(names))]
-        drawn = [
-            (name, {"color": color, "linestyle": line}, _words(name, last))
-            for name, (color, line) in zip(names, looks, strict=False)
+    part = thin(run.time, 20_000)
+    time, panels = run.time.to_numpy()[part], []
+    for label, variables in _panels(run):
+        lines = [
+            Line(time, run[name].to_numpy()[part], words, own, 1.0, steps=label == "command")
+            for name, own, words in variables
         ]
+        panels.append(Panel(lines, y=label))
+    title = run.attrs.get("title")
+    above = fill(f"{title} (simulated)", TITLE_LETTERS) if title else ""
+    size = 1.15 * len(panels) + 0.5
+    return stack(panels or [Panel([])], size, legend="over", entries=MOST_IN_A_ROW, title=above)
+
+
+def _panels(run: xr.Dataset) -> Iterator[tuple[str, list[tuple[str, Look, str]]]]:
+    """Yield label and variables (name, look, words) of each panel with data."""
+    for label, last, unit in PANELS:
+        wanted = re.compile(rf"{last}(_[ab])?|.+\.{last}")
+        of_kind = (str(name) for name, variable in run.data_vars.items() if variable.attrs.get("units") == unit)
+        names = [name for name in of_kind if wanted.fullmatch(name)][: len(LOOKS)]
+        is_drive = not any("." in name for name in names)
+        looks = (MEASURED, MODEL) if is_drive else LOOKS  # of a drive with its two chambers
         if any(_has_something(run, name) for name in names):
-            panels.append((label, factor, drawn))
-    return panels
+            yield label, [(name, own, _words(name, last)) for name, own in zip(names, looks, strict=False)]
 
 
 def _words(name: str, last: str) -> str:
@@ -131,7 +122,9 @@ def _has_something(run: xr.Dataset, name: str) -> bool:
     return not name.endswith("end_stop_force") or bool((run[name] != 0.0).any())
 
 
-def _write_page(figure: Figure, run: xr.Dataset, target: Path, circuit: Circuit | Drive | None) -> None:
+def _write_page(
+    figure: matplotlib.figure.Figure, run: xr.Dataset, target: Path, circuit: Circuit | Drive | None
+) -> None:
     """Write a page that loads nothing: platforms, the picture, then its provenance."""
     from pneudrive.platforms import platforms
     from pneudrive.report.page import PageTable, Picture, Report, Section, inline, svg_text
@@ -140,7 +133,7 @@ def _write_page(figure: Figure, run: xr.Dataset, target: Path, circuit: Circuit 
     names = ("version", "solver", "rtol", "description_hash", "statistics")
     about = attributes(run)
     rows = [(name, str(about[name])) for name in names if name in about]
-    rows += [(name, one) for name in ("warning", "assumed") for one in about.get(LISTS[name], [])]
+    rows += [(name, text) for name in ("warning", "assumed") for text in about.get(LISTS[name], [])]
     title = str(run.attrs.get("title") or "Trajectory")
     picture = Picture("trajectory", f"{title}, simulated.", figure)
     table = PageTable(("", ""), tuple(rows), "Provenance", numbers_from=9)
@@ -151,10 +144,42 @@ def _write_page(figure: Figure, run: xr.Dataset, target: Path, circuit: Circuit 
             f"Position {position[0]:.3f} mm to {position[-1]:.3f} mm, between {position.min():.3f} and "
             f"{position.max():.3f} mm."
         )
-    own = platforms(circuit) if circuit is not None else []
-    sections = [platform_section(platform, columns(run)) for platform in own]
+    machines = platforms(circuit) if circuit is not None else []
+    sections = [platform_section(platform, columns(run)) for platform in machines]
     sections.append(Section("trajectory", "Trajectory", (picture, table)))
     report = Report(title, lines, sections, synthetic=True)
     report.pictures[picture.name] = inline(svg_text(figure), picture.name, picture.caption)
     with whole(target) as temporary:
         temporary.write_text(report.alone(), encoding="utf-8")
+
+
+def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> matplotlib.figure.Figure:
+    """Draw mean speed and stroke time over the length of the tubes, a curve for each bore.
+
+    Parameters
+    ----------
+    study : xarray.Dataset
+        From `pneudrive.lines`.
+    path : path-like, optional
+        Picture to write: .png, .svg or .pdf.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    CommandError
+        If the suffix is unknown, or the file cannot be written.
+    """
+    panels, bores, length = [], study.diameter.to_numpy(), study.length.to_numpy()
+    for label, name in (("mean speed of the stroke / (m/s)", "mean_speed"), ("stroke time / s", "stroke_time_out")):
+        curves = [
+            Points(length, study[name][number].to_numpy(), f"{1e3 * bore:g} mm bore", ramp(number, bores.size),
+                   filled=True, joined=True)
+            for number, bore in enumerate(bores)
+        ]  # fmt: skip
+        without = Rule(y=study.attrs["without_tubes"][name], label="without tubes", look=WITHOUT, width=1.1)
+        panels.append(Panel([*curves, without], y=Axis(label, low=0.0)))
+    x = Axis("length of each tube / m", low=0.0)
+    return draw_figure(Figure(panels, x, columns=2, row_in=2.9, rest_in=0.0), path, synthetic=True)

@@ -82,20 +82,16 @@ def test_a_slide_behind_a_coupling_moves_with_the_piston():
 
 
 def test_the_panel_is_a_bode_plot_in_decibels_with_its_phase_over_a_logarithmic_axis():
-    from matplotlib.figure import Figure
-
-    from pneudrive.report.datasheet.figures import panel
+    from pneudrive.report.datasheet import characteristic_panel
 
     found = pn.drive_characteristic(pn.Drive.load("catalogue:reference"), "bode", intervals=False)
     assert found.velocity_magnitude.attrs["units"] == "dB"
     assert np.allclose(10.0 ** (found.velocity_magnitude / 20.0), found.velocity_response)
-    axis = Figure().subplots()
-    panel(axis, found)
-    right = axis.figure.axes[1]
-    assert axis.get_xscale() == "log"
-    assert "dB" in axis.get_ylabel()
-    assert "deg" in right.get_ylabel()
-    assert np.allclose(right.lines[0].get_ydata(), found.velocity_phase)
+    panel = characteristic_panel(found)
+    assert panel.x.scale == "log"
+    assert "dB" in panel.y.label
+    assert "deg" in panel.right_y.label
+    assert np.allclose(panel.right[0].y, found.velocity_phase)
 
 
 def test_the_title_of_a_characteristic_leads_to_its_name():

@@ -14,7 +14,7 @@ from pneudrive.datasheet import sheet
 from pneudrive.datasheet.measured import MeasuredBeside, beside, response_of
 from pneudrive.datasheet.sheet import build
 from pneudrive.progress import UNWATCHED
-from pneudrive.report.datasheet.page import write_datasheet
+from pneudrive.report.datasheet import write_datasheet
 from pneudrive.simulation.trajectory import columns
 from pneudrive.validate.validation import validate
 

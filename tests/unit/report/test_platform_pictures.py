@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -16,8 +17,14 @@ from PIL import Image
 import pneudrive as pn
 from pneudrive.cli.main import run as command
 from pneudrive.report import style
-from pneudrive.report.platform.figures import FRAMES_S, SHORTEST_S, draw_platform
-from pneudrive.report.platform.page import LEG_PANELS, platform_section, read_platform_run
+from pneudrive.report.platform.page import (
+    FRAMES_S,
+    LEG_PANELS,
+    SHORTEST_S,
+    draw_platform,
+    platform_section,
+    read_platform_run,
+)
 from pneudrive.report.platform.scene import INKS, platform_lines, platform_scene
 from pneudrive.report.platform.svg import platform_svg
 from pneudrive.simulation.trajectory import save
@@ -119,14 +126,13 @@ def test_no_words_of_the_curves_overlap(tripod_run):
     tripod = pn.platform(pn.Circuit.load(TRIPOD))
     with style.applied():
         picture = platform_section(tripod, read_platform_run(tripod, tripod_run)).blocks[0]
-        style.finish(picture.figure, synthetic=True)
-        style.lay_out(picture.figure)
-        FigureCanvasAgg(picture.figure).draw()
-    legends = [axis.get_legend() for axis in picture.figure.axes if axis.get_legend() is not None]
+        figure = replace(picture, synthetic=True).drawn()
+        FigureCanvasAgg(figure).draw()
+    legends = [axis.get_legend() for axis in figure.axes if axis.get_legend() is not None]
     words = [text for legend in legends for text in legend.get_texts()]
-    words += [axis.title if axis.title.get_text() else axis._left_title for axis in picture.figure.axes[1:]]
-    words += picture.figure.texts
-    boxes = [text.get_window_extent() for text in [*words, *picture.figure.axes[0].texts]]
+    words += [axis.title if axis.title.get_text() else axis._left_title for axis in figure.axes[1:]]
+    words += figure.texts
+    boxes = [text.get_window_extent() for text in [*words, *figure.axes[0].texts]]
     assert len(boxes) == 2 + 3 + 8 + 1 + 3  # tilts, legs, panels, mark of simulated data, labels of legs
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.report import style
 from pneudrive.report.circuit.blocks import MODULE_IN, NAME_PT
 from pneudrive.report.circuit.shapes import CircuitShapes, circuit_shapes
-from pneudrive.report.written import drawn
+from pneudrive.report.render import drawn
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -73,15 +73,15 @@ def _draw(axis: Axes, shape: Shape) -> None:
         xs, ys = [point[0] for point in shape.points], [point[1] for point in shape.points]
         look: Any = (0, (4, 2)) if word == "dashed" else "-"
         width = THICK if word == "thick" else PEN
-        axis.plot(xs, ys, color=style.BLACK, lw=width, linestyle=look, solid_capstyle="round")
+        axis.plot(xs, ys, color=style.ink("black"), lw=width, linestyle=look, solid_capstyle="round")
     elif word in ("triangle", "head"):
-        colours: dict[str, Any] = {"facecolor": style.BLACK, "edgecolor": style.BLACK}
+        colours: dict[str, Any] = {"facecolor": style.ink("black"), "edgecolor": style.ink("black")}
         axis.add_patch(Polygon(list(shape.points), closed=True, fill=word == "head", lw=PEN, **colours))
     elif word == "arc":
         low, high = shape.angles
         axis.add_patch(Arc((x, y), 2 * shape.size, 2 * shape.size, theta1=low, theta2=high, lw=PEN))
     elif word == "dot":
-        axis.add_patch(Circle((x, y), shape.size, facecolor=style.BLACK, edgecolor="none"))
+        axis.add_patch(Circle((x, y), shape.size, facecolor=style.ink("black"), edgecolor="none"))
     else:
         align, _, top = shape.align.partition(" ")
         weight = "bold" if shape.size == NAME_PT else "normal"

@@ -1,47 +1,194 @@
-"""A run of a platform on a page: its drawing, and pose, legs, pressures and forces as small multiples."""
+"""A platform on legs as a picture, as an animation of a run, and as a page of a run with its curves."""
 
 from __future__ import annotations
 
+import shutil
+from contextlib import suppress
+from subprocess import DEVNULL, PIPE, Popen
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.errors import CommandError
+from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, Stroke, look, thin
 from pneudrive.platforms.outputs import motion_of, platform_outputs, pose_columns
 from pneudrive.report import style
 from pneudrive.report.page import PageTable, Picture, Report, Section
-from pneudrive.report.platform.figures import frame_axis, put_scene
-from pneudrive.report.platform.scene import platform_scene
+from pneudrive.report.platform.scene import FONT, LOOKS, platform_scene
+from pneudrive.report.render import draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
+    import matplotlib.figure
+    from numpy.typing import ArrayLike, NDArray
+    from PIL import Image
 
     from pneudrive.platforms.kinematics import Platform
+    from pneudrive.report.platform.scene import PlatformScene
 
     Array = NDArray[np.float64]
 
+#: Pixels of a scene in an inch, and dots of an animation in an inch.
+PX_IN, FILM_DPI = 100.0, 150.0
+#: Colours of a GIF: two inks, and their mixtures with the paper.
+COLOURS = 64
+#: Frames in a second. Delays of a GIF are multiples of 10 ms.
+FRAMES_S = {".mp4": 30, ".gif": 25}
+#: Shortest and longest animation, s. Other runs are shown slower or faster.
+SHORTEST_S, LONGEST_S = 2.0, 20.0
 ROW_IN = 1.35  # height of a row of panels
 MOST_POSES = 400  # of a path
 MOST_SAMPLES = 4000  # of a curve
 RANGE_HEAD = ("", "quantity", "least", "most")
-#: Panels of legs: label, factor from SI, and the form of its columns.
+#: Panels of legs: label, and the form of its columns.
 LEG_PANELS = (
-    ("position / mm", 1e3, "{leg}.position_m"),
-    ("pressure a / bar abs", 1e-5, "{leg}.a.pressure_pa"),
-    ("pressure b / bar abs", 1e-5, "{leg}.b.pressure_pa"),
-    ("leg force / N", 1.0, "{platform}.leg_{i}_force_n"),
-    ("side force / N", 1.0, "{platform}.leg_{i}_side_force_n"),
+    ("position / mm", "{leg}.position_m"),
+    ("pressure a / bar abs", "{leg}.a.pressure_pa"),
+    ("pressure b / bar abs", "{leg}.b.pressure_pa"),
+    ("leg force / N", "{platform}.leg_{i}_force_n"),
+    ("side force / N", "{platform}.leg_{i}_side_force_n"),
 )
+
+
+def draw_platform(
+    platform: Platform, poses: ArrayLike | None = None, path: str | Path | None = None, *, dark: bool = False
+) -> matplotlib.figure.Figure:
+    """Draw a platform at the last one of some poses, with the path of its origin.
+
+    Parameters
+    ----------
+    platform : Platform
+    poses : array, shape (n,) or (m, n), optional
+        Poses of a run, m and rad. By default every leg is at half of its stroke.
+    path : path-like, optional
+        Picture to write: .svg, .png or .pdf.
+    dark : bool
+        Draw on dark paper.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> tripod = pn.platform(pn.Circuit.load("examples/tripod.toml"))
+    >>> figure = pn.report.draw_platform(tripod)
+    """
+    scene = platform_scene(platform, np.atleast_2d(platform.home if poses is None else platform.pose(poses)))
+    text = (0.02 * scene.size[0], 0.02 * scene.size[1] + FONT, "simulated")
+    return draw_figure(_paper(scene, -1, *([text] if len(scene.path) > 1 else [])), path, dark=dark)
+
+
+def animate_platform(
+    platform: Platform, time: ArrayLike, poses: ArrayLike, path: str | Path, *, dark: bool = False
+) -> Path:
+    """Write a run of a platform as a film. The film lasts as long as the run, but at least 2 s and at most 20 s.
+
+    Parameters
+    ----------
+    platform : Platform
+    time : array, shape (m,)
+        s, rising.
+    poses : array, shape (m, n)
+        m and rad.
+    path : path-like
+        .mp4, which needs the program ffmpeg, or .gif.
+    dark : bool
+        Draw on dark paper.
+
+    Returns
+    -------
+    pathlib.Path
+
+    Raises
+    ------
+    CommandError
+        Unknown suffix, ffmpeg is missing, or the file cannot be written.
+    """
+    target = check_target(path, tuple(FRAMES_S))
+    suffix = target.suffix.lower()
+    program = shutil.which("ffmpeg")
+    if suffix == ".mp4" and program is None:
+        remedy = f"Install ffmpeg, or write {target.with_suffix('.gif').name}, which needs no other program."
+        raise CommandError(f"{target.name} cannot be written: the program ffmpeg is missing", remedy=remedy)
+    time = np.asarray(time, dtype=float)
+    lasts = min(max(float(time[-1] - time[0]), SHORTEST_S), LONGEST_S)
+    moments = np.linspace(time[0], time[-1], round(lasts * FRAMES_S[suffix]) + 1)
+    rows = np.searchsorted(time, moments, side="right") - 1
+    scene = platform_scene(platform, np.asarray(poses, dtype=float)[rows])
+    from PIL.Image import Dither
+
+    pictures = (_paper(scene, k, (6.0, 16.0, f"{t:.3f} s, simulated")) for k, t in enumerate(moments))
+    with style.applied(dark=dark), whole(target) as temporary:
+        frames = film(pictures, FILM_DPI, dark=dark)
+        if program is not None and suffix == ".mp4":
+            _write_film(program, frames, temporary)
+        else:
+            first = next(frames).quantize(COLOURS)
+            others = (frame.quantize(palette=first, dither=Dither.NONE) for frame in frames)
+            first.save(temporary, save_all=True, append_images=others, duration=1000 // FRAMES_S[suffix], loop=0)
+    return target
+
+
+def _write_film(program: str, frames: Iterator[Image.Image], target: Path) -> None:
+    """Write frames as H.264 through ffmpeg."""
+    first = next(frames)
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}", "-r", str(FRAMES_S[".mp4"])]
+    command = [program, "-y", "-loglevel", "error", *given, "-i", "-", "-pix_fmt", "yuv420p", str(target)]
+    with TemporaryFile() as said, Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=said) as process:
+        assert process.stdin is not None
+        with suppress(BrokenPipeError), process.stdin as pipe:
+            pipe.write(first.tobytes())
+            for frame in frames:
+                pipe.write(frame.tobytes())
+        if process.wait():
+            said.seek(0)
+            why = said.read().decode(errors="replace").strip().splitlines()
+            raise CommandError(f"ffmpeg did not write the film: {why[-1] if why else 'it stopped'}")
+
+
+def scene_drawing(scene: PlatformScene, row: int = -1, *texts: tuple[float, float, str], scale: float = 1.0) -> Drawing:
+    """Return a scene at one of its poses, with the path of all of them, and texts with the place of each in px.
+
+    `scale` is the size of the drawing relative to that of the scene.
+    """
+    strokes = []
+    for what, points in [*scene.lines, ("path", scene.path[None])]:
+        own, corners = LOOKS[what], points[row if len(points) > 1 else 0]
+        given = {"color": "path" if own.is_path else "black", "fill": "black" if own.fill else "", "tint": own.fill}
+        dash = [part / own.width for part in own.dash]
+        width = 72.0 / PX_IN * own.width * scale
+        strokes.append(Stroke(corners, width=width, dash=dash, opacity=own.opacity, cap="butt", **given))
+    size = 72.0 / PX_IN * FONT
+    strokes += [Stroke([at], text, size=size * max(scale, 0.6)) for text, at in scene.labels]
+    strokes += [Stroke([(x, y)], text, size=size, align="left baseline") for x, y, text in texts]
+    return Drawing(strokes, (0.0, scene.size[0]), (scene.size[1], 0.0), equal=True)
+
+
+def _paper(scene: PlatformScene, row: int, *texts: tuple[float, float, str]) -> Figure:
+    """Return a figure as large as a scene. A film has an even number of pixels."""
+    width, height = (4.0 * round(0.25 * size) / PX_IN for size in scene.size)
+    drawing = scene_drawing(scene, row, *texts)
+    return Figure([Panel([drawing])], row_in=height, rest_in=0.0, width_in=width, has_margins=False)
+
+
+# --- page of a run ---------------------------------------------------------------------------------------------------
 
 
 def run_columns(platform: Platform) -> list[str]:
     """Return the columns of a run that the pictures of a platform use, time first."""
-    legs = [row for row in LEG_PANELS if row[2].startswith("{leg}")]
-    own = [end.format(leg=leg.name) for _, _, end in legs for leg in platform.legs]
+    legs = [form for _, form in LEG_PANELS if form.startswith("{leg}")]
+    own = [form.format(leg=leg.name) for form in legs for leg in platform.legs]
     return ["time_s", *(name for row in pose_columns(platform) for name in row), *own]
 
 
@@ -77,11 +224,10 @@ def write_platform_page(platform: Platform, columns: Mapping[str, Array], path: 
         The run has no column of this platform, or the file cannot be written.
     """
     target = check_target(path, (".html",))
-    with style.applied(), whole(target) as temporary:
-        part = platform_section(platform, columns)
-        time = columns["time_s"]
-        lines = [f"{len(time)} samples from {time[0]:g} s to {time[-1]:g} s."]
-        report = Report(f"Run of {platform.name}", lines, [part], synthetic=True)
+    time = columns["time_s"]
+    lines = [f"{len(time)} samples from {time[0]:g} s to {time[-1]:g} s."]
+    report = Report(f"Run of {platform.name}", lines, [platform_section(platform, columns)], synthetic=True)
+    with whole(target) as temporary:
         temporary.write_text(report.alone(), encoding="utf-8")
     return target
 
@@ -89,9 +235,9 @@ def write_platform_page(platform: Platform, columns: Mapping[str, Array], path: 
 def run_ranges(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, str, str, str]]:
     """Return name, quantity, least and largest value of each curve of a run with its outputs."""
     rows = []
-    for label, factor, each in _panels(platform, columns):
+    for label, each in _panels(platform, columns):
         for name, curve in each.items():
-            ends = (round(factor * float(end), 6) + 0.0 for end in (curve.min(), curve.max()))
+            ends = (round(float(end), 6) + 0.0 for end in Axis(label).shown((curve.min(), curve.max())))
             rows.append((name, label, *(f"{end:.4g}" for end in ends)))
     return rows
 
@@ -100,55 +246,40 @@ def platform_section(platform: Platform, columns: Mapping[str, Array]) -> Sectio
     """Return the drawing of a run, its curves, and the range of each."""
     found = {**columns, **platform_outputs(platform, columns)}
     caption = f"{platform.name} at the end of the run with the path of its origin, and the curves of the run."
-    picture = Picture(platform.name, caption, _figure(platform, found))
+    picture = Picture(platform.name, caption, run_figure(platform, found))
     table = PageTable(RANGE_HEAD, tuple(run_ranges(platform, found)), "Ranges of the run", numbers_from=2)
     return Section("platform", f"Platform {platform.name}", (picture, table))
 
 
-def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, float, dict[str, Array]]]:
-    """Return label, factor from SI, and named curves of each panel."""
+def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, dict[str, Array]]]:
+    """Return label and named curves of each panel."""
     pose, units = pose_columns(platform)[0], platform.units
     panels = []
-    for label, factor, unit in (("place / mm", 1e3, "m"), ("tilt / deg", float(np.degrees(1.0)), "rad")):
+    for label, unit in (("place / mm", "m"), ("tilt / deg", "rad")):
         each = {platform.coordinates[k]: np.asarray(columns[pose[k]]) for k, own in enumerate(units) if own == unit}
-        panels.append((f"{next(iter(each))} / mm" if len(each) == 1 else label, factor, each))
+        panels.append((f"{next(iter(each))} / mm" if len(each) == 1 else label, each))
     smallest = columns[f"{platform.name}.smallest_singular_value"]
-    panels.append(("smallest singular value", 1.0, {platform.name: smallest}))
-    for label, factor, end in LEG_PANELS:
+    panels.append(("smallest singular value", {platform.name: smallest}))
+    for label, form in LEG_PANELS:
         legs = enumerate((leg.name for leg in platform.legs), start=1)
-        names = {leg: end.format(platform=platform.name, i=i, leg=leg) for i, leg in legs}
-        panels.append((label, factor, {leg: columns[name] for leg, name in names.items() if name in columns}))
-    return [panel for panel in panels if panel[2]]
+        names = {leg: form.format(platform=platform.name, i=i, leg=leg) for i, leg in legs}
+        panels.append((label, {leg: columns[name] for leg, name in names.items() if name in columns}))
+    return [panel for panel in panels if panel[1]]
 
 
-def _figure(platform: Platform, columns: Mapping[str, Array]) -> Figure:
-    time = np.asarray(columns["time_s"])
-    panels = _panels(platform, columns)
-    count = -(-len(panels) // 2)
-    figure = style.new_figure(ROW_IN * count)
-    grid = figure.add_gridspec(count, 3, width_ratios=(1.15, 1.0, 1.0))
-    pose = motion_of(platform, columns)[0]
-    scene = platform_scene(platform, pose[np.unique(np.linspace(0, len(pose) - 1, MOST_POSES).round().astype(int))])
-    drawing = figure.add_subplot(grid[:, 0])
-    frame_axis(drawing, scene)
-    drawing.set_aspect("equal", anchor="N")
-    put_scene(drawing, scene, scale=0.6)
-    part, legs = style.thin(time, MOST_SAMPLES), {leg.name for leg in platform.legs}
-    for k, (label, factor, each) in enumerate(panels):
-        axis = figure.add_subplot(grid[k // 2, 1 + k % 2])
-        for i, (name, values) in enumerate(each.items()):
-            color, line, _ = style.look(i)
-            axis.plot(time[part], factor * values[part], color=color, linestyle=line, lw=1.0, label=name)
-        axis.set_title(label)
-        axis.margins(x=0)
+def run_figure(platform: Platform, columns: Mapping[str, Array]) -> Figure:
+    """Draw the platform at the end of a run beside the curves of the run; legs have one legend below the drawing."""
+    time, pose = np.asarray(columns["time_s"]), motion_of(platform, columns)[0]
+    part, legs, panels = thin(time, MOST_SAMPLES), {leg.name for leg in platform.legs}, []
+    of_legs: dict[str, Line] = {}
+    for label, each in _panels(platform, columns):
+        lines = [Line(time[part], values[part], name, look(i), 1.0) for i, (name, values) in enumerate(each.items())]
         if legs.issuperset(each):
-            columns_of = {"ncols": 3, "loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "columnspacing": 1.0}
-            drawing.legend(*axis.get_legend_handles_labels(), **columns_of)
-        elif len(each) > 1:
-            style.headroom(axis, above=0.35)
-            axis.legend(loc="upper right", ncols=len(each), handlelength=1.4, columnspacing=0.8, borderaxespad=0.0)
-        if k >= len(panels) - 2:
-            axis.set_xlabel("time / s")
-        else:
-            axis.tick_params(labelbottom=False)
-    return figure
+            of_legs |= {line.label: line for line in lines}
+        how = "" if legs.issuperset(each) or len(each) < 2 else "inside"
+        panels.append(Panel(lines, label, y=Axis(label, is_named=False), legend=how))
+    scene = platform_scene(platform, pose[np.unique(np.linspace(0, len(pose) - 1, MOST_POSES).round().astype(int))])
+    keys = [Line([], [], label, line.look) for label, line in of_legs.items()]
+    drawing = Panel([scene_drawing(scene, scale=0.6), *keys], legend="under")
+    shared = {"tall": drawing, "tall_first": True, "widths": (1.15, 1.0, 1.0), "share_x": "all", "entries": 3}
+    return Figure(panels, "time / s", columns=2, row_in=ROW_IN, rest_in=0.0, **shared)

@@ -10,11 +10,11 @@ from pneudrive import __version__
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
-from pneudrive.report import style
+from pneudrive.figures import Figure, Line, Look, Panel, Points, Rule
 from pneudrive.report.circuit.drawing import draw_circuit
 from pneudrive.report.page import Items, PageTable, Paragraph, Report
 from pneudrive.report.provenance import references
-from pneudrive.report.sizing.figures import draw
+from pneudrive.report.render import draw_figure
 from pneudrive.report.topics import Topic
 from pneudrive.report.words import plural
 from pneudrive.sizing.choices import WITHOUT
@@ -24,8 +24,10 @@ from pneudrive.sizing.task import GUIDES, follows_from
 from pneudrive.sizing.task import values_of as task_values
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
+
+    import matplotlib.figure
 
     from pneudrive.report.page import Section
     from pneudrive.sizing.checks import SizedDrive
@@ -45,7 +47,63 @@ FIGURES = (
 _KEY = re.compile(r"\[([\w-]+)\]")
 
 
-@style.applied()
+def plot_sizing(result: SizingResult, path: str | Path | None = None) -> matplotlib.figure.Figure:
+    """Draw the time that 1 % of the samples exceed over the air of a cycle: a point for each choice, and the limits.
+
+    The lines of the best candidate cover 98 % of its samples.
+
+    Parameters
+    ----------
+    result : SizingResult
+        From `pneudrive.size`.
+    path : path-like, optional
+        Picture to write: .png, .svg or .pdf.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    CommandError
+        If the suffix is unknown, or the file cannot be written.
+    """
+    return draw_figure(candidate_figure(result), path, synthetic=True)
+
+
+def candidate_figure(result: SizingResult) -> Figure:
+    """Draw a panel for each stroke."""
+    task, panels = result.task, []
+    for way, limit in (("out", task.outward_s), ("back", task.back_s)):
+        longest = Rule(y=limit * (1.0 - task.margin), label="longest time", look=Look("black", "--"), width=1.1)
+        panels.append(Panel([*_points(result, way), longest], f"stroke {way}", y=f"time {way}, worst 1 % / s"))
+    return Figure(panels, "air of a cycle / l ANR", columns=2, row_in=3.1, rest_in=0.0, share_x="all")
+
+
+def _points(result: SizingResult, way: str) -> Iterator[Points | Line]:
+    names = {drive.name for drive in result.ranked}
+    rest = [drive for drive in result.simulated if drive.name not in names]
+    for chosen, own, label in (
+        ([drive for drive in rest if not drive.is_feasible], Look("grey", "-", "x"), "misses a limit"),
+        ([drive for drive in rest if drive.is_feasible], Look("grey", "-", "."), "not simulated to the end"),
+        (result.ranked, Look("blue"), "meets the task"),
+    ):
+        shown = [(drive.air_litres_anr, t) for drive in chosen if (t := _time(drive, way)) < float("inf")]
+        if shown:
+            yield Points(*zip(*shown, strict=True), label, own, filled=True)
+    best = result.best
+    if best is not None:
+        air, time, own = best.air_litres_anr, _time(best, way), Look("orange")
+        yield Points([air], [time], "best", own, size=9.0)
+        if best.intervals:  # the range of 98 % of the samples
+            yield Line([ANR_LITRES_PER_KG * end for end in best.intervals["air"]], [time, time], look=own, width=1.2)
+            yield Line([air, air], [best.intervals[f"time_{way}"][0], time], look=own, width=1.2)
+
+
+def _time(drive: SizedDrive, way: str) -> float:
+    return drive.time_out if way == "out" else drive.time_back
+
+
 def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     """Write report.html, which loads nothing from anywhere, and its figures as PNG and SVG.
 
@@ -122,7 +180,7 @@ def _candidates(found: SizingResult) -> Section:
         topic.text(),
         PageTable(heads, tuple(rows), topic.say("ranking"), numbers_from=2) if rows else None,
         topic.table(lost, "missed", what=what) if cheaper else None,
-        topic.picture("candidates", draw(found)) if found.simulated else None,
+        topic.picture("candidates", candidate_figure(found)) if found.simulated else None,
     )
 
 

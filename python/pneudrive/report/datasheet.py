@@ -1,0 +1,313 @@
+"""The data sheet of a drive as one HTML page, or as a PDF of two to four pages, and pictures of characteristics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pneudrive import __version__
+from pneudrive.datasheet.registry import characteristics
+from pneudrive.datasheet.sheet import in_words, shown_unit, written_value
+from pneudrive.errors import CommandError
+from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Panel, Points, look, ramp, thin
+from pneudrive.numbers import plain
+from pneudrive.report.circuit.drawing import draw_circuit
+from pneudrive.report.page import Items, Paragraph, Report
+from pneudrive.report.provenance import references
+from pneudrive.report.render import draw_figure
+from pneudrive.report.topics import Topic
+from pneudrive.report.typst_page import write_pdf
+from pneudrive.simulation.trajectory import check_target, whole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import matplotlib.figure
+    import xarray as xr
+
+    from pneudrive.datasheet.measured import MeasuredBeside, MeasuredResponse
+    from pneudrive.datasheet.sheet import Datasheet
+    from pneudrive.report.page import Section
+    from pneudrive.validate.static import FrictionValidation
+    from pneudrive.validate.validation import RecordResult
+
+SUFFIXES = (".html", ".pdf")
+HEIGHT_IN, WIDTH_IN = 2.6, 4.6
+MOST_CURVES, MOST_BARS = 5, 12
+LOGARITHMIC = 30.0  # ratio of frequencies from which on their axis is logarithmic
+CURVES = (
+    *("velocity", "force-speed", "square-response", "impact", "natural-frequency", "stiffness"),
+    *("bode", "flow", "exergy"),
+)
+COLUMNS, ROW_IN = 3, 1.5
+#: Makes the drawing of the circuit, the first picture, smaller than the page.
+SMALL_CIRCUIT = ("<svg ", '<svg style="max-width: 26rem; display: block" ')
+
+
+def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> matplotlib.figure.Figure:
+    """Draw a characteristic.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        From `pneudrive.characteristic`.
+    path : path-like, optional
+        Picture to write: .png, .svg or .pdf.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    CommandError
+        It is a number without a curve, the suffix is unknown, or the file cannot be written.
+    """
+    kind = characteristics()[found.attrs["characteristic"]]
+    if not kind.x:
+        raise CommandError(
+            f"{kind.name} has no curve", remedy="This result is not drawn; its numbers are in the data set."
+        )
+    panels = [characteristic_panel(found, name) for name in kind.y.split()]
+    figure = Figure(panels, row_in=HEIGHT_IN, rest_in=0.0, width_in=WIDTH_IN, legend="inside", text_scale=0.87)
+    return draw_figure(figure, path, synthetic=True)
+
+
+def characteristic_panel(found: xr.Dataset, name: str = "", title: str = "") -> Panel:
+    """Draw one result of a characteristic, by default all of its results: the others on an axis on the right."""
+    kind = characteristics()[found.attrs["characteristic"]]
+    name, *others = [name] if name else kind.y.split()
+    if found[kind.x].dtype.kind in "US":
+        return _bars(found, kind.x, name, title or kind.title)
+    marks: list[Line | Band] = []
+    for index, (label, x, y, low, high) in enumerate(_curves(found, kind.x, name)):
+        marks.append(Line(x, y, label, look(index)))
+        if low is not None and high is not None:
+            marks.append(Band(x, low, high, look=look(index)))
+    right = [Line(x, y, look=Look("blue", "--")) for other in others for _, x, y, *_ in _curves(found, kind.x, other)]
+    xs = np.abs(np.asarray(found[kind.x], dtype=float))
+    is_wide = found[kind.x].attrs["units"] == "Hz" and xs.max() > LOGARITHMIC * xs.min() > 0.0
+    x_axis = Axis(_label(found, kind.x), "log" if is_wide else "linear", is_si=False)
+    right_axis = _axis(found, others[0]) if others else ""
+    return Panel(marks, title or kind.title, x_axis, _axis(found, name), right, right_axis)
+
+
+def _axis(found: xr.Dataset, name: str) -> Axis:
+    return Axis(_label(found, name), is_si=False)
+
+
+def _label(found: xr.Dataset, name: str) -> str:
+    unit = shown_unit(found[name].attrs["units"])[1]
+    words = in_words(name)
+    return words if unit in ("1", "") else f"{words} / {unit if unit.count('/') == 0 else f'({unit})'}"
+
+
+def _curves(
+    found: xr.Dataset, x: str, name: str
+) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray | None, np.ndarray | None]]:
+    """Yield label, abscissa, ordinate and both ends of its interval of each curve, in shown units."""
+    along = found[x].dims[-1]
+    others = [str(dim) for dim in found[name].dims if dim != along]
+    factor, by = shown_unit(found[name].attrs["units"])[0], shown_unit(found[x].attrs["units"])[0]
+    points = [{}] if not others else [{others[0]: k} for k in range(found.sizes[others[0]])]
+    if len(points) > MOST_CURVES:
+        points = [points[k] for k in np.linspace(0, len(points) - 1, MOST_CURVES).astype(int)]
+    for at in points:
+        abscissa = found[x].isel({dim: k for dim, k in at.items() if dim in found[x].dims})
+        low, high = (
+            factor * np.asarray(found[f"{name}_{end}"].isel(at)) if f"{name}_{end}" in found else None
+            for end in ("low", "high")
+        )
+        yield (
+            _of(found, at, at is points[0]),
+            by * np.asarray(abscissa, dtype=float),
+            factor * np.asarray(found[name].isel(at)),
+            low,
+            high,
+        )
+
+
+def _of(found: xr.Dataset, at: dict[str, int], is_first: bool) -> str:
+    """Return the label of a curve; only the first one names the quantity."""
+    words = ", ".join(value_in_words(found, dim, k) for dim, k in at.items())
+    names = [in_words(dim) for dim in at if found[dim].dtype.kind not in "US"]
+    return words if is_first else words.removeprefix("".join(names)).strip()
+
+
+def value_in_words(found: xr.Dataset, dim: str, index: int) -> str:
+    """Return a position on an axis as text."""
+    value = found[dim].to_numpy()[index]
+    if isinstance(value, str):
+        return value
+    factor, unit = shown_unit(found[dim].attrs["units"])
+    return f"{in_words(dim)} {factor * float(value):.3g}{'' if unit == '1' else f' {unit}'}"
+
+
+def _bars(found: xr.Dataset, x: str, name: str, title: str) -> Panel:
+    """Draw one bar for each entry, the largest on top."""
+    factor, _ = shown_unit(found[name].attrs["units"])
+    labels, values = [str(entry) for entry in found[x].to_numpy()], factor * np.asarray(found[name])
+    order = np.argsort(values)
+    if len(order) > MOST_BARS:
+        order = [k for k in order if k in np.argsort(-np.abs(values))[:MOST_BARS]]
+    bars = Bars(np.arange(len(order)), values[order], thickness=0.6, across=True)
+    return Panel([bars], title, _axis(found, name), Axis(names=[labels[k] for k in order]))
+
+
+# --- data sheet ------------------------------------------------------------------------------------------------------
+
+
+def write_datasheet(found: Datasheet, path: str | Path) -> Path:
+    """Write a datasheet.
+
+    Parameters
+    ----------
+    found : Datasheet
+        From `pneudrive.datasheet.sheet.build`.
+    path : path-like
+        .html, which loads nothing from anywhere, or .pdf (extra ``pdf``).
+
+    Returns
+    -------
+    pathlib.Path
+
+    Raises
+    ------
+    CommandError
+        Another suffix, a file that cannot be written, or a missing installation of typst.
+    """
+    target = check_target(path, SUFFIXES)
+    report = Report(_title(found), found.headlines, _sections(found), synthetic=True)
+    if target.suffix.lower() == ".pdf":
+        report.pictures = report.plain_svg()
+        return write_pdf(report, target)
+    with whole(target) as temporary:
+        temporary.write_text(report.alone().replace(*SMALL_CIRCUIT, 1), encoding="utf-8")
+    return target
+
+
+def _title(found: Datasheet) -> str:
+    measured = found.measured
+    if measured is None:
+        return f"{found.drive.name}: datasheet, simulated"
+    kind = "synthetic recordings" if measured.synthetic else "recordings"
+    return f"{found.drive.name}: datasheet, simulated beside {kind}"
+
+
+def _sections(found: Datasheet) -> list[Section | None]:
+    drive, curves, values = (Topic("datasheet", key) for key in ("drive", "curves", "values"))
+    bands = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
+    rows = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
+    return [
+        drive.section(drive.picture("circuit", draw_circuit(found.drive)), synthetic=False),
+        _numbers(found),
+        curves.section(curves.picture("curves", _curve_figure(found), bands=bands)),
+        _measured(found.measured) if found.measured is not None else None,
+        values.section(values.table(rows), synthetic=False),
+        _definitions(found),
+    ]
+
+
+def _numbers(found: Datasheet) -> Section:
+    topic = Topic("datasheet", "numbers")
+    return topic.section(
+        topic.table(found.numbers),
+        topic.text(version=__version__),
+        topic.table(_published(found), "published") if "published" in found.results else None,
+        *(Paragraph(f"{name}: {why}", "note") for name, why in found.failed.items() if name != "published"),
+    )
+
+
+def _published(found: Datasheet) -> Iterator[tuple[str, ...]]:
+    """Yield the printed figures of the drive's parts, with those of the drive."""
+    table = found.results["published"]
+    columns = [100.0 * table.difference.to_numpy(), table.computed.to_numpy(), table.printed.to_numpy()]
+    for name, more, computed, printed in zip(table["figure"].to_numpy(), *columns, strict=True):
+        yield str(name), plain(printed), plain(computed), f"{more:+.2g} %"
+
+
+def _curve_figure(found: Datasheet) -> Figure:
+    results = {name: found.results[name] for name in CURVES if name in found.results}
+    panels = [characteristic_panel(result, title=name.replace("-", " ")) for name, result in results.items()]
+    return Figure(panels, columns=COLUMNS, row_in=ROW_IN, rest_in=0.0, legend="inside", text_scale=0.8)
+
+
+def _measured(measured: MeasuredBeside) -> Section:
+    topic, figure = Topic("datasheet", "measured"), _comparison(measured)
+    rows = (
+        (
+            number.stroke,
+            number.name.replace("_", " "),
+            written_value(number.measured, number.unit, number.low, number.high),
+            str(number.repeats),
+            written_value(number.simulated, number.unit),
+            "agrees" if number.agrees else "differs",
+        )
+        for number in measured.numbers
+    )
+    return topic.section(
+        Items(measured.names),
+        *(Paragraph(text, "holds" if met else "note" if met is None else "fails") for met, text in measured.verdicts),
+        topic.table(rows) if measured.numbers else None,
+        None if figure is None else topic.picture("measured", figure),
+        synthetic=measured.synthetic,
+    )
+
+
+def _comparison(measured: MeasuredBeside) -> Figure | None:
+    """Draw measurement and simulation together."""
+    panels = []
+    if measured.validation is not None:
+        record = measured.validation.records[0]
+        panels.append(_run(record, ("position_m",), "position / mm"))
+        panels.append(_run(record, ("pressure_a_pa", "pressure_b_pa"), "pressure / bar abs"))
+    panels += [_response(measured.responses[0])] if measured.responses else []
+    panels += [_friction(measured.friction)] if measured.friction is not None else []
+    size = {"row_in": 2.2, "rest_in": 0.0, "text_scale": 0.8}
+    return Figure(panels, columns=len(panels), legend="panel", **size) if panels else None
+
+
+def _run(record: RecordResult, channels: tuple[str, ...], label: str) -> Panel:
+    part, marks = thin(record.signals.time_s, 1500), []
+    time = record.signals.time_s[part]
+    for index, name in enumerate(channels):
+        words = f"{name[:10].replace('_', ' ').strip()} measured"
+        marks.append(Line(time, getattr(record.signals, name)[part], words, Look(("black", "blue")[index]), 1.4))
+        marks.append(Line(time, record.free[name][part], "free run", MODEL, 0.9))
+    return Panel(marks, record.recording.name, "time / s", label)
+
+
+def _response(response: MeasuredResponse) -> Panel:
+    marks = [
+        Points(response.frequency_hz, response.measured_m_s, "measured", size=2.5, filled=True),
+        Line(response.frequency_hz, response.simulated_m_s, "simulated", MODEL),
+    ]
+    title = f"coherence above {response.coherence.min():.2f}"
+    return Panel(marks, title, Axis("frequency / Hz", "log"), "velocity over command / (m/s)")
+
+
+def _friction(found: FrictionValidation) -> Panel:
+    curves, marks = found.curves, []
+    shown = curves[:: max(len(curves) // 6, 1)][:6]
+    for index, c in enumerate(shown):
+        own, order = ramp(index, len(shown)), np.argsort(c.speed_m_s)
+        speed, friction, low, high, model = (
+            v[order] for v in (c.speed_m_s, c.friction_n, c.low_n, c.high_n, c.model_n)
+        )
+        marks.append(Points(speed, friction, c.condition[:28], own, low, high, 3.0))
+        marks.append(Points(speed, model, "", Look(own.color, "--", "_"), size=9.0, joined=True))
+    return Panel(marks, "friction: measured (points), law (dashed)", "speed / (mm/s)", "friction / N")
+
+
+def _definitions(found: Datasheet) -> Section:
+    known = characteristics()
+    shown = [known[name] for name in found.results if name in known]
+    keys = dict.fromkeys(key for one in shown for key in one.cites)
+    return Topic("datasheet", "definitions").section(
+        Items(tuple(f"assumed: {one}" for one in found.assumed)),
+        Items(tuple(f"{one.title}: {one.definition} ({one.algorithm})" for one in shown)),
+        Items(references(keys)),
+        synthetic=False,
+    )

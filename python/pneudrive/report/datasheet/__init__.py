@@ -1,1 +1,0 @@
-"""Data sheet of a drive."""
