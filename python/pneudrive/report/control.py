@@ -155,18 +155,17 @@ def _error_unit(errors_m: Sequence[Any]) -> str:
 
 def tracks_figure(found: ControlComparison, along: str) -> Figure:
     """Draw the laws' tracks over each other, and their errors, along one reference; the first seed of each law."""
-    tracks, errors = [], []
+    tracks, references, errors = [], [], []
     for number, law in enumerate(found.tunings):
         run = next((run for run in found.of(law, along) if run.score is not None), None)
         if run is not None:
             time, position, reference = run.columns("time_s", "position_m", "reference_m").values()
             part = thin(time, MOST_DRAWN)
-            if not tracks:
-                tracks.append(Line(time[part], reference[part], "reference", Look("red"), 0.6))
             tracks.append(Line(time[part], position[part], law, look(number), 0.9))
+            references.append(Line(time[part], reference[part], "reference", Look("red"), 0.6))
             errors.append(Line(time[part], (reference - position)[part], look=look(number), width=0.9))
     error = Axis(f"error / {_error_unit([line.y for line in errors])}", "far")
-    return stack([Panel(tracks, y="position / mm"), Panel([*errors, Rule(y=0.0)], y=error)], 4.2)
+    return stack([Panel([*tracks, *references[:1]], y="position / mm"), Panel([*errors, Rule(y=0.0)], y=error)], 4.2)
 
 
 def boxes_figure(found: ControlComparison, along: str) -> Figure:

@@ -241,7 +241,7 @@ def _legend(axis: Axes, handles: dict[str, Any], figure: figures.Figure, how: st
             *(list(handles.values()), list(handles)),
             **{"loc": "upper left", "ncols": 2, "borderaxespad": 0.1, "handlelength": 2.0, "labelspacing": 0.3, **size},
         )
-    elif how == "over" and len(handles) > 1:
+    elif how == "over" and handles:
         place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), "borderaxespad": 0.0}
         axis.legend(list(handles.values()), list(handles), ncols=entries, **place, **size)
     elif how == "under" and handles:  # below a drawing

@@ -81,6 +81,13 @@ def candidate_figure(result: SizingResult) -> Figure:
 
 
 def _points(result: SizingResult, way: str) -> Iterator[Points | Line]:
+    best = result.best
+    if best is not None:
+        air, time, own = best.air_litres_anr, _time(best, way), Look("orange")
+        yield Points([air], [time], "best", own, size=9.0)
+        if best.intervals:  # the range of 98 % of the samples
+            yield Line([ANR_LITRES_PER_KG * end for end in best.intervals["air"]], [time, time], look=own, width=1.2)
+            yield Line([air, air], [best.intervals[f"time_{way}"][0], time], look=own, width=1.2)
     names = {drive.name for drive in result.ranked}
     rest = [drive for drive in result.simulated if drive.name not in names]
     for chosen, own, label in (
@@ -91,13 +98,6 @@ def _points(result: SizingResult, way: str) -> Iterator[Points | Line]:
         shown = [(drive.air_litres_anr, t) for drive in chosen if (t := _time(drive, way)) < float("inf")]
         if shown:
             yield Points(*zip(*shown, strict=True), label, own, filled=True)
-    best = result.best
-    if best is not None:
-        air, time, own = best.air_litres_anr, _time(best, way), Look("orange")
-        yield Points([air], [time], "best", own, size=9.0)
-        if best.intervals:  # the range of 98 % of the samples
-            yield Line([ANR_LITRES_PER_KG * end for end in best.intervals["air"]], [time, time], look=own, width=1.2)
-            yield Line([air, air], [best.intervals[f"time_{way}"][0], time], look=own, width=1.2)
 
 
 def _time(drive: SizedDrive, way: str) -> float:

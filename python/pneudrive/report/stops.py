@@ -84,9 +84,9 @@ def _restart(stop: Stop) -> Panel:
     shown = max(stop.loading_s, SHORTEST_S)
     begin, end = -BEFORE * shown, AFTER * shown
     marks = [
+        Points([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0),
         Points(stop.trace.time_s - stop.dwell_s, stop.trace.friction_n, look=Look("black", "-", "."), size=1.8),
         Rule(y=stop.running_n, look=RUNNING, width=0.9),
-        Points([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0),
     ]
     x = Axis("time since restart / ms", low=begin, high=end)
     return Panel(marks, "", x, _force(stop, stop.dwell_s + begin, stop.dwell_s + end, ""))

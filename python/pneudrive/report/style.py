@@ -65,6 +65,7 @@ _SETTINGS: dict[str, Any] = {
     "lines.markersize": 4.0,
     "errorbar.capsize": 2.0,
     "grid.linewidth": 0.5,
+    "axes.formatter.useoffset": False,
     "axes.grid": True,
     "axes.axisbelow": True,
     "path.simplify_threshold": 0.5,

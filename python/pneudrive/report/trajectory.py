@@ -89,7 +89,7 @@ def over_time(run: xr.Dataset) -> Figure:
     time, panels = run.time.to_numpy()[part], []
     for label, variables in _panels(run):
         lines = [
-            Line(time, run[name].to_numpy()[part], words, own, 1.0, steps=label == "command")
+            Line(time, run[name].to_numpy()[part], words * (len(variables) > 1), own, 1.0, steps=label == "command")
             for name, own, words in variables
         ]
         panels.append(Panel(lines, y=label))
