@@ -302,6 +302,7 @@ def _line(mark: Line, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: boo
         linestyle=mark.look.dash,
         linewidth=mark.width,
         drawstyle="steps-post" if mark.steps else "default",
+        label=mark.label or None,
     )[0]
 
 
