@@ -133,7 +133,7 @@ def test_no_words_of_the_curves_overlap(tripod_run):
     words += [axis.title if axis.title.get_text() else axis._left_title for axis in figure.axes[:-1]]
     words += figure.texts
     boxes = [text.get_window_extent() for text in [*words, *figure.axes[-1].texts]]
-    assert len(boxes) == 2 + 3 + 8 + 1 + 3  # tilts, legs, panels, mark of simulated data, labels of legs
+    assert len(boxes) == 2 + 3 + 8 + 2 + 3  # tilts, legs, panels, mark and time, labels of legs
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
