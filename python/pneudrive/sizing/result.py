@@ -279,11 +279,11 @@ class SizingResult(Shown):
         return write(self, Path(folder))
 
     def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw time against air with the limits; see `pneudrive.report.sizing.figures.plot_sizing`."""
+        """Draw time against air with the limits; see `pneudrive.report.sizing.plot_sizing`."""
         return upper("plot_sizing")(self, path)
 
     def report(self, folder: str | Path) -> Path:
-        """Write report.html into a folder; see `pneudrive.report.sizing.page.write_sizing_report`."""
+        """Write report.html into a folder; see `pneudrive.report.sizing.write_sizing_report`."""
         return upper("write_sizing_report")(self, folder)
 
     def _card(self) -> Card:
