@@ -123,6 +123,7 @@ UPPER.update(
     start="pneudrive.simulation.start",
     simulate="pneudrive.simulation.simulate",
     Pneu="pneudrive.accessor",
+    figure_svg="pneudrive.report.page",
     write_fit_report="pneudrive.report.fit",
     follow_page="pneudrive.report.motion",
     motion_page="pneudrive.report.motion",

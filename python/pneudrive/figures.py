@@ -349,8 +349,9 @@ def plain_data(value: Any) -> Any:  # noqa: ANN401 - any data
             key: plain_data(getattr(value, key)) for key in ("low", "high", "names")
         }
     if is_dataclass(value) and not isinstance(value, type):
-        kind = {"kind": type(value).__name__.lower()}
-        return kind | {own.name: plain_data(getattr(value, own.name)) for own in fields(value)}
+        items = {own.name: getattr(value, own.name) for own in fields(value)}
+        items |= {key: axis(items[key]) for key in ("x", "y", "right_y") if isinstance(items.get(key), str)}
+        return {"kind": type(value).__name__.lower()} | {key: plain_data(item) for key, item in items.items()}
     if isinstance(value, Mapping):
         return {str(key): plain_data(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):

@@ -1,18 +1,21 @@
-"""Values with intervals and curves with bands: the common form of results for terminal, notebook, report and page.
+"""Values with intervals, findings, tables and figures: the common form of results for all outputs.
 
-A result offers ``view()``. Code that shows a `View` does not depend on the class of the result.
+A result offers ``view()``. Terminal, notebook, report and page show a `View` without knowing the class of the result. A
+class that derives from `Viewed` needs no other function.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
+from pneudrive.figures import Figure, plain_data
+from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain, with_u
-from pneudrive.repr_tables import Card
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
@@ -21,6 +24,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
+
+#: Judgement of a result, a value or a finding, from the best to the worst.
+State: TypeAlias = Literal["good", "open", "bad"]
+STATES: tuple[State, ...] = ("good", "open", "bad")
+MOST_LEADING = 5
 
 
 @dataclass(frozen=True)
@@ -121,22 +129,96 @@ class ShownCurve:
         return float(((self.band[1] - self.band[0]) / 2.0)[self.measured].mean())
 
 
+@dataclass(frozen=True)
+class LeadingValue:
+    """One of the few numbers that decide: a value, its limit in SI, and whether it keeps the limit."""
+
+    value: ShownValue
+    limit: float | None = None
+    state: State = "good"
+
+    @property
+    def text(self) -> str:
+        """Quantity, value and limit in the usual unit."""
+        size, unit = readable(self.value.unit)
+        bound = "" if self.limit is None else f" (limit {plain(self.limit / size)} {unit})"
+        return f"{self.value.quantity} {self.value.text} {unit}".strip() + bound
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A sentence on a result, its severity, and what the reader can do."""
+
+    text: str
+    state: State = "good"
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class ShownTable:
+    """A table of texts with its caption."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class ShownFigure:
+    """A figure with the name of its file and its caption."""
+
+    name: str
+    caption: str
+    figure: Figure
+
+
 @dataclass(frozen=True, eq=False)
 class View:
-    """Values, curves and sentences of a result.
+    """A result as data.
 
     Attributes
     ----------
     title : str
+        Headline, one sentence.
     rows : tuple of ShownValue
     curves : tuple of ShownCurve
     notes : tuple of str
+    state : str
+        "good", "open" or "bad".
+    leading : tuple of LeadingValue
+        At most five.
+    findings : tuple of Finding
+        The worst ones first, whatever their order when the view is made.
+    tables : tuple of ShownTable
+    figures : tuple of ShownFigure
     """
 
     title: str
     rows: tuple[ShownValue, ...] = ()
     curves: tuple[ShownCurve, ...] = ()
     notes: tuple[str, ...] = ()
+    state: State = "good"
+    leading: tuple[LeadingValue, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    tables: tuple[ShownTable, ...] = ()
+    figures: tuple[ShownFigure, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Sort the findings, and check the number of leading values."""
+        if len(self.leading) > MOST_LEADING:
+            raise ValueError(f"{len(self.leading)} leading values, at most {MOST_LEADING}")
+        worst_first = sorted(self.findings, key=lambda finding: -STATES.index(finding.state))
+        object.__setattr__(self, "findings", tuple(worst_first))
+
+    def data(self) -> dict[str, Any]:
+        """Return the view as plain data, for JSON: values in SI, axes with their units."""
+        return plain_data(self)
+
+    def sentences(self) -> tuple[str, ...]:
+        """Return leading values, findings with their remedies, and notes; "!" marks a bad finding."""
+        marks: dict[State, str] = {"good": "", "open": "", "bad": "! "}
+        findings = (f"{marks[f.state]}{f.text}{f' {f.remedy}' if f.remedy else ''}" for f in self.findings)
+        return (*(value.text for value in self.leading), *findings, *self.notes)
 
     def table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Return head and rows of the values: a row for each label, a column for each quantity."""
@@ -173,7 +255,24 @@ class View:
     def card(self) -> Card:
         """Return the display in a notebook and at the prompt."""
         head, rows = self.table() if self.rows else self.curve_table()
-        return Card(self.title, head, rows, self.notes)
+        if not rows and self.tables:
+            head, rows = self.tables[0].head, list(self.tables[0].rows)
+        return Card(self.title, head, rows, self.sentences())
+
+
+class Viewed(Shown):
+    """Base of results with a view: prompt and notebook show it, the notebook with its figures."""
+
+    def view(self) -> View:
+        """Return the view of the result."""
+        raise NotImplementedError
+
+    def _card(self) -> Card:
+        return self.view().card()
+
+    def _picture(self) -> str:
+        draw = upper("figure_svg")
+        return "".join(draw(shown) for shown in self.view().figures)
 
 
 def _cell(value: ShownValue | None, *, with_unit: bool) -> str:

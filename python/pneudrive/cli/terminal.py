@@ -93,11 +93,11 @@ def show_lines(*lines: object) -> None:
 
 
 def show_view(view: View) -> None:
-    """Print the values and curves of a result as tables, then its sentences."""
-    for head, rows in (view.table(), view.curve_table()):
+    """Print the values, curves and tables of a result as tables, then its sentences."""
+    for head, rows in (view.table(), view.curve_table(), *((table.head, table.rows) for table in view.tables)):
         if rows:
             show_table(head, rows[:MOST_ROWS])
-    show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.notes))
+    show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.sentences()))
 
 
 def show_statements(statements: Iterable[Statement]) -> None:

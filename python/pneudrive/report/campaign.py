@@ -469,7 +469,8 @@ def _envelope(about: dict[str, Any]) -> Envelope | None:
     if not isinstance(stated, dict):
         return None
     try:
-        return Envelope(**{k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()})
+        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()}
+        return Envelope(**values)
     except TypeError:
         return None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -265,7 +265,7 @@ def _comparison(measured: MeasuredBeside) -> Figure | None:
         panels.append(_run(record, ("pressure_a_pa", "pressure_b_pa"), "pressure / bar abs"))
     panels += [_response(measured.responses[0])] if measured.responses else []
     panels += [_friction(measured.friction)] if measured.friction is not None else []
-    size = {"row_in": 2.2, "rest_in": 0.0, "text_scale": 0.8}
+    size: dict[str, Any] = {"row_in": 2.2, "rest_in": 0.0, "text_scale": 0.8}
     return Figure(panels, columns=len(panels), legend="panel", **size) if panels else None
 
 

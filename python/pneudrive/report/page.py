@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from pneudrive.views import ShownFigure, View
+
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 FIGURES, REPORT = "figures", "report.html"
 #: Sections that a long report folds: details, which few readers need. A page of few sections shows them.
@@ -89,6 +91,24 @@ class Section:
 def section(key: str, title: str, *blocks: Block | None, synthetic: bool | None = None) -> Section:
     """Return a section of the blocks that are not None."""
     return Section(key, title, tuple(block for block in blocks if block is not None), synthetic)
+
+
+def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Section:
+    """Return the section of a result: its sentences, tables and figures."""
+    tables = [PageTable(table.head, table.rows, table.caption) for table in view.tables]
+    for head, rows in (view.table(), view.curve_table()):
+        tables += [PageTable(tuple(head), tuple(map(tuple, rows)))] if rows else []
+    states = {"good": "holds", "open": "note", "bad": "fails"}
+    findings = (Paragraph(f"{f.text} {f.remedy}".strip(), states[f.state]) for f in view.findings)
+    facts = Items((*(value.text for value in view.leading), *view.notes))
+    pictures = (Picture(shown.name, shown.caption, shown.figure) for shown in view.figures)
+    return section(key, view.title, *findings, facts if facts.items else None, *tables, *pictures, synthetic=synthetic)
+
+
+@style.applied()
+def figure_svg(shown: ShownFigure) -> str:
+    """Return a figure as an SVG element, for a notebook."""
+    return inline(svg_text(Picture(shown.name, shown.caption, shown.figure).drawn()), shown.name, shown.caption)
 
 
 def _has_severe(part: Section) -> bool:

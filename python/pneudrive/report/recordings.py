@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -330,7 +330,9 @@ def closures(fits: Sequence[ClosureFit]) -> Figure:
     panels = [Panel(above, y=y, legend="panel")]
     panels += [Panel([Rule(y=0.0), *below], y="residual / N")] if below else []
     x_axis = PRESSURE if one_chamber else "half sum as fitted / N"
-    size = {"row_in": 2.0, "rest_in": 0.0, "heights": (2, 1)} if below else {"row_in": 2.8, "rest_in": 0.0}
+    size: dict[str, Any] = (
+        {"row_in": 2.0, "rest_in": 0.0, "heights": (2, 1)} if below else {"row_in": 2.8, "rest_in": 0.0}
+    )
     return Figure(panels, x_axis, share_x="all", **size)
 
 
@@ -409,7 +411,7 @@ def over_pressure(found: Characterisation) -> Figure:
     y = Axis("friction / N", low=0.0, high=min(1.05 * max([highest, *bands]), 2 * highest))
     runs = sorted({p.run for _, (points, _) in shown for p in points})  # a run keeps its marker in all panels
     panels = [pressure_panel(points, line, runs, title) for title, (points, line) in shown]
-    size = {"row_in": 2.0, "rest_in": 0.8, "width_in": 7.1 if len(shown) > 1 else 4.5}
+    size: dict[str, Any] = {"row_in": 2.0, "rest_in": 0.8, "width_in": 7.1 if len(shown) > 1 else 4.5}
     return Figure(panels, PRESSURE, y, columns=3, share_x="all", share_y="all", **size)
 
 

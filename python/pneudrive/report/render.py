@@ -154,7 +154,8 @@ def film(pictures: Iterable[figures.Figure], dpi: float, *, dark: bool) -> Itera
             made.set_dpi(dpi)
             canvas = FigureCanvasAgg(made)
         else:
-            (axis,), (panel,) = canvas.figure.axes, picture.panels
+            (axis,), panel = canvas.figure.axes, picture.panels[0]
+            assert panel is not None
             for artist in (*axis.lines, *axis.patches, *axis.texts):
                 artist.remove()
             DRAWN[Drawing](panel.marks[0], axis, *picture.axes_of(panel), dark=dark)

@@ -97,7 +97,8 @@ def _points(result: SizingResult, way: str) -> Iterator[Points | Line]:
     ):
         shown = [(drive.air_litres_anr, t) for drive in chosen if (t := _time(drive, way)) < float("inf")]
         if shown:
-            yield Points(*zip(*shown, strict=True), label, own, filled=True)
+            air, times = zip(*shown, strict=True)
+            yield Points(air, times, label, own, filled=True)
 
 
 def _time(drive: SizedDrive, way: str) -> float:

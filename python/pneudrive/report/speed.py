@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -243,7 +243,8 @@ def _recovered_parameters(found: Characterisation, fits: Fits) -> Iterator[tuple
 
 def errors(pairs: Recovered) -> Figure:
     """Draw curves over speed, and errors with their statistical part."""
-    left, right = [], [Rule(y=(-2.0, 2.0), label="two standard errors", look=Look("band"))]
+    left: list[Any] = []
+    right: list[Any] = [Rule(y=(-2.0, 2.0), label="two standard errors", look=Look("band"))]
     gauges = np.unique(pairs.gauge_pa.round(-2))
     for index, gauge in enumerate(gauges[:8]):
         own = ramp(index, min(gauges.size, 8))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -65,7 +65,7 @@ def courses(found: Characterisation) -> Figure:
         pairs = [(r, level, _course(level)) for r in results for level in r.levels]
         shortest = min(course.size for *_, course in pairs)
         median = np.median([course[:shortest] for *_, course in pairs], axis=0)
-        marks = [Line(_numbers(course), course, look=THIN, width=0.5) for *_, course in pairs]
+        marks: list[Any] = [Line(_numbers(course), course, look=THIN, width=0.5) for *_, course in pairs]
         marks.append(Line(_numbers(median), median, f"median of {len(pairs)}", width=1.4))
         result, level, course = max(pairs, key=lambda pair: _drift_share(pair[1]))
         if _drift_share(level) > 0.0:

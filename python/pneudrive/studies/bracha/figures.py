@@ -129,7 +129,7 @@ def stop(data: PaperFigure) -> Figure:
     c = data.columns
     around = c["friction_n"][(c["time_s"] > -1.0) & (c["time_s"] < c["time_s"][-1] - 1.0)]  # without the turns
     span = float(np.ptp(around))
-    ends = {"low": float(around.min()) - 0.35 * span, "high": float(around.max()) + 0.1 * span}
+    ends: dict[str, Any] = {"low": float(around.min()) - 0.35 * span, "high": float(around.max()) + 0.1 * span}
     top = int(np.argmax(c["friction_n"]))
     travel = np.abs(c["position_m"] - c["position_m"][int(np.searchsorted(c["time_s"], 1.0))])
     after, dots = slice(max(top - 40, 0), None), Look("black", "-", ".")
