@@ -620,6 +620,7 @@ def stem(path: Path) -> str:
     return Path(name).stem
 
 
+_FIELD = re.compile(r"(\{\w+\})")  # in a pattern of labels
 # Field of a pattern of labels -> its expression, and its name in messages. Other fields take any text.
 FIELDS = {"pressure": (r"[-+]?\d+(?:[.,]\d+)?(?: ?(?:mbar|bar|kPa|MPa|Pa|psi))?", "a number, with or without a unit")}
 
@@ -637,31 +638,22 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
     >>> labels_from_name("{seal}_{pressure}", "O-ring_5bar")
     {'seal': 'O-ring', 'pressure': '5bar'}
     """
-    parts = _parts(pattern)
+    parts = _FIELD.split(pattern)
     ends = _ends(parts, name, whole=True)
     if ends is None:
         return None
-    return {part[1:-1]: name[at:end] for part, at, end in zip(parts, (0, *ends), ends, strict=False) if _is_field(part)}
+    return {parts[at][1:-1]: name[ends[at - 1] : ends[at]] for at in range(1, len(parts), 2)}
 
 
 def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
     """Return, for a name that does not match, the first part of the pattern that fails, and the rest of the name."""
-    parts = _parts(pattern)
+    parts = _FIELD.split(pattern)
     for count in range(len(parts) - 1, -1, -1):
-        ends = _ends(parts[:count], name, whole=False)
-        if ends is not None:
-            part = parts[count]
+        part, ends = parts[count], _ends(parts[:count], name, whole=False)
+        if part and ends is not None:
             about = FIELDS.get(part[1:-1], ("", "any text"))[1] if part.startswith("{") else None
             return (f"{part} ({about})" if about else f"'{part}'"), name[max(ends, default=0) :]
     return pattern, name
-
-
-def _parts(pattern: str) -> list[str]:
-    return [part for part in re.split(r"(\{\w+\})", pattern) if part]
-
-
-def _is_field(part: str) -> bool:
-    return re.fullmatch(r"\{\w+\}", part) is not None
 
 
 def _ends(parts: list[str], name: str, *, whole: bool) -> tuple[int, ...] | None:
@@ -678,7 +670,7 @@ def _ends(parts: list[str], name: str, *, whole: bool) -> tuple[int, ...] | None
         if index == len(parts):
             return () if at == len(name) or not whole else None
         part = parts[index]
-        if not _is_field(part):
+        if index % 2 == 0:  # a text between fields
             ends: Iterable[int] = [at + len(part)] if name.startswith(part, at) else []
         elif (field := FIELDS.get(part[1:-1])) is None:
             ends = range(at + 1, len(name) + 1)

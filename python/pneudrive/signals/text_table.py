@@ -613,11 +613,8 @@ def _with_header(lines: list[str], reading: _Reading) -> FileForm:
     first = _first_of_numbers(lines, reading)
     preamble = read_preamble(lines[:first], form, width)
     names, units, skip, form = _names_above(lines[:first], form, width)
-    if (
-        form.delimiter == "\t"
-        and not names
-        and all(len(line.split()) == width for line in lines[first:] if line.strip())
-    ):
+    may_be_blanks = form.delimiter == "\t" and not names
+    if may_be_blanks and all(len(line.split()) == width for line in lines[first:] if line.strip()):
         form = replace(form, delimiter=None)
     form = replace(form, skip_lines=skip if form.header else first)
     dates = _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width)
@@ -752,9 +749,8 @@ def _numbers(cells: list[str], form: TextForm) -> dict[int, float]:
 def _clocks(cells: list[str]) -> dict[int, float]:
     """Return the times of day of a labelled line, by column."""
     texts = {at: cell.replace(",", ".") for at, cell in enumerate(cells, 1) if cell}
-    if not texts or not all(map(looks_like_date_time, texts.values())):
-        return {}
-    written = guess_form(list(texts.values()))
+    are_clocks = bool(texts) and all(map(looks_like_date_time, texts.values()))
+    written = guess_form(list(texts.values())) if are_clocks else None
     if written is None:
         return {}
     return dict(zip(texts, seconds(list(texts.values()), written, Path()).tolist(), strict=True))
