@@ -136,22 +136,16 @@ def layout_beside(file: Path) -> Layout:
     raise RecordingError("there is no layout for this file", where=str(file), remedy=MISSING_LAYOUT)
 
 
-def load_recording(path: Path, layout: Layout, name: str | None = None) -> Recording:
-    """Read one file of a rig through a layout."""
-    said = layout.for_file(path)
-    return to_recording(name or stem(path), path, said, import_file(path, said))
-
-
-def load_drive_motion(path: Path, layout: Layout) -> Recording:
-    """Read position and pressures of one file of a drive, and a force of zero if the force was not measured.
+def load_recording(path: Path, layout: Layout, name: str | None = None, kind: str = "rig") -> Recording:
+    """Read one file of a rig through a layout; of a drive, with a force of zero if the force was not measured.
 
     Raises
     ------
     RecordingError, LayoutError
         As for `load_recordings`.
     """
-    said = layout.for_file(path, "drive")
-    return to_recording(stem(path), path, said, import_file(path, said))
+    said = layout.for_file(path, kind)
+    return to_recording(name or stem(path), path, said, import_file(path, said))
 
 
 @dataclass(frozen=True)

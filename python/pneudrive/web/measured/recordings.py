@@ -20,7 +20,7 @@ from pneudrive.progress import Watch
 from pneudrive.signals.channels import ChannelFile, open_channels, pairs
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
-from pneudrive.signals.load import is_trajectory, load_drive_motion, load_recording, read_trajectory
+from pneudrive.signals.load import is_trajectory, load_recording, read_trajectory
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import find_faults
 from pneudrive.signals.spectrum import amplitude_density
@@ -425,8 +425,7 @@ def motion_of(path: Path, layout: Layout | None) -> Recording | None:
     None for others, whose motion is unknown.
     """
     if layout is not None:
-        read = {"rig": load_recording, "drive": load_drive_motion}.get(layout.kind)
-        return None if read is None else read(path, layout)
+        return None if layout.kind == "fixed-volume" else load_recording(path, layout, kind=layout.kind)
     return read_trajectory(path, path.stem) if path.suffix in SUFFIXES and is_trajectory(path) else None
 
 
