@@ -80,7 +80,8 @@ def bootstrap(fit: FrictionFit, draws: int = 400, seed: int = 1, loss: str = "hu
     -------
     Bootstrap
     """
-    data, model = fit.with_data(), fit.model
+    fit.profile(())  # raises without the data
+    data, model = fit.observations, fit.model
     blocks = [np.flatnonzero(data.group == g) for g in np.unique(data.group)]
     if len(blocks) < LEAST_BLOCKS:
         raise FitError(

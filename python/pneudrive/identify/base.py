@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StrictBool, StrictStr, TypeAdapter, ValidationError
 
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from typing_extensions import Self
 
-    from pneudrive.identify.export.convert import Exported
+    from pneudrive.identify.export import Exported
     from pneudrive.identify.static.friction_curve import SlidingCurve
 
     Array = NDArray[np.float64]
@@ -129,7 +129,131 @@ def whole_interval(value: float, interval: tuple[float, float], systematic: floa
     return value - float(np.hypot(value - low, reach)), value + float(np.hypot(high - value, reach))
 
 
-T = TypeVar("T")
+Number = Annotated[float, Field(strict=True)]
+#: Kinds of pydantic's errors -> rule in words.
+_RULES = {
+    "missing": "is missing",
+    "string_type": "must be a text",
+    "bool_type": "must be true or false",
+    "float_type": "must be a number",
+    **dict.fromkeys(["list_type", "tuple_type"], "must be a list"),
+    **dict.fromkeys(["dict_type", "model_type", "model_attributes_type", "dataclass_type"], "must be a table"),
+}
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="allow")
+
+
+class FitEntry(_Table):
+    """Value of a fit with its interval."""
+
+    value: Number
+    unit: StrictStr
+    determined: StrictBool = True
+    standard_error: Number | None = None
+    u_systematic: Number | None = None
+    interval: tuple[Number, Number] | None = None
+    model_error: Number | None = None
+    sources: tuple[StrictStr, ...] | None = None
+
+
+class _Covariance(_Table):
+    names: list[StrictStr]
+    matrix: list[list[Number]]
+
+
+class _Recording(_Table):
+    name: StrictStr
+    seconds: Number = 0.0
+
+
+class _Provenance(_Table):
+    recordings: list[StrictStr | _Recording] = Field(default_factory=list)
+
+
+class FitFile(_Table):
+    """Content of a fit.toml of any kind, checked before its values are used.
+
+    Attributes
+    ----------
+    groups : list of dict
+        Tables of values: name -> entry.
+    content : dict
+        All tables of the file.
+    """
+
+    notes: tuple[StrictStr, ...] = ()
+    converged: StrictBool = True
+    covariance: _Covariance | None = None
+    undetermined: list[StrictStr | Undetermined] = Field(default_factory=list)
+    statistics: dict[StrictStr, Number]
+    provenance: _Provenance
+    _groups: list[dict[str, FitEntry]] = PrivateAttr(default_factory=list)
+    _content: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @property
+    def groups(self) -> list[dict[str, FitEntry]]:
+        """Return the tables of values, those of the drive first."""
+        return self._groups
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """Return all tables of the file."""
+        return self._content
+
+    @property
+    def entries(self) -> dict[str, FitEntry]:
+        """Return the entries of all values, by name."""
+        return {name: entry for group in self._groups for name, entry in group.items()}
+
+    @classmethod
+    def read(cls, content: dict[str, Any], title: str, groups: Sequence[str], where: str, text: str) -> FitFile:
+        """Check keys and types of a file; all groups of values but the first may be missing.
+
+        Parameters
+        ----------
+        content : dict
+            Tables of the file.
+        title : str
+            Name of this kind of fit in messages.
+        groups : sequence of str
+            Names of its tables of values.
+        where, text : str
+            Path and text of the file, for the line of the first wrong key.
+
+        Raises
+        ------
+        FitError
+            A key is missing, or its value has another type.
+        """
+        key: tuple[str, ...] = ()
+        try:
+            file = cls.model_validate(content)
+            file._content = content
+            for group in groups:
+                key = (group,)
+                if group in content or group == groups[0]:
+                    file._groups.append(_ENTRIES.validate_python(content.get(group, _MISSING)))
+        except ValidationError as error:
+            # the problem with the longest key belongs to the alternative that fits best
+            problem = max(error.errors(include_url=False), key=lambda one: len(one["loc"]))
+            parts = (*key, *problem["loc"])
+            name = ".".join(str(part) for part in parts if part not in ("_Recording", "Undetermined", "str"))
+            is_missing = problem.get("input") is _MISSING
+            rule = "is missing" if is_missing else _RULES.get(str(problem["type"]), str(problem["msg"]))
+            line = toml.line_of(text, name)
+            raise FitError(
+                f"the file is not a complete {title}: {name} {rule}",
+                where=f"{where}:{line}" if line else where,
+                remedy="Give a fit.toml as pneudrive fit or pneudrive identify wrote it.",
+            ) from None
+        return file
+
+
+_MISSING = object()
+_ENTRIES = TypeAdapter(dict[str, FitEntry])
+
 
 SCHEMA = 1
 #: Digits of the hash of a fit: the first ones of `sha256sum fit.toml`.
@@ -273,12 +397,11 @@ class Fit(Shown):
         FitError
             The fit was read from a file without its data, its search did not converge, or a value was not free.
         """
-        profiler = self._with_data(self.profiler)
-        return {name: profiler(name) for name in self._asked(names)}
-
-    def _with_data(self, found: T | None) -> T:
-        """Return the results of a fit; raise an error without its data or without a converged search."""
-        if found is None:
+        names = list(self.profiled if names is None else names)
+        for name in names:
+            if name not in self.free:
+                raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
+        if self.profiler is None:
             raise FitError(
                 f"this {self.TITLE} was read from a file, without its data",
                 rule="a profile needs the data; apply, export and report do not",
@@ -288,14 +411,12 @@ class Fit(Shown):
             raise FitError(
                 "the search did not converge, so there are no intervals", remedy="Fit again from these values."
             )
-        return found
+        return {name: self.profiler(name) for name in names}
 
-    def _asked(self, names: Sequence[str] | None) -> list[str]:
-        """Return the requested names of free values, checked; by default all."""
-        for name in names or ():
-            if name not in self.free:
-                raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
-        return list(self.free if names is None else names)
+    @property
+    def profiled(self) -> tuple[str, ...]:
+        """Values of a profile by default."""
+        return self.free
 
     def statements(self) -> list[str]:
         """Return sentences on undetermined values, one for all values with the same reason and remedy."""
@@ -354,7 +475,7 @@ class Fit(Shown):
         FitError
             The tool is unknown, or the fit has no range of measured speeds.
         """
-        from pneudrive.identify.export.convert import export
+        from pneudrive.identify.export import export
 
         done = export(self.curve(gauge_a_pa, gauge_b_pa, speeds_m_s), to)
         if out is not None:
@@ -410,9 +531,9 @@ class Fit(Shown):
         """Return the values in the tables of `GROUPS`."""
         return (self.values,)
 
-    def tables(self) -> tuple[dict[str, float], ...]:
+    def free_values(self) -> dict[str, float]:
         """Return all values with a name in `free`: values of the drive, and others such as those of sensors."""
-        return self._groups()
+        return {name: value for group in self._groups() for name, value in group.items()}
 
     def _first(self) -> dict[str, Any]:
         """Return the top-level entries of the file in addition to schema and kind."""
@@ -423,17 +544,13 @@ class Fit(Shown):
         return {}
 
     def _entry(self, name: str, value: float) -> dict[str, Any]:
-        entry: dict[str, Any] = {
-            "value": value,
-            "unit": self.units[name],
-            "determined": self._is_determined(name, value),
-        }
+        """Return the table of a value; `FitEntry` reads it."""
+        entry: dict[str, Any] = {"value": value, "unit": self.units[name]}
+        entry["determined"] = self._is_determined(name, value)
         if name in self.intervals:
-            entry |= {"standard_error": self.standard_errors[name]} if self.covariance.size else {}
-            entry |= {"u_systematic": self.systematic[name]} if name in self.systematic else {}
-            entry |= {"interval": list(self.intervals[name])}
-        entry |= {"model_error": self.model_errors[name]} if name in self.model_errors else {}
-        return entry | ({"sources": list(self.sources[name])} if name in self.sources else {})
+            entry["standard_error"] = self.standard_errors[name] if self.covariance.size else None
+            entry |= {"u_systematic": self.systematic.get(name), "interval": list(self.intervals[name])}
+        return entry | {"model_error": self.model_errors.get(name), "sources": self.sources.get(name)}
 
     def toml(self) -> str:
         """Return the text of fit.toml."""
@@ -481,9 +598,9 @@ class Fit(Shown):
             raise FitError(
                 "the fit has another schema", where=where, value=content["schema"], rule=f"schema = {SCHEMA}"
             )
-        check_shape(content, cls.TITLE, cls.GROUPS, where, text)
+        file = FitFile.read(content, cls.TITLE, cls.GROUPS, where, text)
         try:
-            found = cls(**cls._from_content(content))
+            found = cls(**cls._fields(file))
             _ = str(found), found.toml()  # a key that only some fits need raises here
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             what = f'"{error.args[0]}" is missing' if isinstance(error, KeyError) else str(error)
@@ -492,14 +609,39 @@ class Fit(Shown):
         return found
 
     @classmethod
-    def _entries(cls, content: dict[str, Any]) -> dict[str, dict[str, Any]]:
-        """Return the tables of all values, by name."""
-        return {name: entry for table in cls.GROUPS for name, entry in content.get(table, {}).items()}
+    def _fields(cls, file: FitFile) -> dict[str, Any]:
+        """Return the fields of a fit from its file.
 
-    @classmethod
-    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Return the fields of a fit from the tables of its file."""
-        return fields_of(content, cls._entries(content), cls.GROUPS[0])
+        Raises
+        ------
+        KeyError, ValueError
+            An entry is missing, or the covariance does not fit the values.
+        """
+        entries = file.entries
+        names = tuple(entries if file.covariance is None else file.covariance.names)
+        matrix = np.array([] if file.covariance is None else file.covariance.matrix, dtype=np.float64)
+        if matrix.size and matrix.shape != (len(names), len(names)):
+            raise ValueError(f"covariance of shape {matrix.shape} for {len(names)} parameters")
+
+        def stated(key: str) -> dict[str, Any]:
+            values = {name: getattr(entry, key) for name, entry in entries.items()}
+            return {name: value for name, value in values.items() if value is not None}
+
+        return {
+            "values": {name: entry.value for name, entry in file.groups[0].items()},
+            "units": stated("unit"),
+            "free": names,
+            "covariance": matrix,
+            "intervals": stated("interval"),
+            "systematic": stated("u_systematic"),
+            "model_errors": stated("model_error"),
+            "sources": stated("sources"),
+            "undetermined": tuple(file.undetermined),
+            "notes": file.notes,
+            "statistics": file.statistics,
+            "provenance": dict(file.content["provenance"]),
+            "converged": file.converged,
+        }
 
     # -- display ----------------------------------------------------------------------------------------
 
@@ -539,7 +681,7 @@ class Fit(Shown):
 
     def _shown(self) -> dict[str, float]:
         """Return the values of the table."""
-        return {name: value for group in self._groups() for name, value in group.items()}
+        return self.free_values()
 
     def __str__(self) -> str:
         """Return a table of values with intervals, then undetermined values and notes."""
@@ -578,164 +720,3 @@ class Fit(Shown):
             plain(self.expanded_uncertainty(name) / factor, 2) if is_shared else "",
             plain(self.model_errors[name] / factor, 2) if name in self.model_errors else "",
         )
-
-
-Number = Annotated[float, Field(strict=True)]
-#: Kinds of pydantic's errors -> rule in words.
-_RULES = {
-    "missing": "is missing",
-    "string_type": "must be a text",
-    "bool_type": "must be true or false",
-    "float_type": "must be a number",
-    "list_type": "must be a list",
-    "tuple_type": "must be a list",
-    "dict_type": "must be a table",
-    "model_type": "must be a table",
-    "model_attributes_type": "must be a table",
-}
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="allow")
-
-
-class _Value(_Table):
-    """Value of a fit with its interval."""
-
-    value: Number
-    unit: StrictStr
-    determined: StrictBool = True
-    standard_error: Number = 0.0
-    u_systematic: Number = 0.0
-    interval: tuple[Number, Number] = (0.0, 0.0)
-    model_error: Number = 0.0
-    sources: list[StrictStr] = Field(default_factory=list)
-
-
-class _Covariance(_Table):
-    names: list[StrictStr]
-    matrix: list[list[Number]]
-
-
-class _Recording(_Table):
-    name: StrictStr
-    seconds: Number = 0.0
-
-
-class _Provenance(_Table):
-    recordings: list[StrictStr | _Recording] = Field(default_factory=list)
-
-
-class _Undetermined(_Table):
-    parameter: StrictStr
-    reason: StrictStr
-    remedy: StrictStr
-
-
-class _FitFile(_Table):
-    notes: list[StrictStr] = Field(default_factory=list)
-    converged: StrictBool = True
-    covariance: _Covariance | None = None
-    undetermined: list[StrictStr | _Undetermined] = Field(default_factory=list)
-    statistics: dict[StrictStr, Number]
-    provenance: _Provenance
-
-
-class _Values(_Table):
-    values: dict[StrictStr, _Value]
-
-
-def check_shape(content: Mapping[str, Any], title: str, groups: Iterable[str], where: str, text: str) -> None:
-    """Check keys and types of a file of a fit.
-
-    Parameters
-    ----------
-    content : mapping
-        Tables of the file.
-    title : str
-        Name of this kind of fit in messages.
-    groups : iterable of str
-        Names of its tables of values; all but the first may be missing.
-    where, text : str
-        Path and text of the file, for the line of the first wrong key.
-
-    Raises
-    ------
-    FitError
-        A key is missing, or its value has another type.
-    """
-    first, *others = groups
-    try:
-        _FitFile.model_validate(content)
-        for group in (first, *(name for name in others if name in content)):
-            if group not in content:
-                raise _error(title, group, "is missing", where, text)
-            try:
-                _Values.model_validate({"values": content[group]})
-            except ValidationError as error:
-                problem = _deepest(error)
-                raise _error(title, _key((group, *problem["loc"][1:])), _rule(problem), where, text) from None
-    except ValidationError as error:
-        problem = _deepest(error)
-        raise _error(title, _key(problem["loc"]), _rule(problem), where, text) from None
-
-
-def fields_of(content: Mapping[str, Any], entries: Mapping[str, Mapping[str, Any]], first: str) -> dict[str, Any]:
-    """Return the fields of a fit from the tables of its file.
-
-    Parameters
-    ----------
-    content : mapping
-        Tables of the file.
-    entries : mapping
-        Entries of all values, by name.
-    first : str
-        Table of the values.
-
-    Raises
-    ------
-    KeyError, ValueError
-        An entry is missing, or the covariance does not fit the values.
-    """
-    names = content.get("covariance", {}).get("names", list(entries))
-    matrix = np.array(content.get("covariance", {}).get("matrix", []), dtype=np.float64)
-    if matrix.size and matrix.shape != (len(names), len(names)):
-        raise ValueError(f"covariance of shape {matrix.shape} for {len(names)} parameters")
-    return {
-        "values": {name: float(entry["value"]) for name, entry in content[first].items()},
-        "units": {name: str(entry["unit"]) for name, entry in entries.items()},
-        "free": tuple(names),
-        "covariance": matrix,
-        "intervals": {n: (e["interval"][0], e["interval"][1]) for n, e in entries.items() if "interval" in e},
-        "systematic": {n: float(e["u_systematic"]) for n, e in entries.items() if "u_systematic" in e},
-        "model_errors": {n: float(e["model_error"]) for n, e in entries.items() if "model_error" in e},
-        "sources": {n: tuple(e["sources"]) for n, e in entries.items() if "sources" in e},
-        "undetermined": tuple(Undetermined(**entry) for entry in content.get("undetermined", [])),
-        "notes": tuple(content.get("notes", ())),
-        "statistics": {name: float(value) for name, value in content["statistics"].items()},
-        "provenance": dict(content["provenance"]),
-        "converged": bool(content.get("converged", True)),
-    }
-
-
-def _deepest(error: ValidationError) -> Mapping[str, Any]:
-    """Return the problem with the longest key: it belongs to the alternative that fits best."""
-    return max(error.errors(include_url=False), key=lambda problem: len(problem["loc"]))
-
-
-def _key(place: Iterable[object]) -> str:
-    """Return the dotted key of a location, without the names of pydantic's alternatives."""
-    return ".".join(str(part) for part in place if part not in ("_Recording", "_Undetermined", "str"))
-
-
-def _rule(problem: Mapping[str, Any]) -> str:
-    return _RULES.get(str(problem["type"]), str(problem["msg"]))
-
-
-def _error(title: str, key: str, rule: str, where: str, text: str) -> FitError:
-    line = toml.line_of(text, key)
-    return FitError(
-        f"the file is not a complete {title}: {key} {rule}",
-        where=f"{where}:{line}" if line else where,
-        remedy="Give a fit.toml as pneudrive fit or pneudrive identify wrote it.",
-    )

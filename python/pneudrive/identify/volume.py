@@ -21,7 +21,7 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import Transforms
 from pneudrive.free.parameters import DriveFamily, Parameter
-from pneudrive.identify.base import Fit, FittedData, Undetermined
+from pneudrive.identify.base import Fit, FitFile, FittedData, Undetermined
 from pneudrive.identify.dynamic.assemble import applied_note
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, SegmentStarts, Shooter
@@ -36,6 +36,7 @@ from pneudrive.identify.dynamic.search import (
     profile,
 )
 from pneudrive.identify.dynamic.sensors import Channel
+from pneudrive.identify.sentences import sentences
 from pneudrive.numbers import plain
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
@@ -136,9 +137,9 @@ class VolumeFit(Fit):
         return {} if self.start is None else {"tank": self.start.to_dict()}
 
     @classmethod
-    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
-        tank = content.get("tank")
-        return super()._from_content(content) | {"start": None if tank is None else Tank.model_validate(tank)}
+    def _fields(cls, file: FitFile) -> dict[str, Any]:
+        tank = file.content.get("tank")
+        return super()._fields(file) | {"start": None if tank is None else Tank.model_validate(tank)}
 
     def _title(self) -> str:
         name = self.provenance["tank"]
@@ -149,31 +150,15 @@ class VolumeFit(Fit):
         return [f"residuals of the pressure: {rms / 1e5:.3g} bar rms, {100 * share:.2g} % of its range"]
 
 
-#: Name in the file -> name in the circuit of the tank, SI unit, remedy if not determined.
-NUMBERS: dict[str, tuple[str, str, str]] = {
-    "line.conductance": (
-        "line.conductance",
-        "m^3/(s Pa)",
-        "record a faster change of pressure through the line",
-    ),
-    "line.critical_pressure_ratio": (
-        "line.critical_pressure_ratio",
-        "1",
-        "record until the pressures on both sides of the line are nearly equal",
-    ),
-    "line.pressure": ("other_side.pressure", "Pa", "record until the pressure is constant, or measure it"),
-    "tube.friction_scale": (
-        "tube.friction_scale",
-        "1",
-        "record a pressure on each side of the tube, or a volume that is small compared with the tube's",
-    ),
-    "volume.value": ("volume.volume", "m^3", "measure it: the pressure depends only on conductance over volume"),
-    "volume.heat_transfer": (
-        "volume.heat_transfer",
-        "W/K",
-        "record a fast change of pressure, then shut the line and record until the pressure has settled",
-    ),
-    "volume.leakage": ("leak.conductance", "m^3/(s Pa)", "record with the line shut for longer"),
+#: Name in the file -> name in the circuit of the tank, SI unit.
+NUMBERS: dict[str, tuple[str, str]] = {
+    "line.conductance": ("line.conductance", "m^3/(s Pa)"),
+    "line.critical_pressure_ratio": ("line.critical_pressure_ratio", "1"),
+    "line.pressure": ("other_side.pressure", "Pa"),
+    "tube.friction_scale": ("tube.friction_scale", "1"),
+    "volume.value": ("volume.volume", "m^3"),
+    "volume.heat_transfer": ("volume.heat_transfer", "W/K"),
+    "volume.leakage": ("leak.conductance", "m^3/(s Pa)"),
 }
 #: Start of a leak that is given as zero, as a share of the line's conductance, or of volume over time and pressure.
 LEAK_SHARE = 1e-3
@@ -503,7 +488,7 @@ def _lost(
         reason += (
             f"; the pressures on both sides of the line were in ratios up to {max(float(x.max()) for x in ratios):.2f}"
         )
-    return Undetermined(name, reason, NUMBERS[name][2])
+    return Undetermined(name, reason, sentences("tank")[name])
 
 
 def _alternatives(others: list[Solved]) -> list[str]:

@@ -85,7 +85,7 @@ def test_a_curve_of_simscape_goes_over_exactly(make_map):
 
     speed = np.geomspace(1e-3, 0.45, 300)
     friction = np.array([simscape(v, p) for v in speed])
-    done = export(Curve("as it is", "stribeck", "", speed, friction, 0.0, 0.0, (), (), False), "simscape")
+    done = export(Curve("as it is", "stribeck", "", speed, friction, 0.0, 0.0, (), ()), "simscape")
     assert done.worst_n < 1e-6
     for name, value in p.items():
         assert done.value(name) == pytest.approx(value, rel=1e-5)

@@ -33,6 +33,7 @@ from pneudrive.identify.base import SIMULATED, Undetermined
 from pneudrive.identify.dynamic.problem import Iterate
 from pneudrive.identify.dynamic.result import KEPT, DriveFit, Series, fit_hash
 from pneudrive.identify.dynamic.search import profile
+from pneudrive.identify.sentences import sentences
 from pneudrive.numbers import plain
 from pneudrive.units import readable
 
@@ -227,49 +228,13 @@ TOGETHER = 0.95
 #: An encoder resolves bristles whose deflection before breakaway, Fs/sigma0, is at least ten of its steps.
 RESOLVED_SHARE = 0.1
 
-_REMEDIES = {
-    "friction.coulomb": "record steady sliding in both directions at two speeds or more",
-    "friction.viscous": "record faster sliding, and at two speeds at least",
-    "friction.breakaway": "record starts from rest and speeds below the Stribeck velocity",
-    "friction.stribeck_velocity": "record slow sliding, from half to three times the Stribeck velocity",
-    "friction.stribeck_exponent": "record slow sliding at five speeds about the Stribeck velocity, or fix it at 2",
-    "friction.bristle_stiffness": "record slow reversals with an encoder that resolves a tenth of Fs/sigma0",
-    "friction.bristle_damping": "record a tap on the resting piston, or fix it",
-    "friction.damping_fade_velocity": "fix it: only fast motion out of stick depends on it",
-    "friction.breakaway_share": "record loads that come and go below breakaway",
-    "friction.pressure.*": "change the pressure of this chamber by 1 bar, independently of the other chamber",
-    "friction.direction.*": "record both directions",
-    "friction.dwell.*": "record starts after stops of different length, from 0.1 s to the longest that matters",
-    "friction.relaxation.*": "record holds under load after motion",
-    "friction.position.*": "record over the whole stroke",
-    "friction.side_load.*": "fix it: a side load has the same effect as the Coulomb force",
-    "valve.conductance": "record fast motion with choked flow at a known supply pressure",
-    "valve.overlap": "record motion at small and at large commands",
-    "valve.critical_pressure_ratio": "record fills and releases that end near supply and ambient pressure",
-    "valve.*": "measure the valve by itself (ISO 6358)",
-    "cylinder.dead_volume.a": "record motion near the end of chamber a",
-    "cylinder.dead_volume.b": "record motion near the end of chamber b",
-    "cylinder.heat_transfer*": "record a pressure that settles with the valve shut after a fast fill",
-    "cylinder.wall_temperature": "measure it",
-    "cylinder.moving_mass": "record fast reversals, or weigh it",
-    "load.mass": "record fast reversals, or weigh it",
-    "load.force": "record both directions, slowly",
-    "cylinder.incline": "measure it, or record both directions, slowly",
-    "*leak*": "record pressures with the valve shut for tens of seconds",
-    "supply.*": "measure it",
-    "ambient.*": "measure it",
-    "*.offset": "read the sensor at a known position or at ambient pressure",
-    "*.gain": "calibrate the sensor",
-    "*.lag": "record fast changes of this channel",
-    "command.delay": "record steps of the command",
-}
 _ANY = "record motion that depends on it, or fix it"
 
 
 def remedy_for(name: str) -> str:
     """Return the recording that would determine a value, in words."""
     plain = name.partition(" [")[0]
-    return next((text for pattern, text in _REMEDIES.items() if fnmatchcase(plain, pattern)), _ANY)
+    return next((text for pattern, text in sentences("remedies").items() if fnmatchcase(plain, pattern)), _ANY)
 
 
 def statements(

@@ -11,7 +11,7 @@ import numpy as np
 
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import warn
-from pneudrive.identify.base import HASH_DIGITS, Fit, FittedData
+from pneudrive.identify.base import HASH_DIGITS, Fit, FitFile, FittedData
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.identified import apply_identified
 from pneudrive.identify.static.friction_curve import SlidingCurve, curve_of_drive
@@ -186,16 +186,18 @@ class DriveFit(Fit):
         return {"drive": self.start.to_dict()}
 
     @classmethod
-    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
-        return super()._from_content(content) | {
-            "sensors": {name: float(entry["value"]) for name, entry in content.get("sensors", {}).items()},
-            "start": Drive.model_validate(content["drive"]),
-            "fits": bool(content.get("fits", True)),
+    def _fields(cls, file: FitFile) -> dict[str, Any]:
+        sensors = file.groups[1] if len(file.groups) > 1 else {}
+        return super()._fields(file) | {
+            "sensors": {name: entry.value for name, entry in sensors.items()},
+            "start": Drive.model_validate(file.content["drive"]),
+            "fits": bool(file.content.get("fits", True)),
         }
 
-    def _asked(self, names: Sequence[str] | None) -> list[str]:
-        """Return the requested names, checked; by default all but the sensors."""
-        return super()._asked(list(self.values) if names is None else names)
+    @property
+    def profiled(self) -> tuple[str, ...]:
+        """Values of the drive, without those of its sensors."""
+        return tuple(self.values)
 
     def _title(self) -> str:
         recordings = self.provenance.get("recordings", [])

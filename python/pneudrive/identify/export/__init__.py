@@ -1,14 +1,365 @@
-"""Export of friction parameters to the laws of other tools, with the error of the conversion.
+"""Conversions: parameters of the other tool, and deviation of its curve from that of pneudrive.
 
-A conversion is a least-squares fit of the other tool's curve to that of pneudrive over the measured speeds. The result
-states the largest deviation and the effects that the other law does not have.
+Simscape, Translational Friction [mathworks-friction]:
+
+  F = sqrt(2 e) (F_brk - F_C) exp(-(v/v_St)^2) v/v_St + F_C tanh(v/v_C) + f v
+  v_St = sqrt(2) v_brk,  v_C = v_brk/10
+
+Modelica Standard Library 4, MassWithStopAndFriction [modelica-mass-with-stop-and-friction]:
+
+  F = F_Coulomb + F_prop v + F_Stribeck exp(-fexp |v|)                                                  v > 0
+
+Both are linear in their forces at a given speed scale. For each of many scales, the forces are found by non-negative
+least squares. The best scale is refined between its neighbours.
+
+The friction curve as one function of a PLC (IEC 61131-3, structured text), for a feed-forward.
+
+Between the lowest and the highest speed, the curve is a cubic spline over u = ln v with evenly spaced knots. The
+interval is then found without a search:
+
+  u = (ln |v| - ln v_low)/h,   k = trunc(u),   d = u - k
+  F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]
+
+Below the lowest speed, F = F(v_low) v/v_low, so that it passes zero without a jump. Above the highest speed, it
+continues as a straight line with its last slope.
 """
 
 from __future__ import annotations
 
-from pneudrive.identify.export.convert import TOOLS, Exported, check_tool, export
-from pneudrive.identify.files import read_source
-from pneudrive.identify.static.friction_curve import SlidingCurve as Curve
-from pneudrive.identify.static.friction_curve import curve_of_drive, curve_of_fit
+import csv
+import io
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["TOOLS", "Curve", "Exported", "check_tool", "curve_of_drive", "curve_of_fit", "export", "read_source"]
+import numpy as np
+
+from pneudrive.errors import FitError, nearest
+from pneudrive.files.csv_tables import spreadsheet_text
+from pneudrive.identify.static.friction_curve import SlidingCurve as Curve
+from pneudrive.identify.static.friction_curve import curve_of_drive
+from pneudrive.repr_tables import Shown
+from pneudrive.simulation.trajectory import whole
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import jinja2
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = ["TOOLS", "Curve", "Exported", "check_tool", "curve_of_drive", "export"]
+
+SCALES = 121
+#: Range of speed scales, as a factor below and above the measured speeds.
+BEYOND = 30.0
+#: Number of points of a table of Modelica, which the library interpolates linearly.
+TABLE_POINTS = 40
+#: Numbers of intervals of a spline that are tried; each divides the 399 of a curve.
+INTERVALS = (19, 57, 133, 399)
+#: Relative deviation that is allowed at the curve's speeds; midway between knots it is a quarter larger at most.
+ACCURACY = 5e-7
+#: By so much the deviation falls from the last but one number of intervals to the last, at which there is none at the
+#: curve's speeds: the error of a cubic spline falls with the fourth power of the interval.
+FALL = 3.0**4
+
+
+@dataclass(frozen=True)
+class ToolParameter:
+    """Parameter of the other tool, by its name there; SI."""
+
+    name: str
+    value: float
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Exported(Shown):
+    """Converted friction law.
+
+    Attributes
+    ----------
+    tool : str
+    parameters : tuple of ToolParameter
+        Empty if the tool has the same parameters.
+    curve : SlidingCurve
+        Curve of pneudrive.
+    converted_n : ndarray, shape (n,)
+        Curve of the other tool at the same speeds.
+    lost : tuple of str
+        Effects that the other law lacks.
+    text : str
+        Content of the file.
+    """
+
+    tool: str
+    parameters: tuple[ToolParameter, ...]
+    curve: Curve
+    converted_n: Array
+    lost: tuple[str, ...]
+    text: str = ""
+
+    @property
+    def worst_n(self) -> float:
+        """Greatest deviation from the curve of pneudrive, N."""
+        return float(np.abs(self.converted_n - self.curve.friction_n).max())
+
+    @property
+    def worst_percent(self) -> float:
+        """Greatest deviation relative to the friction at the same speed, %."""
+        return 100.0 * float(np.abs(self.converted_n / self.curve.friction_n - 1.0).max())
+
+    def value(self, name: str) -> float:
+        """Return the value of one parameter, SI."""
+        return {parameter.name: parameter.value for parameter in self.parameters}[name]
+
+    def remarks(self) -> list[str]:
+        """Return sentences on accuracy, range and losses of the conversion."""
+        curve = self.curve
+        low, high = 1e3 * curve.speed_m_s[[0, -1]]
+        said = f"parameters of pneudrive: law {curve.law}, Stribeck curve {curve.shape}"
+        if self.converted_n is not curve.friction_n:
+            error = np.abs(self.converted_n - curve.friction_n)
+            worst, share = int(error.argmax()), 100.0 * float((error / np.abs(curve.friction_n)).max())
+            said = (
+                f"greatest deviation from pneudrive's curve (law {curve.law}, {curve.shape}): {error[worst]:.3g} N at "
+                f"{1e3 * curve.speed_m_s[worst]:.4g} mm/s, {share:.3g} % of friction at most"
+            )
+        where = f"holds from {low:.4g} to {high:.4g} mm/s; outside it is extrapolated"
+        return [where, said, *(f"lost: {text}" for text in self.lost)]
+
+    def write(self, path: str | Path) -> Path:
+        """Write the file.
+
+        Raises
+        ------
+        CommandError
+            The file cannot be written.
+        """
+        target = Path(path)
+        with whole(target) as temporary:
+            temporary.write_text(self.text, encoding="utf-8")
+        return target
+
+
+@lru_cache(maxsize=1)
+def _templates() -> jinja2.Environment:
+    import jinja2
+
+    loader = jinja2.FileSystemLoader(Path(__file__).parent)
+    environment = jinja2.Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    environment.filters |= {"real": _real}
+    return environment
+
+
+def _written(made: Exported, **values: Any) -> Exported:  # noqa: ANN401 - values of a template
+    """Return the conversion with the text of its template."""
+    template = _templates().get_template(f"{made.tool}.jinja")
+    return replace(made, text=template.render(made=made, curve=made.curve, remarks=made.remarks(), **values))
+
+
+def best_scale(curve: Curve, columns: Callable[[float], Array], lowest: float, highest: float) -> tuple[float, Array]:
+    """Return the scale between two limits and the non-negative weights of its columns that best fit a curve.
+
+    Parameters
+    ----------
+    curve : Curve
+    columns : callable
+        Scale -> array of shape (n, k) at the curve's speeds.
+    lowest, highest : float
+
+    Returns
+    -------
+    float, ndarray of shape (k,)
+    """
+    from scipy.optimize import fminbound, nnls
+
+    def away(log_scale: float) -> float:
+        return float(nnls(columns(float(np.exp(log_scale))), curve.friction_n)[1])
+
+    grid = np.linspace(np.log(lowest), np.log(highest), SCALES)
+    distances = [away(float(g)) for g in grid]
+    k = int(np.argmin(distances))
+    ends = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, SCALES - 1)]))
+    refined = float(fminbound(away, *ends, xtol=1e-10))  # type: ignore[arg-type]
+    scale = float(np.exp(refined if away(refined) <= distances[k] else grid[k]))
+    return scale, nnls(columns(scale), curve.friction_n)[0]
+
+
+def simscape_columns(speed: Array, v_brk: float) -> Array:
+    """Return the columns of F_brk - F_C, F_C and f in Simscape's formula."""
+    v_st, v_c = np.sqrt(2.0) * v_brk, v_brk / 10.0
+    stribeck = np.sqrt(2.0 * np.e) * np.exp(-((speed / v_st) ** 2)) * speed / v_st
+    return np.column_stack([stribeck, np.tanh(speed / v_c), speed])
+
+
+def _simscape(curve: Curve) -> Exported:
+    speed = curve.speed_m_s
+    v_brk, weights = best_scale(curve, lambda v: simscape_columns(speed, v), speed[0] / BEYOND, speed[-1])
+    excess, coulomb, viscous = weights.tolist()
+    parameters = (
+        ToolParameter("brkwy_frc", excess + coulomb, "N", "Breakaway friction force"),
+        ToolParameter("brkwy_vel", v_brk, "m/s", "Breakaway friction velocity"),
+        ToolParameter("Col_frc", coulomb, "N", "Coulomb friction force"),
+        ToolParameter("visc_coef", viscous, "N*s/m", "Viscous friction coefficient"),
+    )
+    lost = (
+        *curve.lost,
+        "sticking: the block's force is a steep slope through zero speed, so a loaded piston creeps",
+        "dwell and presliding: the block has no history",
+    )
+    return _written(Exported("simscape", parameters, curve, simscape_columns(speed, v_brk) @ weights, lost))
+
+
+def modelica_columns(speed: Array, fexp: float) -> Array:
+    """Return the columns of F_Coulomb, F_Stribeck and F_prop in Modelica's formula."""
+    return np.column_stack([np.ones_like(speed), np.exp(-fexp * speed), speed])
+
+
+def _modelica(curve: Curve) -> Exported:
+    speed = curve.speed_m_s
+    scale, weights = best_scale(
+        curve, lambda v: modelica_columns(speed, 1.0 / v), speed[0] / BEYOND, BEYOND * speed[-1]
+    )
+    coulomb, stribeck, viscous = weights.tolist()
+    parameters = (
+        ToolParameter("F_prop", viscous, "N.s/m", "Velocity dependent friction"),
+        ToolParameter("F_Coulomb", coulomb, "N", "Constant friction: Coulomb force"),
+        ToolParameter("F_Stribeck", stribeck, "N", "Stribeck effect"),
+        ToolParameter("fexp", 1.0 / scale, "s/m", "Exponential decay"),
+    )
+    lost = (*curve.lost, "dwell and presliding: the component sticks immediately, without memory")
+    knots = np.geomspace(speed[0], speed[-1], TABLE_POINTS)
+    level = np.interp(np.log(knots), np.log(speed), curve.friction_n)
+    knots, level = np.r_[0.0, knots], np.r_[level[0], level]  # at 0 the friction of the lowest measured speed
+    return _written(
+        Exported("modelica", parameters, curve, modelica_columns(speed, 1.0 / scale) @ weights, lost),
+        rows="; ".join(f"{v:.6g}, {f:.6g}" for v, f in zip(knots, level, strict=True)),
+        peak=f"{max(level[0], 1e-300):.6g}",
+        between=f"{np.abs(np.interp(speed, knots, level) - curve.friction_n).max():.2g}",
+    )
+
+
+def _csv(curve: Curve) -> Exported:
+    made, out = Exported("csv", (), curve, curve.friction_n, curve.unwritten), io.StringIO()
+    out.writelines(f"# {remark}\n" for remark in made.remarks())
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(["name", "value", "unit", "low", "high", "source", "note"])
+    for e in curve.entries:
+        ends = ["" if np.isnan(end) else repr(float(end)) for end in (e.low, e.high)]
+        value = e.value if isinstance(e.value, str) else repr(float(e.value))
+        table.writerow(map(spreadsheet_text, [e.name, value, e.unit, *ends, e.source, e.note]))
+    return replace(made, text=out.getvalue())
+
+
+def spline_of(curve: Curve) -> tuple[Array, Array]:
+    """Return the coefficients of the shortest spline that is accurate enough, and its values at the curve's speeds.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (intervals, 4)
+        c0 to c3 of each interval, over the length of the interval.
+    friction_n : ndarray, shape (n,)
+
+    Raises
+    ------
+    FitError
+        No spline is accurate enough: the curve has a kink.
+    """
+    from scipy.interpolate import CubicSpline
+
+    last = curve.speed_m_s.size - 1
+    before = worst = np.inf
+    for intervals in INTERVALS:
+        knots = np.arange(0, last + 1, last // intervals)
+        spline = CubicSpline(np.arange(intervals + 1), curve.friction_n[knots])
+        friction = spline(np.linspace(0.0, intervals, last + 1))
+        before, worst = worst, float(np.abs(friction / curve.friction_n - 1.0).max())
+        if max(worst, before / FALL if intervals == last else 0.0) < ACCURACY:
+            return spline.c[::-1].T.copy(), friction
+    raise FitError(
+        "the curve has a kink that a spline does not follow",
+        value=f"deviation of {before / FALL:.1e}",
+        rule=f"below {ACCURACY:g} of the friction",
+        remedy="Choose a narrower range of speeds.",
+    )
+
+
+def _structured_text(curve: Curve) -> Exported:
+    coefficients, converted = spline_of(curve)
+    low, high = float(curve.speed_m_s[0]), float(curve.speed_m_s[-1])
+    step = np.log(high / low) / len(coefficients)
+    lost = (*curve.lost, "sticking and presliding: below the lowest speed the force is proportional to the velocity")
+    return _written(
+        Exported("st", (), curve, converted, lost),
+        table=coefficients.tolist(),
+        low=low,
+        high=high,
+        below=coefficients[0, 0] / low,
+        end_force=coefficients[-1].sum(),
+        slope=coefficients[-1] @ [0.0, 1.0, 2.0, 3.0] / step / high,
+        shift=-np.log(low),
+        step=step,
+    )
+
+
+def _real(value: float) -> str:
+    """Return a number as IEC 61131-3 writes it, with a point.
+
+    Examples
+    --------
+    >>> _real(3.0), _real(-2e-7)
+    ('3.0', '-2.0E-7')
+    """
+    mantissa, e, exponent = repr(float(value)).partition("e")
+    return (mantissa if "." in mantissa else f"{mantissa}.0") + (f"E{int(exponent)}" if e else "")
+
+
+#: Tool -> conversion.
+TOOLS: dict[str, Callable[[Curve], Exported]] = {
+    "simscape": _simscape,
+    "modelica": _modelica,
+    "csv": _csv,
+    "st": _structured_text,
+}
+
+
+def check_tool(to: str) -> None:
+    """Check that a tool is supported.
+
+    Raises
+    ------
+    FitError
+    """
+    if to in TOOLS:
+        return
+    raise FitError(f"the export to {to!r} is not available", remedy=nearest(to, (*TOOLS, "fmu", "c")))
+
+
+def export(curve: Curve, to: str) -> Exported:
+    """Convert a curve.
+
+    Parameters
+    ----------
+    curve : Curve
+    to : str
+        ``simscape``, ``modelica``, ``csv`` or ``st`` (structured text of a PLC).
+
+    Raises
+    ------
+    FitError
+        The tool is unknown, or the curve is not finite and positive.
+    """
+    check_tool(to)
+    if not (np.isfinite(curve.friction_n).all() and (curve.friction_n > 0.0).all()):
+        worst = float(np.min(np.where(np.isfinite(curve.friction_n), curve.friction_n, -np.inf)))
+        raise FitError(
+            "the curve is not positive over all of its speeds",
+            value=f"least value {worst:.3g} N",
+            rule="finite and above 0 N",
+            remedy="Export over the measured speeds and pressures.",
+        )
+    return TOOLS[to](curve)

@@ -11,6 +11,7 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.estimate.levels import distinct_levels, weak_coordinates
 from pneudrive.identify.base import Undetermined
+from pneudrive.identify.sentences import sentences
 from pneudrive.identify.static.robust import RobustEstimate, deviance, estimate, profile_intervals, with_scatter
 from pneudrive.numbers import plain
 
@@ -39,99 +40,10 @@ VISCOUS_REACH = 0.5
 MOST_SPEEDS = 6
 
 
-#: Undetermined part -> reason, and remedy. Values are in braces.
-SENTENCES = {
-    "held at zero": (
-        "it was held at zero; coulomb then contains all friction at the speeds of the map",
-        "measure at speeds that differ by a factor of three or more",
-    ),
-    "one speed": (
-        "all rows have one speed ({levels}); coulomb is then the whole friction at that speed",
-        "measure at a second speed, at least three times higher",
-    ),
-    "few values, viscous": (
-        "the map has {values} independent values, fewer than the law has parameters; coulomb is then "
-        "the whole friction at its speeds",
-        "measure at a second speed, at least three times higher",
-    ),
-    "few speeds": (
-        "the map has {count} distinct speed{s} ({levels}), but a Stribeck curve needs at least {needed}",
-        "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest",
-    ),
-    "few values": (
-        "the map has {values} independent values, fewer than the law has parameters",
-        "measure at least 8 speeds, spaced logarithmically from 1 mm/s to the largest",
-    ),
-    "few pressures": (
-        "chamber {chamber} was measured at fewer than three pressures, which determine only a line",
-        "measure at three or more pressures, spread over the range",
-    ),
-    "not crossed": (
-        "the two chambers' pressures were not varied independently of each other",
-        "measure a grid: both chambers at 0, 2, 4 and 6 bar gauge in all combinations",
-    ),
-    "one pressure": (
-        "the pressure in chamber {chamber} is the same in all rows ({bar:.3g} bar gauge)",
-        "measure with chamber {chamber} at two or more pressures at least 1 bar apart",
-    ),
-    "same pressure": (
-        "both chambers always had the same pressure: only the sum of both slopes is known, and each gets half",
-        "measure with different pressures in the chambers, such as a grid of 0, 2, 4 and 6 bar gauge",
-    ),
-    "weak": (
-        "the rows cannot distinguish it from the other parameters (a direction of the scaled Jacobian vanishes)",
-        "measure at more speeds and pressures, not all varied together",
-    ),
-    "open": ("its 95 % interval is open", "measure under conditions in which the law depends on it, with less noise"),
-    "no fall": (
-        "friction does not fall with speed by more than chance between {slowest} and {fastest} "
-        "(a falling part improves the fit with p = {p:.2g})",
-        "add levels well below {slowest} and well above {fastest}, and repeat strokes to lower the noise",
-    ),
-    "same speeds": (
-        "all speeds are about {mean}, and one speed does not show how friction depends on it; coulomb is "
-        "then the whole friction at this speed",
-        "add levels at other speeds",
-    ),
-    "falls": (
-        "friction falls with speed between {slowest} and {fastest}, unlike a viscous part; coulomb is "
-        "then the mean friction at these speeds",
-        "add levels below {slowest} and above {beyond}, for a law with a Stribeck part",
-    ),
-    "anything": (
-        "between {slowest} and {fastest} it could be up to {reach} N, where {typical} N were measured; coulomb "
-        "is then the whole friction at these speeds",
-        "add levels above {beyond}",
-    ),
-    "tail": (
-        "the slowest level, {slowest}, lies above {tail:g} vs (vs is near {vs}): a larger Fs with a smaller vs fits as "
-        "well",
-        "add levels at and below {vs}",
-    ),
-    "no plateau": (
-        "the fastest level, {fastest}, lies below {plateau:g} vs (vs is near {vs}): the plateau above the Stribeck "
-        "part is not reached",
-        "add levels above {level}",
-    ),
-    "far below": (
-        "a Stribeck velocity far below the slowest level, {slowest}, fits as well",
-        "add levels below {slowest}",
-    ),
-    "far above": (
-        "a Stribeck velocity far above the fastest level, {fastest}, fits as well",
-        "add levels above {fastest}",
-    ),
-    "too fast": (
-        "the slowest level, {slowest}, is too fast to see the limit of friction at zero speed",
-        "add levels below {level}",
-    ),
-}
-
-
 def _lost(names: Iterable[str], what: str, **values: object) -> list[Undetermined]:
-    """Return the reason and remedy of each undetermined parameter; see `SENTENCES`."""
-    reason, remedy = (text.format(**values) for text in SENTENCES[what])
-    return [Undetermined(name, reason, remedy) for name in names]
+    """Return the reason and remedy of each undetermined parameter."""
+    said = {key: text.format(**values) for key, text in sentences("friction_map")[what].items()}
+    return [Undetermined(name, **said) for name in names]
 
 
 def _mm_s(speed: float) -> str:
@@ -173,14 +85,14 @@ def choose_model(
         lost = [s for s in lost if not s.parameter.startswith("breakaway_")]
         if len(levels) < needed:
             s = "s" * (len(levels) != 1)
-            lost += _lost(names, "few speeds", count=len(levels), s=s, levels=_listed(levels), needed=needed)
+            lost += _lost(names, "few_speeds", count=len(levels), s=s, levels=_listed(levels), needed=needed)
         else:
-            lost += _lost(names, "few values", values=len(data))
+            lost += _lost(names, "few_values", values=len(data))
         model = model.without_stribeck()
     if not wanted.viscous:
-        lost += _lost(["viscous"], "held at zero")
+        lost += _lost(["viscous"], "held_at_zero")
     elif len(levels) < 2 or len(data) < len(model.names):
-        what = "one speed" if len(levels) < 2 else "few values, viscous"
+        what = "one_speed" if len(levels) < 2 else "few_values_viscous"
         lost += _lost(["viscous"], what, levels=_listed(levels), values=len(data))
         model = replace(model, viscous=False)
     if len(data) < len(model.names):
@@ -207,17 +119,17 @@ def _with_pressure(
     lost: list[Undetermined] = []
     for c in gauges:
         if c not in chambers:
-            lost += _lost((f"{f}_{c}" for f in forces), "one pressure", chamber=c, bar=1e-5 * gauges[c].mean())
+            lost += _lost((f"{f}_{c}" for f in forces), "one_pressure", chamber=c, bar=1e-5 * gauges[c].mean())
     if len(chambers) == 2 and _collinear(data.gauge_a_pa, data.gauge_b_pa):
-        lost += _lost((f"{f}_{c}" for f in forces for c in "ab"), "same pressure")
+        lost += _lost((f"{f}_{c}" for f in forces for c in "ab"), "same_pressure")
         chambers = ("ab",)
     if pressure in ("quadratic", "saturating"):
         few = [c for c in "ab" if any(c in chamber for chamber in chambers) and _levels(gauges[c]) < 3]
         if few:
-            lost += _lost((f"{f}_curve_{c}" for f in forces for c in few), "few pressures", chamber=few[0])
+            lost += _lost((f"{f}_curve_{c}" for f in forces for c in few), "few_pressures", chamber=few[0])
             pressure = "linear"
     if pressure == "interaction" and (chambers != ("a", "b") or not _crossed(data)):
-        lost += _lost((f"{f}_product" for f in forces), "not crossed")
+        lost += _lost((f"{f}_product" for f in forces), "not_crossed")
         pressure = "linear"
     return replace(wanted, chambers=chambers, pressure=pressure), lost
 
@@ -281,12 +193,12 @@ def without_support(
     span, fastest = _span(data), float(data.speed_m_s.max())
     if model.stribeck and excess_p_value is not None and excess_p_value > CHANCE:
         names = _curve_names(model) + [f"breakaway_{c}" for c in "ab" if any(c in ch for ch in model.chambers)]
-        return model.without_stribeck(), _lost(names, "no fall", p=excess_p_value, **span)
+        return model.without_stribeck(), _lost(names, "no_fall", p=excess_p_value, **span)
     if model.stribeck or not model.viscous:
         return model, []
     smaller = replace(model, viscous=False)
     if not changed(data.speed_m_s):
-        return smaller, _lost(["viscous"], "same speeds", mean=_mm_s(float(data.speed_m_s.mean())))
+        return smaller, _lost(["viscous"], "same_speeds", mean=_mm_s(float(data.speed_m_s.mean())))
     typical = float(np.median(np.abs(data.friction_n)))
     reach = fastest * (intervals["viscous"][1] - max(intervals["viscous"][0], 0.0))
     beyond = _mm_s(3.0 * fastest)
@@ -310,13 +222,13 @@ def _stribeck(
         out += _lost(curve, "tail", tail=TAIL, vs=_mm_s(vs), **span)
     if data.speed_m_s.max() < PLATEAU * vs:
         names = [n for n in ("coulomb", "viscous") if n in theta]
-        out += _lost(names, "no plateau", plateau=PLATEAU, vs=_mm_s(vs), level=_mm_s(PLATEAU * vs), **span)
+        out += _lost(names, "no_plateau", plateau=PLATEAU, vs=_mm_s(vs), level=_mm_s(PLATEAU * vs), **span)
     if lower_upper[0] <= 0.0:
-        out += _lost(curve, "far below", **span)
+        out += _lost(curve, "far_below", **span)
     if not np.isfinite(lower_upper[1]):
-        out += _lost(["stribeck_velocity"], "far above", **span)
+        out += _lost(["stribeck_velocity"], "far_above", **span)
     if not np.isfinite(intervals["breakaway"][1]):
-        out += _lost(["breakaway"], "too fast", level=_mm_s(0.5 * vs), **span)
+        out += _lost(["breakaway"], "too_fast", level=_mm_s(0.5 * vs), **span)
     return out
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import Quantity
 from pneudrive.errors import DescriptionError, FitError
+from pneudrive.identify.sentences import sentences
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
@@ -58,8 +59,6 @@ class SlidingCurve(Shown):
         Parameters in pneudrive.
     lost : tuple of str
         Dependences other than speed, which the law of another tool does not include.
-    exponential : bool
-        Whether the Stribeck curve is exp(-v/vs), or absent.
     unwritten : tuple of str
         Parts of the friction without an entry.
     """
@@ -73,21 +72,7 @@ class SlidingCurve(Shown):
     gauge_b_pa: float
     entries: tuple[CurveEntry, ...]
     lost: tuple[str, ...]
-    exponential: bool
     unwritten: tuple[str, ...] = ()
-
-
-class HasCurve(Protocol):
-    """Protocol of fits with friction."""
-
-    def curve(
-        self,
-        gauge_a_pa: float | None = None,
-        gauge_b_pa: float | None = None,
-        speeds_m_s: tuple[float, float] | None = None,
-    ) -> SlidingCurve:
-        """Return the curve of the fit."""
-        ...
 
 
 def speeds_over(between: object, source: str) -> Array:
@@ -118,37 +103,6 @@ def middle_of(given: float | None, measured: object) -> float:
     if given is None and isinstance(measured, (list, tuple)):
         return 0.5 * (float(measured[0]) + float(measured[1]))
     return given or 0.0
-
-
-def curve_of_fit(
-    fit: HasCurve,
-    gauge_a_pa: float | None = None,
-    gauge_b_pa: float | None = None,
-    speeds_m_s: tuple[float, float] | None = None,
-) -> SlidingCurve:
-    """Return the curve of a fit, by default at the middle of the measured pressures and over the measured speeds.
-
-    Raises
-    ------
-    FitError
-        The fit has no range of measured speeds.
-    """
-    return fit.curve(gauge_a_pa, gauge_b_pa, speeds_m_s)
-
-
-#: Table of a drive's friction -> effect lost in an export, and where the curve is taken.
-TABLES = {
-    "pressure": "dependence on the chamber pressures: the curve is for {a:.3g} bar gauge in a and {b:.3g} bar gauge in "
-    "b; export again for others",
-    "dwell": "growth of the breakaway force in stops (dwell)",
-    "relaxation": "relaxation of held bristles",
-    "position": "variation along the stroke: the curve is for position = {position:g} mm",
-    "direction": "difference between the directions: the curve is the mean of both",
-    "side_load": "side load as a separate quantity: it is part of the curve",
-    "temperature": "dependence on temperature: the curve is for a contact at {reference:g} K",
-    "wear": "change with the distance slid: the curve is for {slid:g} m slid",
-    "elements": "the single springs of the bristles",
-}
 
 
 def curve_of_drive(
@@ -219,7 +173,7 @@ def curve_of_friction(
     at |= {"reference": friction.temperature.reference_k} if friction.temperature else {}
     at |= {"slid": friction.wear.slid_m} if friction.wear else {}
     tables = [key for key, table in friction.to_dict().items() if key != "law" and isinstance(table, (dict, list))]
-    lost = [TABLES.get(key, f"friction.{key}").format(**at) for key in tables]
+    lost = [sentences("not_exported").get(key, f"friction.{key}").format(**at) for key in tables]
     names = {entry.name for entry in entries}
     rest = [(key, str(w)) for key, w in _leaves(friction.to_dict()) if key not in names and not key.startswith("law.")]
     entries = (*entries, *(CurveEntry(key, word, "", np.nan, np.nan, "") for key, word in rest))
@@ -230,10 +184,8 @@ def curve_of_friction(
         )
     exponent = friction.parameters.get("stribeck_exponent", 2.0)
     shape = friction.stribeck_shape or f"exp(-(v/vs)^{exponent:g})"
-    exponent = 1.0 if shape == "exponential" else exponent
-    plain = friction.law == "coulomb" or (exponent == 1.0 and shape not in ("gaussian", "lorentzian"))
     curve = 0.5 * (sides[0] + sides[1])
-    return SlidingCurve(title, friction.law, shape, speed, curve, *gauges_pa, entries, tuple(lost), plain, unwritten)
+    return SlidingCurve(title, friction.law, shape, speed, curve, *gauges_pa, entries, tuple(lost), unwritten)
 
 
 def steady_friction(

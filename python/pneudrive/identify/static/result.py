@@ -12,11 +12,11 @@ from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import CONFIDENCE, student
-from pneudrive.identify.base import Fit, FittedData
+from pneudrive.identify.base import Fit, FitFile, FittedData
 from pneudrive.identify.identified import Dependences, Identified, apply_identified
+from pneudrive.identify.sentences import sentences
 from pneudrive.identify.static.diagnose import estimated, interval_over_knees
 from pneudrive.identify.static.friction_curve import (
-    TABLES,
     CurveEntry,
     SlidingCurve,
     curve_of_drive,
@@ -47,25 +47,11 @@ class SlidingFit(Fit):
     model: StaticLaw
     observations: Observations | None = field(default=None, repr=False)
 
-    def free_values(self) -> dict[str, float]:
-        """Return the values, with all names in `free`."""
-        return self.values
-
     @property
     def coordinates(self) -> Array:
         """Internal coordinates of the model at the estimates, shape (p,)."""
         values = self.free_values()
         return self.model.internal(np.array([values[n] for n in self.free]))
-
-    def with_data(self) -> Observations:
-        """Return the fitted values.
-
-        Raises
-        ------
-        FitError
-            The fit was read from a file, without them.
-        """
-        return self._with_data(self.observations)
 
     def compared(self) -> dict[str, FittedData]:
         """Return the fitted values and those of the law. Empty if the fit was read from a file."""
@@ -216,10 +202,6 @@ class FrictionFit(SlidingFit):
         value, stderr, reach = (x.reshape(speed.shape) for x in (value, stderr, reach))
         return Prediction(value, value - reach, value + reach, stderr)
 
-    def free_values(self) -> dict[str, float]:
-        """All parameters with a name in `free`; a coefficient shared by both chambers has a separate name."""
-        return self.values | self._groups()[1]
-
     # -- into a drive -----------------------------------------------------------------------------------------
 
     def apply(self, drive: Drive) -> Drive:
@@ -350,8 +332,9 @@ class FrictionFit(SlidingFit):
             entries.append(CurveEntry(name, value, self.units[name], *ends, source, note))
         exponent = self.values.get("stribeck_exponent", 2.0)
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
-        lost = [TABLES[key].partition(":")[0] for key in self.dependences.tables if key in TABLES]
-        pressure = TABLES["pressure"].format(a=gauges[0] / 1e5, b=gauges[1] / 1e5)
+        effects = sentences("not_exported")
+        lost = [effects[key].partition(":")[0] for key in self.dependences.tables if key in effects]
+        pressure = effects["pressure"].format(a=gauges[0] / 1e5, b=gauges[1] / 1e5)
         return SlidingCurve(
             f"friction fit, law {self.law}",
             self.model.law,
@@ -361,7 +344,6 @@ class FrictionFit(SlidingFit):
             *gauges,
             tuple(entries),
             (*([pressure] if self.model.chambers else ()), *lost),
-            not self.model.stribeck or (not self.model.lorentzian and exponent == 1.0),
             tuple(lost),
         )
 
@@ -380,16 +362,15 @@ class FrictionFit(SlidingFit):
         return {"law": self.law, "notes": list(self.notes), "model": self.model.table()}
 
     @classmethod
-    def _entries(cls, content: dict[str, Any]) -> dict[str, dict[str, Any]]:
-        """Return all tables; older files store a slope shared by both chambers under each of them."""
-        entries = super()._entries(content)
-        names = content["covariance"]["names"]
-        return entries | {n: entries[n.replace("_ab", "_a")] for n in names if n not in entries}
-
-    @classmethod
-    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
-        found = super()._from_content(content)
-        model = FrictionModel.of_table(content["model"])
+    def _fields(cls, file: FitFile) -> dict[str, Any]:
+        if len(file.groups) == 1:
+            file.groups.append({})
+        values, shared = file.groups
+        for name in file.content["covariance"]["names"]:  # older files: a shared slope stands under each chamber
+            if name not in values | shared:
+                shared[name] = values[name.replace("_ab", "_a")]
+        found = super()._fields(file)
+        model = FrictionModel.of_table(file.content["model"])
         if model.law not in LAWS or model.names != found["free"] or found["covariance"].size == 0:
             raise ValueError(f"law, chambers and parameters do not match: {', '.join(found['free'])}")
         if not all(np.isfinite(found["statistics"][name]) and found["statistics"][name] >= 0.0 for name in STATISTICS):
@@ -397,11 +378,11 @@ class FrictionFit(SlidingFit):
         if "direction" not in found["provenance"]:
             raise KeyError("direction")
         # older files have intervals of parameters without a value
-        known = {n for n, entry in cls._entries(content).items() if "standard_error" in entry}
-        found["intervals"] = {n: ends for n, ends in found["intervals"].items() if n in known}
+        known = {name for name, entry in file.entries.items() if entry.standard_error is not None}
+        found["intervals"] = {name: ends for name, ends in found["intervals"].items() if name in known}
         found["systematic"] = dict.fromkeys(found["free"], 0.0) | found["systematic"]
-        found["dependences"] = Dependences.of_table(content.get("dependences", {}))
-        return found | {"law": content["law"], "model": model}
+        found["dependences"] = Dependences.of_table(file.content.get("dependences", {}))
+        return found | {"law": file.content["law"], "model": model}
 
     def _shown(self) -> dict[str, float]:
         hidden = {n for n in self.values if n not in self.free and self.units[n].startswith("N/Pa")}
@@ -585,11 +566,11 @@ class LawFit(SlidingFit):
         return {"given": {"friction": self.model.friction.to_dict()}}
 
     @classmethod
-    def _from_content(cls, content: dict[str, Any]) -> dict[str, Any]:
-        lost = tuple(name for name, entry in content["parameters"].items() if not entry["determined"])
-        found = super()._from_content(content | {"undetermined": []})
-        model = AnyLaw(Friction.model_validate(content["given"]["friction"]), found["free"])
-        return found | {"model": model, "unseen": tuple(content["unseen"]), "undetermined": lost}
+    def _fields(cls, file: FitFile) -> dict[str, Any]:
+        found = super()._fields(file)
+        model = AnyLaw(Friction.model_validate(file.content["given"]["friction"]), found["free"])
+        lost = tuple(name for name, entry in file.content["parameters"].items() if not entry["determined"])
+        return found | {"model": model, "unseen": tuple(file.content["unseen"]), "undetermined": lost}
 
     def _title(self) -> str:
         s = self.statistics
@@ -729,7 +710,7 @@ def ellipses(fit: Fit, count: int = 6, points: int = 73) -> list[Ellipse]:
     known = [k for k, name in enumerate(fit.free) if name in fit.standard_errors]
     pairs = [(i, j) for i in known for j in known if i < j]
     pairs.sort(key=lambda pair: -abs(fit.correlation[pair]))
-    values = {name: value for table in fit.tables() for name, value in table.items()}
+    values = fit.free_values()
     out = []
     for i, j in pairs[:count]:
         names = fit.free[i], fit.free[j]
