@@ -110,6 +110,15 @@ class Intervals(dict[str, tuple[float, float]]):
         raise KeyError(f"{name} has no interval: the data do not determine it, or the search did not converge")
 
 
+class CardFit(Shown):
+    """Result of a fit whose text is its card."""
+
+    def __str__(self) -> str:
+        """Return values, intervals and notes as text."""
+        card = self._card()
+        return "\n".join([card.title, *(f"  {name}: {text}" for name, text in card.rows), *map(str, card.notes)])
+
+
 def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
     """Return the names of undetermined values."""
     return {str(getattr(one, "parameter", one)) for one in undetermined}

@@ -23,7 +23,6 @@ from pneudrive.identify.follow.fit import (
     other_readings,
     poor_fit,
     read_follow_fit,
-    record_line,
 )
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
@@ -96,7 +95,7 @@ class MotionValidation(Shown):
 
     def _card(self) -> Card:
         rows = [("+" if met else "!", text) for met, text in self.verdicts]
-        notes = [f"{record.name}: {record_line(record)}" for record in self.records]
+        notes = [f"{record.name}: {record}" for record in self.records]
         notes += [
             f"{name}: its chambers are open, so its pressures test neither volumes nor heat" for name in self.open
         ]

@@ -13,11 +13,13 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, FitError, RecordingError
+from pneudrive.identify.base import CardFit
 from pneudrive.identify.follow.driven import GROUPS, SIDES, DrivenCircuit, driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, solve_follow
+from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.progress import Watch
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.repr_tables import Card
 from pneudrive.signals.recording import Recording
 from pneudrive.simulation.trajectory import whole
 
@@ -71,13 +73,12 @@ def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) ->
         if open_recordings(driven, [record]):
             doubts += [f"{record.name}: {text}" for text in _open_doubts(driven, record)]
             continue
-        lowest = record.pressures_pa.min(axis=1)
-        for side, change in zip(SIDES, record.ranges_pa, strict=True):
-            if change == 0.0:
+        for side, pressure in zip(SIDES, record.pressures_pa, strict=True):
+            if np.ptp(pressure) == 0.0:
                 rule = "both pressures of a driven piston are measured"
                 what = f"the pressure of chamber {side} is constant"
                 raise RecordingError(what, where=record.name, rule=rule, remedy=small or None)
-        for side, value in zip(SIDES, lowest, strict=True):
+        for side, value in zip(SIDES, record.pressures_pa.min(axis=1), strict=True):
             if value < LEAST_LEVEL * STANDARD_ATMOSPHERE_PA:
                 raise RecordingError(
                     f"the pressure of chamber {side} falls to {value:.4g} Pa",
@@ -155,34 +156,34 @@ def refuse_open(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> li
 
 def other_readings(solution: FollowSolution) -> list[str]:
     """Return as text whether the recordings fit better with gauge or with absolute pressures."""
-    problem = solution.problem
+    problem, point = solution.problem, solution.point
     ambient = float(problem.driven.form["ambient"]["pressure_pa"])
-    base = _size(solution)
-    found = []
-    for shift, words in (
-        (ambient, "read as absolute, but seem to be gauge"),
-        (-ambient, "read as gauge, but seem to be absolute"),
-    ):
+    base, found = _size(solution), []
+    for shift, words in ((ambient, "absolute, but seem to be gauge"), (-ambient, "gauge, but seem to be absolute")):
         records = [replace(r, pressures_pa=r.pressures_pa + shift) for r in problem.records]
         if min(float(r.pressures_pa.min()) for r in records) < LEAST_LEVEL * ambient:
             continue
         other = replace(problem, records=records, weights=list(problem.weights))
         try:
-            size = _size(solve_follow(other, FollowPoint(solution.point.shared, solution.point.local), passes=1))
+            size = _size(solve_follow(other, FollowPoint(point.shared, point.local), passes=1))
         except FitError:
             continue
         # A reading is the cause only if the model fits with it. A wrong model says nothing about sensors.
         if size < min(BETTER * base, POOR):
             found.append(
-                f"the pressures are {words}: with {'+' if shift > 0 else '-'}{ambient / 1e5:.4g} bar the residuals "
-                f"fall to {100 * size / base:.0f} % of their present size; check gauge and abs in the layout"
+                f"the pressures are read as {words}: with {'+' if shift > 0 else '-'}{ambient / 1e5:.4g} bar the "
+                f"residuals fall to {100 * size / base:.0f} % of their present size; check gauge and abs in the layout"
             )
     return found
 
 
+def _size(solution: FollowSolution) -> float:
+    return float(np.sqrt(np.mean(np.square(solution.every_rms))))
+
+
 def poor_fit(solution: FollowSolution) -> list[str]:
     """Return the likely causes of residuals that are too large for this model."""
-    worst = max(float(solution.rms(at).max()) for at in range(len(solution.problem.records)))
+    worst = float(np.max(solution.every_rms))
     if worst < POOR:
         return []
     return [
@@ -190,11 +191,6 @@ def poor_fit(solution: FollowSolution) -> list[str]:
         "first. Else check areas and stroke of the circuit, the gas, whether the chambers are closed, the unit of the "
         "position, and gauge or abs of the pressures"
     ]
-
-
-def _size(solution: FollowSolution) -> float:
-    every = [solution.rms(at) for at in range(len(solution.problem.records))]
-    return float(np.sqrt(np.mean(np.square(every))))
 
 
 #: Other models: groups that are added, and words. The first one holds start and delay instead.
@@ -276,9 +272,37 @@ class FollowRecord:
     file: str = ""
     sha256: str = ""
 
+    def table(self) -> dict[str, Any]:
+        """Return the table for a file."""
+        out: dict[str, Any] = {"name": self.name, "file": self.file, "sha256": self.sha256}
+        out["rms_percent"] = [round(100.0 * share, 4) for share in self.rms]
+        return out | {key: getattr(self, key) for key in ("temperature_a_k", "temperature_b_k", "delay_s")}
+
+    @classmethod
+    def of_table(cls, table: dict[str, Any]) -> FollowRecord:
+        """Return the record of a table."""
+        rms, ta, tb, delay = (
+            (table[key][0], table[key][1]) for key in ("rms_percent", "temperature_a_k", "temperature_b_k", "delay_s")
+        )
+        texts = [str(table.get(key, "")) for key in ("file", "sha256")]
+        return cls(str(table["name"]), (rms[0] / 100.0, rms[1] / 100.0), ta, tb, delay, *texts)
+
+    def __str__(self) -> str:
+        """Return residuals, start and delay."""
+        a, b = (100.0 * value for value in self.rms)
+        (ta, ua), (tb, ub), (tau, u) = self.temperature_a_k, self.temperature_b_k, self.delay_s
+        return (
+            f"rms {a:.2f} % and {b:.2f} % of the range of a and b; start {ta:.1f} ± {ua:.1f} K and {tb:.1f} ± "
+            f"{ub:.1f} K; delay of the pressures {tau:.3f} ± {u:.3f} s"
+        )
+
+
+HEAD = "# Identified along recorded motions. SI units, pressures absolute; intervals are 95 %.\n"
+PAIRS = ("intervals", "model_intervals", "spreads")  # tables of lower and upper ends in the file
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FollowFit(Shown):
+class FollowFit(CardFit):
     """A circuit identified along recorded motions.
 
     Attributes
@@ -323,16 +347,15 @@ class FollowFit(Shown):
         """Return the identified circuit, ready to follow a motion."""
         return DrivenCircuit(self.circuit)
 
-    def __str__(self) -> str:
-        """Return values, intervals and notes as text."""
-        card = self._card()
-        return "\n".join([card.title, *(f"  {name}: {text}" for name, text in card.rows), *map(str, card.notes)])
-
     def _card(self) -> Card:
         rows = [(name, self.line(name)) for name in self.values]
-        rows += [(record.name, record_line(record)) for record in self.records]
-        notes = [*self.notes, *self.undetermined, *(rival.verdict for rival in self.rivals)]
-        return Card(f"{self.circuit.name} along {len(self.records)} recordings", rows=rows, notes=notes)
+        rows += [(record.name, str(record)) for record in self.records]
+        return Card(f"{self.circuit.name} along {len(self.records)} recordings", rows=rows, notes=self.remarks)
+
+    @property
+    def remarks(self) -> list[str]:
+        """Notes, undetermined numbers and verdicts on other models."""
+        return [*self.notes, *self.undetermined, *(rival.verdict for rival in self.rivals)]
 
     def line(self, name: str) -> str:
         """Return one value with its interval, the spread over models, and the values of each part."""
@@ -346,58 +369,20 @@ class FollowFit(Shown):
 
     def to_toml(self, path: str | Path) -> Path:
         """Write values, intervals, recordings and the circuit; `validate` and `simulate --motion` read the file."""
-        tables: dict[str, Any] = {
-            "kind": "motion",
-            "version": __version__,
-            "values": self.values,
-            "units": self.units,
-            "intervals": {name: list(ends) for name, ends in self.intervals.items()},
-            "model_intervals": {name: list(ends) for name, ends in self.model_intervals.items()},
-            "spreads": {name: list(ends) for name, ends in self.spreads.items()},
-            "parts": {name: list(values) for name, values in self.parts.items()},
-            "notes": [*self.notes, *self.undetermined, *(rival.verdict for rival in self.rivals)],
-            "recordings": [
-                {
-                    "name": r.name,
-                    "file": r.file,
-                    "sha256": r.sha256,
-                    "rms_percent": [round(100.0 * v, 4) for v in r.rms],
-                    "temperature_a_k": list(r.temperature_a_k),
-                    "temperature_b_k": list(r.temperature_b_k),
-                    "delay_s": list(r.delay_s),
-                }
-                for r in self.records
-            ],
-        }
-        head = "# Identified along recorded motions. SI units, pressures absolute; intervals are 95 %.\n"
-        text = head + toml.write(tables) + f"\ncircuit = {toml.value_text(self.circuit.to_toml())}\n"
+        tables: dict[str, Any] = {"kind": "motion", "version": __version__}
+        tables |= {key: getattr(self, key) for key in ("values", "units", *PAIRS, "parts")}
+        tables |= {"notes": self.remarks, "recordings": [record.table() for record in self.records]}
+        lines = (HEAD + toml.write(tables)).split("\n")
+        # the text of the circuit is a key at the top of the file
+        first = next((i for i, line in enumerate(lines) if line.startswith("[")), len(lines))
+        circuit = f"circuit = {toml.value_text(self.circuit.to_toml())}"
         with whole(Path(path)) as temporary:
-            temporary.write_text(_circuit_first(text), encoding="utf-8")
+            temporary.write_text("\n".join([*lines[:first], circuit, "", *lines[first:], ""]), encoding="utf-8")
         return Path(path)
 
     def report(self, folder: str | Path) -> Path:
         """Write the page of the fit into a folder."""
-        from pneudrive.lazy_names import upper
-
         return upper("follow_page")(self, folder)
-
-
-def _circuit_first(text: str) -> str:
-    """Move the text of the circuit above the first table, because it is a key at the top of the file."""
-    head, _, circuit = text.rpartition("\ncircuit = ")
-    lines = head.split("\n")
-    first = next((i for i, line in enumerate(lines) if line.startswith("[")), len(lines))
-    return "\n".join([*lines[:first], f"circuit = {circuit}", *lines[first:], ""])
-
-
-def record_line(record: FollowRecord) -> str:
-    """Return residuals, start and delay of a recording."""
-    a, b = (100.0 * value for value in record.rms)
-    (ta, ua), (tb, ub), (tau, u) = record.temperature_a_k, record.temperature_b_k, record.delay_s
-    return (
-        f"rms {a:.2f} % and {b:.2f} % of the range of a and b; start {ta:.1f} ± {ua:.1f} K and {tb:.1f} ± {ub:.1f} K; "
-        f"delay of the pressures {tau:.3f} ± {u:.3f} s"
-    )
 
 
 def identify_motion(
@@ -635,8 +620,7 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
                 predictions = tuple(_predict(rival, solved.point, fold) / base for fold, base in pairs)
         except FitError:
             continue  # the circuit has no such number, or the recordings do not depend on it
-        worst = 100.0 * max(float(solved.rms(at).max()) for at in range(len(problem.records)))
-        found.append(Rival(name, words, worst, gain, predictions, *_shared(solved)))
+        found.append(Rival(name, words, 100.0 * float(np.max(solved.every_rms)), gain, predictions, *_shared(solved)))
     return tuple(found)
 
 
@@ -655,8 +639,7 @@ def _begin(problem: FollowProblem, point: FollowPoint) -> FollowPoint:
 
 
 def _squares(solution: FollowSolution) -> float:
-    every = [solution.rms(at) for at in range(len(solution.problem.records))]
-    return float(np.sum(np.square(every)))
+    return float(np.sum(np.square(solution.every_rms)))
 
 
 def _folds(problem: FollowProblem) -> list[tuple[list[tuple[float, float]], list[tuple[float, float]]]]:
@@ -686,30 +669,16 @@ def read_follow_fit(path: str | Path) -> FollowFit | None:
     tables, _ = toml.read(path, DescriptionError, "`pneudrive identify --follow motion --out` writes it.")
     if tables.get("kind") != "motion" or "circuit" not in tables:
         return None
-    records = tuple(
-        FollowRecord(
-            str(r["name"]),
-            (r["rms_percent"][0] / 100.0, r["rms_percent"][1] / 100.0),
-            tuple(r["temperature_a_k"]),
-            tuple(r["temperature_b_k"]),
-            tuple(r["delay_s"]),
-            str(r.get("file", "")),
-            str(r.get("sha256", "")),
-        )
-        for r in tables.get("recordings", ())
-    )
+    pairs = {key: {name: (ends[0], ends[1]) for name, ends in tables.get(key, {}).items()} for key in PAIRS}
     return FollowFit(
-        Circuit.load(str(tables["circuit"])),
-        dict(tables["values"]),
-        dict(tables["units"]),
-        {name: (ends[0], ends[1]) for name, ends in tables["intervals"].items()},
-        {name: (ends[0], ends[1]) for name, ends in tables.get("spreads", {}).items()},
-        (),
-        records,
-        (),
-        tuple(tables.get("notes", ())),
-        model_intervals={name: (ends[0], ends[1]) for name, ends in tables.get("model_intervals", {}).items()},
+        circuit=Circuit.load(str(tables["circuit"])),
+        values=dict(tables["values"]),
+        units=dict(tables["units"]),
+        undetermined=(),
+        records=tuple(map(FollowRecord.of_table, tables.get("recordings", ()))),
+        notes=tuple(tables.get("notes", ())),
         parts={name: tuple(values) for name, values in tables.get("parts", {}).items()},
+        **pairs,
     )
 
 

@@ -180,6 +180,11 @@ class FollowSolution:
         rest = self.rest(at)[:, (record.grid_s >= begin) & (record.grid_s <= end)]
         return np.sqrt(np.nanmean(rest**2, axis=1)) / record.ranges_pa
 
+    @property
+    def every_rms(self) -> list[Array]:
+        """The residuals of all recordings; see `rms`."""
+        return [self.rms(at) for at in range(len(self.problem.records))]
+
     def deviation(self, place: int) -> float:
         """Return the half width of the 95 % interval of a number, or of the logarithm of a shared number."""
         half = float(student.ppf(0.975, self.freedom) * np.sqrt(self.covariance[place, place]))

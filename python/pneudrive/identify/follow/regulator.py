@@ -20,8 +20,9 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.errors import DescriptionError, FitError
+from pneudrive.identify.base import CardFit
 from pneudrive.numbers import plain
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.repr_tables import Card
 from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.simulation.trajectory import whole
 
@@ -38,6 +39,17 @@ if TYPE_CHECKING:
 
 NAMES = ("gain_pa", "offset_pa", "filling_s", "venting_s")
 KIND = "regulator-fit"  # of its file
+SHARES = ("rms", "held", "predicted")  # in percent in the file
+TABLES = (
+    "correlation",
+    "dead_time_s",
+    "undetermined",
+    "values",
+    "intervals",
+    "spread",
+    "runs",
+    "sha256",
+)  # as they are
 BLOCK_S = 1.0  # blocks of time for the covariance
 TIED = 0.95  # correlation of gain and offset above which the recordings do not separate them
 TURNED = 0.2  # relative spread from run to run above which a number differs between runs
@@ -90,7 +102,7 @@ def _absolute(pressure: units.Pressure, ambient_pa: float) -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RegulatorFit(Shown):
+class RegulatorFit(CardFit):
     """Lag and gain of a regulator.
 
     Attributes
@@ -120,15 +132,15 @@ class RegulatorFit(Shown):
 
     name: str
     values: dict[str, float]
-    intervals: dict[str, tuple[float, float]]
     runs: dict[str, dict[str, float]]
-    spread: dict[str, float]
     rms: float
     predicted: float
     held: float
-    correlation: float
-    dead_time_s: tuple[float, float]
-    undetermined: tuple[str, ...]
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    spread: dict[str, float] = field(default_factory=dict)
+    correlation: float = np.nan
+    dead_time_s: tuple[float, float] = (0.0, 0.0)
+    undetermined: tuple[str, ...] = ()
     series: dict[str, tuple[Array, Array, Array]] = field(default_factory=dict, repr=False)
     sha256: dict[str, str] = field(default_factory=dict, repr=False)
 
@@ -145,30 +157,12 @@ class RegulatorFit(Shown):
             rows.append(("predicted runs", f"{100 * self.predicted:.2f} % of the range"))
         return Card(f"{self.name}: {len(self.runs)} runs", rows=rows, notes=list(self.undetermined))
 
-    def __str__(self) -> str:
-        """Return values, intervals and statements as text."""
-        card = self._card()
-        return "\n".join([card.title, *(f"  {name}: {text}" for name, text in card.rows), *map(str, card.notes)])
-
     def to_toml(self, path: str | Path) -> Path:
         """Write the fit."""
-        tables = {
-            "kind": KIND,
-            "name": self.name,
-            "version": __version__,
-            "rms_percent": 100.0 * self.rms,
-            "held_percent": 100.0 * self.held,
-            **({"predicted_percent": 100.0 * self.predicted} if np.isfinite(self.predicted) else {}),
-            "correlation": self.correlation,
-            "dead_time_s": list(self.dead_time_s),
-            "undetermined": list(self.undetermined),
-            "values": self.values,
-            "intervals": {name: list(ends) for name, ends in self.intervals.items()},
-            "spread": self.spread,
-            "runs": self.runs,
-            "sha256": self.sha256,
-        }
+        head = {"kind": KIND, "name": self.name, "version": __version__}
+        shares = {f"{key}_percent": 100.0 * getattr(self, key) for key in SHARES if np.isfinite(getattr(self, key))}
         with whole(Path(path)) as temporary:
+            tables = head | shares | {key: getattr(self, key) for key in TABLES}
             temporary.write_text(toml.write(tables), encoding="utf-8")
         return Path(path)
 
@@ -189,13 +183,10 @@ def read_regulator_fit(path: str | Path) -> RegulatorFit | None:
     missing += [f"values.{name}" for name in NAMES if name not in tables.get("values", NAMES)]
     if missing:
         raise FitError("the fit of a regulator is not complete", where=str(path), value=f"missing: {missing[0]}")
-    return RegulatorFit(
-        str(tables.get("name", Path(path).stem)), dict(tables["values"]), tables.get("intervals", {}), tables["runs"],
-        tables.get("spread", {}), tables["rms_percent"] / 100.0, tables.get("predicted_percent", np.nan) / 100.0,
-        tables.get("held_percent", np.nan) / 100.0, tables.get("correlation", np.nan),
-        tuple(tables.get("dead_time_s", (0.0, 0.0))), tuple(tables.get("undetermined", ())),
-        sha256=dict(tables.get("sha256", {})),
-    )  # fmt: skip
+    known = {key: tables[key] for key in TABLES if key in tables}
+    known |= {key: tuple(known[key]) for key in ("dead_time_s", "undetermined") if key in known}
+    shares = {key: tables.get(f"{key}_percent", np.nan) / 100.0 for key in SHARES}
+    return RegulatorFit(str(tables.get("name", Path(path).stem)), **shares, **known)
 
 
 def identify_regulator(
@@ -244,15 +235,21 @@ def identify_regulator(
     for name, value in spread.items():
         if value > TURNED:
             lost.append(f"{name} differs from run to run by {100 * value:.0f} %")
-    shown = {}
-    for r in records:
-        shown[r.name] = (r.time_s, r.pressure_pa, r.pressure_pa - 1e5 * _residual(solved, [r]))
     return RegulatorFit(
-        described.name, _named(solved), intervals, runs, spread, 1e5 * rms / span,
-        1e5 * float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))) / span if predicted else float("nan"),
-        1e5 * float(np.sqrt(np.mean(held.fun**2))) / span, correlation, dead, tuple(lost), shown,
-        {r.name: r.sha256 for r in records},
-    )  # fmt: skip
+        name=described.name,
+        values=_named(solved),
+        runs=runs,
+        rms=1e5 * rms / span,
+        predicted=1e5 * float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))) / span if predicted else float("nan"),
+        held=1e5 * float(np.sqrt(np.mean(held.fun**2))) / span,
+        intervals=intervals,
+        spread=spread,
+        correlation=correlation,
+        dead_time_s=dead,
+        undetermined=tuple(lost),
+        series={r.name: (r.time_s, r.pressure_pa, r.pressure_pa - 1e5 * _residual(solved, [r])) for r in records},
+        sha256={r.name: r.sha256 for r in records},
+    )
 
 
 def _values(point: Array) -> Array:
