@@ -19,7 +19,7 @@ with used_later(__name__):
     from pneudrive.describe.files import load
     from pneudrive.friction import characterisation, friction_map
     from pneudrive.identify import files
-    from pneudrive.identify.export import convert
+    from pneudrive.identify import export as friction_export
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import friction_curve
     from pneudrive.report import speed, study
@@ -85,7 +85,7 @@ def export(
     pneudrive export fit.toml --to modelica --out friction.mo
     """
     if to not in _WHOLE:
-        convert.check_tool(to)
+        friction_export.check_tool(to)
     check_used(context, to, _USED)
     if to in _WHOLE:
         _export_whole(source, to, out, fmi, actuator=actuator, initial=initial)
@@ -98,7 +98,7 @@ def export(
         curve = friction_curve.curve_of_drive(content, between, *pressures)
     else:
         curve = content.curve(*pressures, between)
-    done = convert.export(curve, to)
+    done = friction_export.export(curve, to)
     if out is None:
         sys.stdout.write(done.text)
         return

@@ -12,7 +12,7 @@ from pneudrive.estimate.estimates import changed, student
 from pneudrive.estimate.levels import distinct_levels, weak_coordinates
 from pneudrive.identify.base import Undetermined
 from pneudrive.identify.sentences import sentences
-from pneudrive.identify.static.robust import RobustEstimate, deviance, estimate, profile_intervals, with_scatter
+from pneudrive.identify.static.robust import RobustEstimate, estimate, profile_intervals, with_scatter
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from pneudrive.identify.static.model import FrictionModel, Observations
 
     Array = NDArray[np.float64]
+
+Ends = dict[str, tuple[float, float]]
 
 #: Difference of gauge pressures below which they are one level: about 0.5 % of a 10 bar transducer.
 SAME_PRESSURE_PA = 5e3
@@ -151,45 +153,22 @@ def _collinear(a: Array, b: Array) -> bool:
     return bool(np.std(b - slope * a - intercept) < 0.5 * SAME_PRESSURE_PA)
 
 
-def diagnose(
-    model: FrictionModel,
-    data: Observations,
-    found: RobustEstimate,
-    intervals: dict[str, tuple[float, float]],
-) -> list[Undetermined]:
-    """Return statements on free parameters that the data do not limit.
-
-    Parameters
-    ----------
-    model, data, found, intervals
-        As in the fit.
-    """
-    said = _stribeck(model, data, found, intervals) if model.stribeck else []
-    said += _lost(np.array(model.names)[weak_coordinates(found.jacobian)].tolist(), "weak")
+def diagnose(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
+    """Return statements on free parameters that the data do not limit."""
+    names = found.model.names
+    said = _stribeck(found, intervals) if found.model.stribeck else []
+    said += _lost(np.array(names)[weak_coordinates(found.jacobian)].tolist(), "weak")
     for name, (lower, upper) in intervals.items():
         open_below = name in {"stribeck_velocity", "stribeck_exponent"} and lower <= 0.0
         if open_below or not np.isfinite([lower, upper]).all():
             said += _lost([name], "open")
     first = {one.parameter: one for one in reversed(said)}
-    return [first[n] for n in model.names if n in first]
+    return [first[n] for n in names if n in first]
 
 
-def without_support(
-    model: FrictionModel,
-    data: Observations,
-    found: RobustEstimate,
-    intervals: dict[str, tuple[float, float]],
-    excess_p_value: float | None,
-) -> tuple[FrictionModel, list[Undetermined]]:
-    """Return the law without a part that the values do not support; `model` itself if they support all of it.
-
-    Parameters
-    ----------
-    model, data, found, intervals
-        As in the fit.
-    excess_p_value : float or None
-        Probability by chance of a Stribeck part as large as the found one.
-    """
+def without_support(found: RobustEstimate, intervals: Ends) -> tuple[FrictionModel, list[Undetermined]]:
+    """Return the law without a part that the values do not support; the law itself if they support all of it."""
+    model, data, excess_p_value = found.model, found.data, _excess_p_value(found)
     span, fastest = _span(data), float(data.speed_m_s.max())
     if model.stribeck and excess_p_value is not None and excess_p_value > CHANCE:
         names = _curve_names(model) + [f"breakaway_{c}" for c in "ab" if any(c in ch for ch in model.chambers)]
@@ -210,11 +189,9 @@ def without_support(
     return model, []
 
 
-def _stribeck(
-    model: FrictionModel, data: Observations, found: RobustEstimate, intervals: dict[str, tuple[float, float]]
-) -> list[Undetermined]:
+def _stribeck(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
     """Return statements on parts of the Stribeck curve outside the measured levels."""
-    theta = dict(zip(model.names, model.natural(found.q), strict=True))
+    theta, data = found.natural, found.data
     vs, span = theta["stribeck_velocity"], _span(data)
     curve, lower_upper = ("breakaway", "stribeck_velocity"), intervals["stribeck_velocity"]
     out = []
@@ -246,13 +223,11 @@ NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
 
 @dataclass(frozen=True)
 class Support:
-    """Part of a law that the values support, with its estimate."""
+    """Estimate of the part of a law that the values support; the standard errors of its values include the scatter."""
 
-    model: FrictionModel
-    data: Observations
     found: RobustEstimate
     scatter_n: float
-    intervals: dict[str, tuple[float, float]]
+    intervals: Ends
     lost: list[Undetermined]
 
 
@@ -260,106 +235,83 @@ def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) ->
     """Fit a law without unsupported parts, which would only widen the intervals of the other parameters."""
     lost: list[Undetermined] = []
     while True:
-        data, found, scatter, dof = estimated(model, stated, loss)
-        intervals = interval_over_knees(model, data, found, student(dof), loss)
-        smaller, statements = without_support(model, data, found, intervals, _excess_p_value(model, data, found, dof))
+        found, scatter = estimated(model, stated, loss)
+        intervals = interval_over_knees(found, student(found.dof), loss)
+        smaller, statements = without_support(found, intervals)
         if smaller == model:
-            return Support(model, data, found, scatter, intervals, lost)
+            return Support(found, scatter, intervals, lost)
         model, lost = smaller, lost + statements
 
 
-def as_it_is(model: FrictionModel, data: Observations, loss: str) -> Support:
-    """Fit the whole law without profile intervals, for repeated predictions."""
-    data, found, scatter, _ = estimated(model, data, loss)
-    return Support(model, data, found, scatter, {}, [])
-
-
-def estimated(model: FrictionModel, data: Observations, loss: str) -> tuple[Observations, RobustEstimate, float, int]:
-    """Return the values with their scatter, the estimate of a law, the scatter, and the degrees of freedom."""
+def estimated(model: FrictionModel, data: Observations, loss: str) -> tuple[RobustEstimate, float]:
+    """Return the estimate of a law, and the scatter of the values."""
     dof = len(data) - len(model.names) - model.chosen
     found = estimate(model, data, loss=loss if dof > 0 else "linear", fixed_scale=dof == 0)
-    return *with_scatter(model, data, found, loss=loss), dof
+    return with_scatter(found, loss)
+
+
+def _largest_gauge(data: Observations) -> float:
+    return float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
 
 
 def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionModel:
     """Choose the most likely knee of a saturating dependence on pressure among a few."""
     if model.pressure != "saturating" or not model.chambers:
         return model
-    top = float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
-    starts: list[Array] = []
-    best, least, chosen = model, np.inf, 1.0
+    top, starts, sizes = _largest_gauge(data), [], {}
     for share in KNEES[::-1]:  # beginning nearest to a straight line, each starts from the estimate before
-        tried = replace(model, knee_pa=share * top)
-        found = estimate(tried, data, loss=loss, starts=starts)
-        starts, size = [found.q], deviance(data, found)
-        if size < least:
-            best, least, chosen = tried, size, share
-    for share in chosen * FINER:
+        found = estimate(replace(model, knee_pa=share * top), data, loss=loss, starts=starts)
+        starts, sizes[share] = [found.q], found.deviance
+    for share in min(sizes, key=lambda one: sizes[one]) * FINER:
         if KNEES[0] <= share <= KNEES[-1]:
-            tried = replace(model, knee_pa=share * top)
-            size = deviance(data, estimate(tried, data, loss=loss, starts=starts))
-            if size < least:
-                best, least = tried, size
-    return best
+            found = estimate(replace(model, knee_pa=share * top), data, loss=loss, starts=starts)
+            sizes.setdefault(share, found.deviance)
+    return replace(model, knee_pa=min(sizes, key=lambda one: sizes[one]) * top)
 
 
-def interval_over_knees(
-    model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float, loss: str
-) -> dict[str, tuple[float, float]]:
+def interval_over_knees(found: RobustEstimate, quantile: float, loss: str) -> Ends:
     """Return profile intervals over all knees that the values allow: at a single knee they would be far too narrow."""
-    out = profile_intervals(model, data, found, quantile)
+    out, model = profile_intervals(found, quantile), found.model
     if model.knee_pa is None:
         return out
-    top = float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
-    least = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
-    pseudo = replace(data, friction_n=found.pseudo)
+    top, least = _largest_gauge(found.data), found.pseudo_cost
     for side in (NEIGHBOURS, 1.0 / NEIGHBOURS):
         for knee in model.knee_pa * side:
             if not KNEES[0] * top <= knee <= KNEES[-1] * top:
                 break
-            tried = replace(model, knee_pa=float(knee))
-            near = estimate(tried, pseudo, loss="linear", starts=[found.q])
-            near = replace(near, pseudo=found.pseudo, variance=found.variance)
-            more = profile_intervals(tried, data, near, quantile, least)
+            near = found.of_pseudo(replace(model, knee_pa=float(knee)), [found.q])
+            more = profile_intervals(near, quantile, least)
             if not more:
                 break
             out = {n: (min(low, more[n][0]), max(high, more[n][1])) for n, (low, high) in out.items()}
     return out
 
 
-def interval_over_shapes(support: Support) -> dict[str, tuple[float, float]]:
+def interval_over_shapes(support: Support) -> Ends:
     """Return the intervals of the forces over all Stribeck shapes that fit as well as the chosen one.
 
     The shape at low speed is not known, and the breakaway force depends on it. Parameters of the shape keep their own
     intervals. The chosen exponent is one of several usual values, so that at a single one the intervals are too narrow.
     """
-    model, data, found = support.model, support.data, support.found
-    out, dof = dict(support.intervals), len(data) - len(model.names) - model.chosen
-    if not model.stribeck or model.exponent is None or dof < 1:
+    found, model, out = support.found, support.found.model, dict(support.intervals)
+    if not model.stribeck or model.exponent is None or found.dof < 1:
         return out
-    least = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
-    pseudo = replace(data, friction_n=found.pseudo)
     for exponent, lorentzian in SHAPES:
-        if (exponent, lorentzian) == (model.exponent, model.lorentzian):
-            continue
-        shape = replace(model, exponent=exponent, lorentzian=lorentzian)
-        near = replace(estimate(shape, pseudo, loss="linear"), pseudo=found.pseudo, variance=found.variance)
-        more = profile_intervals(shape, data, near, student(dof), least)
-        for name in (n for n in more if not n.startswith("stribeck_")):
-            out[name] = (min(out[name][0], more[name][0]), max(out[name][1], more[name][1]))
+        if (exponent, lorentzian) != (model.exponent, model.lorentzian):
+            near = found.of_pseudo(replace(model, exponent=exponent, lorentzian=lorentzian))
+            more = profile_intervals(near, student(found.dof), found.pseudo_cost)
+            for name in (n for n in more if not n.startswith("stribeck_")):
+                out[name] = (min(out[name][0], more[name][0]), max(out[name][1], more[name][1]))
     return out
 
 
-def _excess_p_value(model: FrictionModel, data: Observations, found: RobustEstimate, dof: int) -> float | None:
+def _excess_p_value(found: RobustEstimate) -> float | None:
     """Return the p-value of the Stribeck part by an F-test against the law without it, on the same pseudo-values."""
     from scipy.special import fdtrc
 
-    if not model.stribeck or dof < 1:
+    if not found.model.stribeck or found.dof < 1:
         return None
-    smaller = model.without_stribeck()
-    pseudo = replace(data, friction_n=found.pseudo)
-    without = estimate(smaller, pseudo, loss="linear")
-    cost = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
-    extra = len(model.names) - len(smaller.names)
-    gain = float(np.sum(without.residual**2)) - cost
-    return float(fdtrc(extra, dof, max(gain, 0.0) / extra / found.variance))
+    without = found.of_pseudo(found.model.without_stribeck())
+    extra = len(found.model.names) - len(without.model.names)
+    gain = float(np.sum(without.residual**2)) - found.pseudo_cost
+    return float(fdtrc(extra, found.dof, max(gain, 0.0) / extra / found.variance))

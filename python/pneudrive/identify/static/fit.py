@@ -18,7 +18,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import changed, student
-from pneudrive.estimate.levels import covariance_of, shift_of, weak_coordinates
+from pneudrive.estimate.levels import weak_coordinates
 from pneudrive.estimate.losses import LOSSES
 from pneudrive.estimate.profile import profile_interval
 from pneudrive.estimate.transforms import intervals
@@ -43,7 +43,7 @@ from pneudrive.identify.static.model import (
 )
 from pneudrive.identify.static.observations import ambient_of, fingerprint, observations, recordings_of, simulated
 from pneudrive.identify.static.result import FrictionFit, LawFit
-from pneudrive.identify.static.robust import deviance, estimate
+from pneudrive.identify.static.robust import estimate
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from pneudrive.describe.tables.friction import Friction
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Undetermined
-    from pneudrive.identify.static.model import StaticLaw
     from pneudrive.identify.static.robust import RobustEstimate
 
     Array = NDArray[np.float64]
@@ -196,7 +195,7 @@ def fit_values(
     said = [*notes, *_confounding(data, pressure is not None)]
     model, lost = choose_model(wanted, data, pressure=pressure)
     support = shrunk_to_the_data(with_knee(model, data, loss), data, loss)
-    lost += support.lost + diagnose(support.model, support.data, support.found, support.intervals)
+    lost += support.lost + diagnose(support.found, support.intervals)
     said += _remarks(support)
     support = replace(support, intervals=interval_over_shapes(support)) if any_shape else support
     provenance = {"version": __version__, "map_sha256": fingerprint(data), "loss": loss, **_ranges(data)}
@@ -212,20 +211,20 @@ def _ranges(data: Observations) -> dict[str, object]:
 
 
 def _remarks(support: Support) -> list[str]:
-    said = []
+    said, found = [], support.found
     if support.scatter_n > 0.0:
         said.append(
             f"the levels scatter by {support.scatter_n:.2g} N more than their standard errors (runs differ, or the "
             "law does not hold); weights and intervals include this scatter"
         )
-    if len(support.data) == len(support.model.names):
+    if len(found.data) == len(found.model.names):
         said.append(
             "as many values as parameters: the intervals depend only on the stated standard errors, and a further run "
             "may lie far outside them"
         )
-    if np.isfinite(support.found.rival):
+    if np.isfinite(found.rival):
         said.append(
-            f"another estimate, with a Stribeck velocity of {1e3 * support.found.rival:.3g} mm/s, fits almost as well: "
+            f"another estimate, with a Stribeck velocity of {1e3 * found.rival:.3g} mm/s, fits almost as well: "
             "the intervals cover both"
         )
     return said
@@ -264,24 +263,22 @@ def _confounding(data: Observations, pressure_dependence: bool) -> list[str]:
 
 def assembled(law: str, support: Support, lost: list[Undetermined], notes: list[str], provenance: dict) -> FrictionFit:
     """Return the fit of an estimate: natural parameters with covariance, intervals and statistics."""
-    model, data, found = support.model, support.data, support.found
-    theta = dict(zip(model.names, map(float, model.natural(found.q)), strict=True))
-    shared = dict(zip(model.names, map(float, systematic(model, data, found)), strict=True))
-    parameters = _parameters(law, model, theta)
+    found, model = support.found, support.found.model
+    parameters = _parameters(law, model, found.natural)
     return FrictionFit(
         law=law,
         values=parameters,
         units={n: unit_of(n) for n in (*parameters, *model.names)},
         free=model.names,
-        covariance=covariance(model, found),
+        covariance=found.covariance,
         intervals=support.intervals,
-        systematic=shared,
+        systematic=found.systematic,
         undetermined=tuple(lost),
         notes=tuple(notes),
-        statistics=statistics_of(model, data, found, support.scatter_n),
+        statistics=found.statistics(support.scatter_n),
         provenance=provenance,
         model=model,
-        observations=data,
+        observations=found.data,
         weights=found.weight,
         profiler=support.intervals.__getitem__,
     )
@@ -303,44 +300,6 @@ def _parameters(law: str, model: FrictionModel, theta: dict[str, float]) -> dict
         elif f"{name}b" in theta:  # coulomb_ab -> both chambers
             parameters[name] = parameters[f"{name[:-1]}b"] = theta[f"{name}b"]
     return parameters
-
-
-def statistics_of(
-    model: StaticLaw, data: Observations, found: RobustEstimate, scatter_n: float = 0.0
-) -> dict[str, float]:
-    """Return the statistics of a fit; AICc and BIC come from the deviance."""
-    residual, n = found.residual, len(data)
-    weighted_mean = float(np.average(data.friction_n, weights=data.stderr_n**-2))
-    spread = float(np.sum(((data.friction_n - weighted_mean) / data.stderr_n) ** 2))
-    k, fit = len(model.names) + model.chosen + 1, deviance(data, found)
-    small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
-    return {
-        "values": float(n),
-        "degrees_of_freedom": float(n - len(model.names) - model.chosen),
-        "scale": found.scale,
-        "variance": found.variance,
-        "scatter_n": scatter_n,
-        "rms_n": float(np.sqrt(np.mean((residual * data.stderr_n) ** 2))),
-        "outlying": float(np.sum(found.weight < 0.5)),
-        "fit_percent": 100.0 * (1.0 - float(np.sqrt(np.sum(residual**2) / spread))) if spread > 0.0 else float("nan"),
-        "starts": float(found.starts),
-        "starts_agreeing": float(found.agreeing),
-        "aicc": fit + 2.0 * k + small,
-        "bic": fit + k * float(np.log(n)),
-    }
-
-
-def covariance(model: StaticLaw, found: RobustEstimate) -> Array:
-    """Return the covariance in natural units, without directions that the data do not determine (open intervals)."""
-    to_natural = model.natural_jacobian(found.q)
-    matrix = to_natural @ covariance_of(found.jacobian, found.variance) @ to_natural.T
-    return 0.5 * (matrix + matrix.T)
-
-
-def systematic(model: StaticLaw, data: Observations, found: RobustEstimate) -> Array:
-    """Return the standard uncertainty of each parameter from errors shared by all rows, to first order."""
-    shift = shift_of(found.jacobian, data.u_systematic_n / data.stderr_n)
-    return np.abs(model.natural_jacobian(found.q) @ shift)
 
 
 #: Relative sensitivity of friction below which a parameter counts as without effect.
@@ -397,8 +356,8 @@ def fit_any_law(
             value=f"{len(data)} values, {len(model.names)} parameters",
         )
     found = estimate(model, data, loss=loss)
-    matrix, theta = covariance(model, found), model.natural(found.q)
-    reach = student(len(data) - len(model.names)) * np.sqrt(np.diag(matrix))
+    matrix, theta = found.covariance, model.natural(found.q)
+    reach = student(found.dof) * np.sqrt(np.diag(matrix))
     low, high = intervals(theta, reach, model.transforms.lower)
     lost = weak_coordinates(found.jacobian) | found.active
     origin = {
@@ -417,23 +376,23 @@ def fit_any_law(
         free=model.names,
         covariance=matrix,
         intervals={n: (float(a), float(b)) for n, a, b in zip(model.names, low, high, strict=True)},
-        systematic=dict(zip(model.names, systematic(model, data, found).tolist(), strict=True)),
+        systematic=found.systematic,
         undetermined=tuple(n for n, is_lost in zip(model.names, lost, strict=True) if is_lost),
         unseen=tuple(n for n in known if n not in seen),
         notes=tuple(simulated(friction_map)),
-        statistics=statistics_of(model, data, found),
+        statistics=found.statistics(),
         provenance=origin,
         observations=data,
-        profiler=partial(_profile, model, data, found),
+        profiler=partial(_profile, found),
     )
 
 
-def _profile(model: AnyLaw, data: Observations, found: RobustEstimate, name: str) -> tuple[float, float]:
+def _profile(found: RobustEstimate, name: str) -> tuple[float, float]:
     """Return the interval of one parameter by profile likelihood, on the pseudo-values of the estimate."""
-    k, theta = model.names.index(name), model.natural(found.q)
-    is_positive, spread = bool(model.positive[k]), float(np.sqrt(covariance(model, found)[k, k]))
-    pseudo = replace(data, friction_n=found.pseudo)
-    reach = student(len(data) - len(model.names))
+    model, theta = found.model, found.model.natural(found.q)
+    k = model.names.index(name)
+    is_positive, spread = bool(model.positive[k]), float(np.sqrt(found.covariance[k, k]))
+    reach = student(found.dof)
     top = model.entries()[k]["upper"]
     upper = np.inf if top is None else float(top)
 
@@ -442,16 +401,15 @@ def _profile(model: AnyLaw, data: Observations, found: RobustEstimate, name: str
 
     def held(coordinate: float, start: Array) -> tuple[float, Array]:
         tried = model.without(name, natural(coordinate), start)
-        q = tried.internal(tried.given)
+        q, data = tried.internal(tried.given), found.data
         if tried.names:
-            q = estimate(tried, pseudo, loss="linear", starts=[q]).q
+            q = found.of_pseudo(tried, [q]).q
         cost = float(np.sum(((found.pseudo - tried.value(q, data)) / data.stderr_n) ** 2))
         return cost, np.insert(tried.natural(q), k, natural(coordinate))
 
     at, step = (float(np.log(theta[k])), spread / theta[k]) if is_positive else (float(theta[k]), spread)
-    least = float(np.sum(((found.pseudo - model.value(found.q, data)) / data.stderr_n) ** 2))
     farthest = FARTHEST_LOG if is_positive else np.inf
-    low, high = profile_interval(held, theta, at, reach * step, least, found.variance * reach**2, farthest)
+    low, high = profile_interval(held, theta, at, reach * step, found.pseudo_cost, found.variance * reach**2, farthest)
     return natural(low), natural(high)
 
 

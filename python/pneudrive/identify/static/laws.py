@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.levels import distinct_levels
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
-from pneudrive.identify.static.diagnose import as_it_is, choose_model, with_knee
+from pneudrive.identify.static.diagnose import Support, choose_model, estimated, with_knee
 from pneudrive.identify.static.fit import assembled, fit_values
 from pneudrive.identify.static.model import PRESSURE_FORMS, FrictionModel
 from pneudrive.identify.static.observations import ambient_of, observations
@@ -323,8 +323,8 @@ def _without(model: FrictionModel, form: str | None, rest: Observations, loss: s
     """Fit some of the values by the part of the law that all values determine."""
     plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
-    support = as_it_is(with_knee(chosen, rest, loss), rest, loss)
-    return assembled(model.law, support, lost, [], {"direction": "both"})
+    found, scatter = estimated(with_knee(chosen, rest, loss), rest, loss)
+    return assembled(model.law, Support(found, scatter, {}, []), lost, [], {"direction": "both"})
 
 
 def _condition(at: Observations) -> str:

@@ -670,8 +670,8 @@ def profiles(
         The map is not that of the fit.
     """
     loss = str(fit.provenance["loss"])
-    data, found, _, dof = estimated(fit.model, _values(fit, friction_map), loss)
-    each = [interval_over_knees(fit.model, data, found, student(dof, share), loss) for share in probabilities]
+    found, _ = estimated(fit.model, _values(fit, friction_map), loss)
+    each = [interval_over_knees(found, student(found.dof, share), loss) for share in probabilities]
     return {name: np.array([one[name] for one in each]) for name in fit.free}
 
 

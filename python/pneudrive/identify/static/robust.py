@@ -1,32 +1,28 @@
-"""Robust weighted least squares for the sliding laws: start values, Huber estimate, scale, covariance.
+"""Robust weighted least squares for the sliding laws: start values, Huber estimate, scale, covariance, profiles.
 
 The estimate is Huber's M-estimator with his "proposal 2" for the scale. Its covariance and the equivalent least squares
 problem (pseudo-values, used by the profile intervals) follow [huber2009].
 
-Scatter between levels beyond their standard errors.
-
 Two runs of one seal can differ much more than the strokes within each run. If values were weighted only by the standard
 error of the strokes, the run with the least noise would dominate the fit. As in the random-effects model of a
-meta-analysis, one variance
-for all levels is added to those of the strokes, so that the residuals agree with it [paule1982].
-
-Profile-likelihood intervals of a sliding law.
+meta-analysis, one variance for all levels is added to those of the strokes, so that the residuals agree with it
+[paule1982].
 
 At a given Stribeck velocity and exponent, the law is linear in all other parameters. The profile therefore needs no
 repeated fits: over a grid of these two parameters, linear least squares gives the cost, the best forces and their
-variances. The interval
-of a parameter is the union over the grid of values below the threshold of the cost. Unlike value +- t * standard error,
-it is open if the data do not bound the parameter.
+variances. The interval of a parameter is the union over the grid of values below the threshold of the cost. Unlike
+value +- t * standard error, it is open if the data do not bound the parameter.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.estimate.estimates import robust_deviation
+from pneudrive.estimate.levels import covariance_of, shift_of
 from pneudrive.estimate.losses import LINEAR, LOSSES, Loss
 from pneudrive.identify.static.model import EXPONENT_BOUNDS
 
@@ -51,10 +47,12 @@ HARDLY_WORSE = 1.92
 
 @dataclass(frozen=True)
 class RobustEstimate:
-    """Robust estimate in internal coordinates.
+    """Robust estimate of a law from values, in internal coordinates.
 
     Attributes
     ----------
+    model : StaticLaw
+    data : Observations
     q : ndarray, shape (p,)
     scale : float
         Robust standard deviation of the whitened residuals (1 if the stated standard errors are right).
@@ -78,6 +76,8 @@ class RobustEstimate:
         Stribeck velocity, m/s, of another estimate that is not significantly worse (p > 0.05); NaN without one.
     """
 
+    model: Any
+    data: Observations
     q: Array
     scale: float
     residual: Array
@@ -90,6 +90,72 @@ class RobustEstimate:
     starts: int = 1
     agreeing: int = 1
     rival: float = float("nan")
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom: values less parameters."""
+        return len(self.data) - len(self.model.names) - self.model.chosen
+
+    @property
+    def natural(self) -> dict[str, float]:
+        """Parameters by name, SI."""
+        return dict(zip(self.model.names, map(float, self.model.natural(self.q)), strict=True))
+
+    @property
+    def deviance(self) -> float:
+        """Twice the negative log-likelihood of the density with the loss as logarithm [huber2009], up to a constant.
+
+        The density is normal for a quadratic loss.
+        """
+        return 2.0 * (self.cost + len(self.data) * np.log(self.scale) + float(np.sum(np.log(self.data.stderr_n))))
+
+    @property
+    def pseudo_cost(self) -> float:
+        """Sum of squares of the pseudo-values about the model."""
+        return float(np.sum(((self.pseudo - self.model.value(self.q, self.data)) / self.data.stderr_n) ** 2))
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance in natural units, without directions that the data do not determine (open intervals)."""
+        to_natural = self.model.natural_jacobian(self.q)
+        matrix = to_natural @ covariance_of(self.jacobian, self.variance) @ to_natural.T
+        return 0.5 * (matrix + matrix.T)
+
+    @property
+    def systematic(self) -> dict[str, float]:
+        """Standard uncertainty of each parameter from errors shared by all rows, to first order."""
+        shift = shift_of(self.jacobian, self.data.u_systematic_n / self.data.stderr_n)
+        sizes = np.abs(self.model.natural_jacobian(self.q) @ shift)
+        return dict(zip(self.model.names, sizes.tolist(), strict=True))
+
+    def of_pseudo(self, model: StaticLaw, starts: Sequence[Array] = ()) -> RobustEstimate:
+        """Return the plain estimate of another law from the pseudo-values, with their variance."""
+        pseudo = replace(self.data, friction_n=self.pseudo)
+        other = estimate(model, pseudo, loss="linear", starts=starts)
+        return replace(other, data=self.data, pseudo=self.pseudo, variance=self.variance)
+
+    def statistics(self, scatter_n: float = 0.0) -> dict[str, float]:
+        """Return the statistics of a fit; AICc and BIC come from the deviance."""
+        residual, n, stderr = self.residual, len(self.data), self.data.stderr_n
+        weighted_mean = float(np.average(self.data.friction_n, weights=stderr**-2))
+        spread = float(np.sum(((self.data.friction_n - weighted_mean) / stderr) ** 2))
+        k = n - self.dof + 1
+        small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
+        explained = 1.0 - float(np.sqrt(np.sum(residual**2) / spread)) if spread > 0.0 else float("nan")
+        return {
+            "values": float(n),
+            "degrees_of_freedom": float(self.dof),
+            "scale": self.scale,
+            "variance": self.variance,
+            "scatter_n": scatter_n,
+            "rms_n": float(np.sqrt(np.mean((residual * stderr) ** 2))),
+            "outlying": float(np.sum(self.weight < 0.5)),
+            "fit_percent": 100.0 * explained,
+            "starts": float(self.starts),
+            "starts_agreeing": float(self.agreeing),
+            "aicc": self.deviance + 2.0 * k + small,
+            "bic": self.deviance + k * float(np.log(n)),
+        }
 
 
 def estimate(
@@ -150,14 +216,6 @@ def estimate(
 
 def _freedom(model: StaticLaw, data: Observations) -> int:
     return max(len(data) - len(model.names) - model.chosen, 1)
-
-
-def deviance(data: Observations, found: RobustEstimate) -> float:
-    """Return twice the negative log-likelihood of the density with the loss as logarithm [huber2009], up to a constant.
-
-    The density is normal for a quadratic loss.
-    """
-    return 2.0 * (found.cost + len(data) * np.log(found.scale) + float(np.sum(np.log(data.stderr_n))))
 
 
 def _residual(model: StaticLaw, q: Array, data: Observations) -> Array:
@@ -238,6 +296,8 @@ def _describe(
     if model.stribeck:  # an excess indistinguishable from zero counts as at its bound
         active[1] = active[1] or np.exp(q[1]) < 1e-6 * np.max(np.abs(data.friction_n))
     return RobustEstimate(
+        model=model,
+        data=data,
         q=q,
         scale=scale,
         residual=residual,
@@ -259,9 +319,7 @@ LEAST_DOF = 3
 CLEARLY = 6.6
 
 
-def with_scatter(
-    model: FrictionModel, data: Observations, found: RobustEstimate, *, loss: str
-) -> tuple[Observations, RobustEstimate, float]:
+def with_scatter(found: RobustEstimate, loss: str) -> tuple[RobustEstimate, float]:
     """Add a scatter to the standard errors if the residuals are too large and this makes them more likely.
 
     The alternative is an estimate without scatter, whose standard errors are too small by a common factor. The scatter
@@ -269,41 +327,38 @@ def with_scatter(
 
     Parameters
     ----------
-    model, data, found
-        Law, values, and estimate without scatter.
+    found : RobustEstimate
+        Estimate without scatter.
     loss : str
         As for the estimate.
 
     Returns
     -------
-    Observations, RobustEstimate, float
-        Values, estimate, and standard deviation of the scatter in N (0 without one).
+    RobustEstimate, float
+        Estimate, and standard deviation of the scatter in N (0 without one).
     """
     from scipy.optimize import brentq
     from scipy.special import chdtrc
 
-    dof = len(data) - len(model.names) - model.chosen
+    data, dof = found.data, found.dof
     even = np.ptp(data.stderr_n) <= 1e-6 * data.stderr_n.max()
     if dof < LEAST_DOF or even or chdtrc(dof, dof * found.scale**2) > CHANCE:
-        return data, found, 0.0
+        return found, 0.0
 
-    def spread(scatter: float) -> Observations:
-        return replace(data, stderr_n=np.hypot(data.stderr_n, scatter))
+    def widened(scatter: float, starts: Sequence[Array] = ()) -> RobustEstimate:
+        wider = replace(data, stderr_n=np.hypot(data.stderr_n, scatter))
+        return estimate(found.model, wider, loss=loss, starts=starts)
 
     def excess(log_scatter: float) -> float:
-        nearer = estimate(model, spread(float(np.exp(log_scatter))), loss=loss, starts=[found.q])
-        return float(np.log(nearer.scale))
+        return float(np.log(widened(float(np.exp(log_scatter)), [found.q]).scale))
 
     most = 2.0 * found.scale * float(data.stderr_n.max()) + 2.0 * float(np.ptp(data.friction_n))
     low, high = float(np.log(0.1 * data.stderr_n.min())), float(np.log(most))
     if excess(low) <= 0.0 or excess(high) >= 0.0:  # a scatter does not explain them
-        return data, found, 0.0
+        return found, 0.0
     scatter = float(np.exp(brentq(excess, low, high, xtol=1e-2)))  # pyright: ignore[reportCallIssue, reportArgumentType]
-    wider = spread(scatter)
-    again = estimate(model, wider, loss=loss)
-    if deviance(wider, again) < deviance(data, found) + CLEARLY:
-        return wider, again, scatter
-    return data, found, 0.0
+    again = widened(scatter)
+    return (again, scatter) if again.deviance < found.deviance + CLEARLY else (found, 0.0)
 
 
 FINE_POINTS = 161
@@ -317,16 +372,14 @@ SINGULAR_SHARE = 1e-7
 
 
 def profile_intervals(
-    model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float, least: float | None = None
+    found: RobustEstimate, quantile: float, least: float | None = None
 ) -> dict[str, tuple[float, float]]:
     """Return the intervals of all free parameters in natural units.
 
     Parameters
     ----------
-    model : FrictionModel
-    data : Observations
     found : RobustEstimate
-        Estimate; its pseudo-values and variance define the equivalent plain least squares problem.
+        Estimate of a `FrictionModel`; its pseudo-values and variance define the equivalent plain least squares problem.
     quantile : float
         Two-sided Student quantile of the requested probability.
     least : float, optional
@@ -338,6 +391,7 @@ def profile_intervals(
         Name -> (lower, upper). Empty if no value is below the threshold. An end without a bound from the data is
         infinite, or zero for a non-negative parameter.
     """
+    model, data = found.model, found.data
     y = found.pseudo / data.stderr_n
     allowed = found.variance * quantile**2
     best = float(np.sum((y - model.value(found.q, data) / data.stderr_n) ** 2))
@@ -345,7 +399,7 @@ def profile_intervals(
         if best > least + allowed:
             return {}
         best = least
-    velocities, exponents = _grid(model, data, found, quantile)
+    velocities, exponents = _grid(found, quantile)
     linear = [n for n in model.names if not n.startswith("stribeck_")]
     slack = np.empty((velocities.size, exponents.size))
     low = dict.fromkeys(model.names, np.inf)
@@ -366,7 +420,7 @@ def profile_intervals(
         low["stribeck_velocity"], high["stribeck_velocity"] = _crossings(velocities, slack.max(axis=1))
         if model.exponent is None:
             low["stribeck_exponent"], high["stribeck_exponent"] = _crossings(exponents, slack.max(axis=0))
-    return _close(model, data, found, low, high)
+    return _close(found, low, high)
 
 
 def _crossings(log_value: Array, slack: Array) -> tuple[float, float]:
@@ -385,12 +439,12 @@ def _crossings(log_value: Array, slack: Array) -> tuple[float, float]:
     return float(np.exp(edge(first, first - 1))), float(np.exp(edge(last, last + 1)))
 
 
-def _grid(model: FrictionModel, data: Observations, found: RobustEstimate, quantile: float) -> tuple[Array, Array]:
+def _grid(found: RobustEstimate, quantile: float) -> tuple[Array, Array]:
     """Return grids of log vs and log n: coarse over the whole range, fine about the estimate."""
-    nothing = np.zeros(1)
+    model, nothing = found.model, np.zeros(1)
     if not model.stribeck:
         return nothing, nothing
-    lower, upper = model.bounds(data)
+    lower, upper = model.bounds(found.data)
     size = np.linalg.norm(found.jacobian, axis=0)  # scaled, as squares of pressures are 1e10 times larger than forces
     size[size == 0.0] = 1.0
     information = found.jacobian.T @ found.jacobian / np.outer(size, size)
@@ -446,12 +500,10 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
     return np.einsum("gn,gn->g", rest, rest), value, np.where(lost, np.inf, spread)
 
 
-def _close(
-    model: FrictionModel, data: Observations, found: RobustEstimate, low: dict[str, float], high: dict[str, float]
-) -> dict[str, tuple[float, float]]:
+def _close(found: RobustEstimate, low: dict[str, float], high: dict[str, float]) -> dict[str, tuple[float, float]]:
     """Set ends that the data do not limit to infinity; for a non-negative parameter the lower end is zero."""
-    lower, upper = model.bounds(data)
-    estimate = dict(zip(model.names, model.natural(found.q), strict=True))
+    model, estimate = found.model, found.natural
+    lower, upper = model.bounds(found.data)
     out = {}
     for name in model.names:
         lo, hi = min(low[name], estimate[name]), max(high[name], estimate[name])
