@@ -18,8 +18,8 @@ with used_later(__name__):
     from pneudrive import report, units
     from pneudrive.describe.files import load
     from pneudrive.friction import characterisation, friction_map
-    from pneudrive.identify import files
     from pneudrive.identify import export as friction_export
+    from pneudrive.identify import files
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import friction_curve
     from pneudrive.report import speed, study
