@@ -12,7 +12,6 @@ import subprocess
 import threading
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError
@@ -165,7 +164,6 @@ class PageJobs:
     def __init__(self, workspace: Workspace) -> None:
         self.workspace = workspace
         self._lock = threading.Lock()
-        self._numbers = count(1)
         self.all: list[PageJob] = []
 
     def start(self, request: JobRequest) -> dict[str, Any]:
@@ -187,7 +185,7 @@ class PageJobs:
                 out.parent.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise CommandError(f"the folder of {request.out} cannot be made", value=error.strerror) from None
-            number = next(self._numbers)
+            number = len(self.all) + 1
             log = log_folder() / f"{number}-{secrets.token_hex(8)}.log"
             with log.open("xb") as file:
                 process = subprocess.Popen(

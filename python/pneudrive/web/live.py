@@ -43,38 +43,15 @@ AT_REST_M_S = 1e-3  # a piston slower than this is at rest
 LONG_REST = 20  # samples without motion that are marked as a rest
 
 
-class Mailbox:
-    """A place for one message. A new message replaces a message that was not taken yet."""
-
-    def __init__(self) -> None:
-        self._new = asyncio.Event()
-        self._message: str | None = None
-        self.dropped = 0
-
-    def put(self, message: str) -> None:
-        """Leave a message."""
-        self.dropped += self._message is not None
-        self._message = message
-        self._new.set()
-
-    async def take(self) -> str:
-        """Wait for a message and take it."""
-        await self._new.wait()
-        self._new.clear()
-        message, self._message = self._message, None
-        assert message is not None
-        return message
-
-
 async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semaphore) -> None:
     """Answer runs and views of recordings until the page disconnects."""
     await socket.accept(subprotocol=PROTOCOL)
-    mailbox, limit = Mailbox(), RunLimit(0.0)
+    waiting, limit = asyncio.Queue[str](1), RunLimit(0.0)
 
     async def work() -> None:
         nonlocal limit
         while True:
-            message = await mailbox.take()
+            message = await waiting.get()
             async with threads:
                 limit = RunLimit()
                 frame = await asyncio.to_thread(answer, workspace, message, limit)
@@ -84,7 +61,10 @@ async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semapho
     worker = asyncio.create_task(work())
     try:
         while True:
-            mailbox.put(await socket.receive_text())
+            message = await socket.receive_text()
+            if waiting.full():
+                waiting.get_nowait()  # a new request replaces one that was not begun
+            waiting.put_nowait(message)
     except (WebSocketDisconnect, KeyError):  # KeyError: the message has bytes instead of text
         pass
     finally:

@@ -58,6 +58,9 @@ class KeptRows(NamedTuple):
         return KeptRows(*rows, self.time_s[own], {name: self.values[name][own] for name in names})
 
 
+NOTHING = KeptRows(0, 0, np.empty(0), {})
+
+
 class KeptSamples:
     """The samples of one recording. Only the recording of the last view keeps samples.
 
@@ -71,7 +74,7 @@ class KeptSamples:
     def __init__(self, file: ChannelFile) -> None:
         self.file = file
         self.reads = 0
-        self._kept: KeptRows | None = None
+        self._kept = NOTHING
         self._reading = threading.Lock()
 
     def get(self, names: Sequence[str], rows: tuple[int, int]) -> KeptRows:
@@ -83,12 +86,10 @@ class KeptSamples:
             As for `pneudrive.files.tables.Table.get`.
         """
         kept = self._kept
-        if kept is None or not kept.holds(names, rows):
+        if not kept.holds(names, rows):
             with self._reading:  # the reading ahead in progress may contain them
                 kept = self._kept
-            if kept is None or not kept.holds(names, rows):
-                return self._read(names, rows)
-        return kept.part(names, rows)
+        return kept.part(names, rows) if kept.holds(names, rows) else self._read(names, rows)
 
     def ahead(self, names: Sequence[str], rows: tuple[int, int], count: int) -> None:
         """Read in the background the samples that views around and inside some rows need, unless half of them are kept.
@@ -103,7 +104,7 @@ class KeptSamples:
         """
         half = min(rows[1] - rows[0], MOST_ROWS // 3) // 2
         near, far = ((max(rows[0] - by, 0), min(rows[1] + by, count)) for by in (half, 2 * half))
-        if (self._kept is None or not self._kept.holds(names, near)) and self._reading.acquire(blocking=False):
+        if not self._kept.holds(names, near) and self._reading.acquire(blocking=False):
             threading.Thread(target=self._keep, args=(names, far), daemon=True).start()
 
     def _keep(self, names: Sequence[str], rows: tuple[int, int]) -> None:
@@ -112,7 +113,7 @@ class KeptSamples:
             with suppress(PneudriveError):  # the view that needs them reports the error
                 self._kept = self._read(names, rows)
                 if KeptSamples._last not in (None, self):
-                    KeptSamples._last._kept = None
+                    KeptSamples._last._kept = NOTHING
                 KeptSamples._last = self
         finally:
             self._reading.release()
