@@ -9,7 +9,7 @@ export interface Compared {
   python: string;
 }
 
-/** `names`: the files that are compared, where they are no states of one drive. */
+/** Table of the differences. `names` are the heads of the columns, for two files. */
 export function Differences({ values, lines, names: [before, after] = ["Before", "After"] }: Compared & { names?: string[] }) {
   if (!values.length) return <p role="status">No value differs.</p>;
   return (
