@@ -55,8 +55,8 @@ class Verb(IntEnum):
 
 
 @dataclass(frozen=True)
-class Kind:
-    """Kind of a node, as ``kinds.toml`` lists it; its unit and field may be empty."""
+class NodeKind:
+    """NodeKind of a node, as ``kinds.toml`` lists it; its unit and field may be empty."""
 
     type: str
     unit: str = ""
@@ -67,7 +67,7 @@ class Kind:
 
 
 _TABLES = toml.tomllib.loads(Path(__file__).with_name("kinds.toml").read_text("utf-8"))
-KINDS = {f"{table}.{key}": Kind(**row) for table, rows in _TABLES.items() for key, row in rows.items()}
+KINDS = {f"{table}.{key}": NodeKind(**row) for table, rows in _TABLES.items() for key, row in rows.items()}
 IN_RING = {name for name in KINDS if name.startswith("samples.")} - {"samples.written", "samples.acknowledged"}
 #: Nodes -> fields of `RigState`, `Samples` and `Sampling`.
 STATE, SAMPLES, SAMPLING = (
@@ -111,7 +111,7 @@ class Node:
 
     name: str
     id: str | None
-    kind: Kind
+    kind: NodeKind
     type: str
     scale: Scale = Scale()
     constant: float | None = None
@@ -242,7 +242,7 @@ def _node_id(name: str, text: object) -> str:
     return text
 
 
-def _constant(name: str, kind: Kind, given: object) -> float:
+def _constant(name: str, kind: NodeKind, given: object) -> float:
     if kind.client or not kind.unit or name.partition(".")[2] in ("time", "position", "force"):
         rule = "only unmeasured pressures and temperatures can be constant"
         raise WrongValueError("the node cannot be a constant", rule=rule)
@@ -251,7 +251,7 @@ def _constant(name: str, kind: Kind, given: object) -> float:
     return Quantity(kind.unit).read(given)
 
 
-def _scale(kind: Kind, table: dict[str, Any]) -> Scale:
+def _scale(kind: NodeKind, table: dict[str, Any]) -> Scale:
     sign = {"+x": 1.0, "-x": -1.0}.get(table.get("positive", "+x"))
     if sign is None or ("positive" in table and kind.unit not in ("m", "N")):
         raise WrongValueError(f"positive = {table.get('positive')!r}", rule='"+x" or "-x", of a position or force')
