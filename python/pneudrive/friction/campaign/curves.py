@@ -289,23 +289,6 @@ def cycle_terms(points: Points, fits: Fits | None) -> CycleTerms:
     return CycleTerms(**terms)
 
 
-def drag(fits: Fits, bands: Sequence[CurveBand], total_n: Array, stderr_n: Array) -> list[tuple[Array, ...]]:
-    """Return each curve of the whole drag: value, low, high and systematic uncertainty, N.
-
-    Parameters
-    ----------
-    fits : Fits
-    bands : sequence of CurveBand
-    total_n, stderr_n : ndarray, shape (n,)
-        Drag of the cycles with both directions. It drifts like friction.
-    """
-    fit, found = fit_response(fits, total_n, stderr_n, drift=True), []
-    for at in (band.at for band in bands):
-        value, low, high = by_chance(fits, fit, at)
-        found.append((value, low, high, systematic(fits, value, value, at.index).friction_n()))
-    return found
-
-
 def in_newton(fit: CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
     """Return the value, low and high of the statistical 95 % interval, N."""
     half = found.half_width()

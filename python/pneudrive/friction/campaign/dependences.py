@@ -63,7 +63,8 @@ def dependences_of(
         Only effects that exceed chance; notes on the others and on those that a drive file cannot describe.
     """
     notes: list[str] = []
-    series = _series(found, levels)
+    held = [one for one in found.dwell if one.conditions and not one.released and _is_of(one.conditions[0], levels)]
+    series = max(held, key=lambda one: len(one.stops), default=None)
     age = _contact_age(series, found.identity.ambient_pressure_pa, notes)
     slow, fast = found.ranges.speed_m_s
     parts = [
@@ -166,12 +167,6 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
 
 
 # --- stops ---------------------------------------------------------------------------------------------------------
-
-
-def _series(found: CampaignCharacteristics, levels: tuple[str, str, str]) -> DwellSeries | None:
-    """Return the series that has the most stops with a held axis."""
-    own = [one for one in found.dwell if one.conditions and not one.released and _is_of(one.conditions[0], levels)]
-    return max(own, key=lambda one: len(one.stops), default=None)
 
 
 def _contact_age(series: DwellSeries | None, ambient_pa: float, notes: list[str]) -> ContactAge | None:

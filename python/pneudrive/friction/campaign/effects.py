@@ -14,7 +14,7 @@ import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
-from pneudrive.friction.campaign.curves import CurveBand, Fits, drag, fit_response, in_newton
+from pneudrive.friction.campaign.curves import CurveBand, Fits, by_chance, fit_response, in_newton, systematic
 from pneudrive.friction.campaign.points import NAMES, STICK_SLIP
 from pneudrive.friction.campaign.result import (
     AirShare,
@@ -47,8 +47,11 @@ def air_shares(fits: Fits, bands: Sequence[CurveBand], *, separated: bool) -> tu
     unknown = [np.full(at.speed_m_s.size, np.nan) for at in asked]
     here = [points.use & (points["curve"] == at.index) for at in asked]
     sensors = [np.full_like(nan, np.mean(points["u_air_n"][own])) for own, nan in zip(here, unknown, strict=True)]
-    # One model after the other: each needs much memory.
-    whole = [_with_u(*one) for one in drag(fits, bands, points.total_n, points["total_stderr_n"])]
+    total, whole = fit_response(fits, points.total_n, points["total_stderr_n"], drift=True), []
+    for at in asked:  # the whole drag drifts like friction
+        value, low, high = by_chance(fits, total, at)
+        whole.append(_with_u(value, low, high, systematic(fits, value, value, at.index).friction_n()))
+    del total  # one model after the other: each needs much memory
     part = seal = [(nan, nan, nan) for nan in unknown]
     if separated:
         air = fit_response(fits, points["air_n"], points["air_stderr_n"], drift=False)
@@ -90,7 +93,8 @@ def sources(
     assumed = bool(points["assumed"].any())
     stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
     chance = ", ".join(("noise within cycles", *fits.friction.sources))
-    named = _named(fits)
+    used, names = points.at(points.use), (*GROWING, *CONSTANT)  # parts of the force sensor that its calibration names
+    named = {name: u for name in names if np.isfinite(used[name][0]) and (u := _rms([used[name]])) > 0.0}
     grow, turn = (_without(_rms(parts), named, names) for parts, names in ((gains, GROWING), (turns, CONSTANT)))
     words = "" if known is None else f"{known.words()}: equal in all cycles"
     other, turning = ("force sensor", "sensors") if known is None else ("other sensors", "other sensors")
@@ -107,13 +111,6 @@ def sources(
         ),
         UncertaintySource("zero and asymmetry", _rms(zeros), "A", "data", "curves of one direction only"),
     )
-
-
-def _named(fits: Fits) -> dict[str, float]:
-    """Return the parts of the force sensor that its calibration names, root mean square over the cycles, N."""
-    used = fits.points.at(fits.points.use)
-    found = {name: _rms([used[name]]) for name in (*GROWING, *CONSTANT) if np.isfinite(used[name][0])}
-    return {name: u for name, u in found.items() if u > 0.0}
 
 
 def _without(total: float, named: dict[str, float], names: tuple[str, ...]) -> float:

@@ -301,7 +301,9 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
             remedy="run it, or see docs/reference/campaign-folder.md for the files of cycles",
         )
     plans = _plans(files)
-    wanted = [_light(f) for f in files if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
+    # The snapshot of the rig is not needed, and would be sent to every process.
+    light = [CycleFile(f.path, replace(f.head, memory={})) for f in files]
+    wanted = [f for f in light if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
     shown = chosen_loops([plan for plan in plans.values() if plan["kind"] in SLIDING])
     options = (plans, campaign.identity, choice, edges, shown)
@@ -397,7 +399,9 @@ def read_part(
             motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
             row = reduce_cycle(motion, edges_m, uses_window=choice.uses_window)
             loop = reversal_loop(motion, plan["key"], plan["condition"]) if plan["key"] in shown else None
-        return plan | row | {"flags": flags, "temperature_k": _temperature(samples)}, loop
+        known = samples.temperature_k[np.isfinite(samples.temperature_k)]
+        temperature = float(known.mean()) if known.size else float("nan")
+        return plan | row | {"flags": flags, "temperature_k": temperature}, loop
 
     found: list[Read] = []
     for file, samples in zip(files, read_samples(files, STANDING), strict=True):
@@ -407,16 +411,6 @@ def read_part(
         row, loop = (result, None) if isinstance(result, Skipped) else result
         found.append((way, row, loop))
     return found
-
-
-def _temperature(samples: Samples) -> float:
-    known = samples.temperature_k[np.isfinite(samples.temperature_k)]
-    return float(known.mean()) if known.size else float("nan")
-
-
-def _light(file: CycleFile) -> CycleFile:
-    """Drop the snapshot of the rig, which is not needed and would be sent to every process."""
-    return CycleFile(file.path, replace(file.head, memory={}))
 
 
 def _travel(files: Sequence[CycleFile], ways: dict[str, float]) -> dict[str, float]:

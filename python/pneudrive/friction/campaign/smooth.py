@@ -379,7 +379,8 @@ def _path(data: CurveData) -> list[_Taken]:
     """
     size = len(data)
     most = max(2, int(MOST_SHARE * size))
-    price = _price(data)
+    # Cost of an outlier: -log(odds of an outlier * its density / density of a good cycle).
+    price = float(np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * data.level))
     path = [_Taken([], *_deviations(data, [], None))]
     while len(path[-1].rows) < most:
         taken, sd = path[-1].rows, path[-1].sd
@@ -407,27 +408,18 @@ def _path(data: CurveData) -> list[_Taken]:
     return path if size <= MOST_FOR_SEARCH else path[-1:]
 
 
-def _price(data: CurveData) -> float:
-    """Return the cost of an outlier: -log(odds of an outlier * its density / density of a good cycle)."""
-    return float(np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * data.level))
-
-
 def _rows(data: CurveData, taken: list[int]) -> NDArray[np.intp]:
     return np.setdiff1d(np.arange(len(data)), taken)
 
 
-def _model(data: CurveData, rows: NDArray[np.intp]) -> MixedModel:
-    return curve_model(data.part(rows))
-
-
 def _deviations(data: CurveData, taken: list[int], start: Array | None) -> tuple[Array, float]:
-    return _model(data, _rows(data, taken)).most_probable(start)
+    return curve_model(data.part(_rows(data, taken))).most_probable(start)
 
 
 def _off(data: CurveData, taken: list[int], sd: Array) -> tuple[NDArray[np.intp], Array, Array]:
     """Return the remaining cycles, the deviation of each from the others, and its standard deviation."""
     rows = _rows(data, taken)
-    return rows, *_model(data, rows).left_out(sd)
+    return rows, *curve_model(data.part(rows)).left_out(sd)
 
 
 def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:

@@ -151,20 +151,15 @@ def _once(
     if repeat.basis == "smooth curve":
         yield "repeatability.nothing_repeated", {}
     elif repeat.basis == "sentinels":
-        share = _of_single_cycles(found, bands)
+        shares = [np.zeros(0)]  # width of the band at a point measured once, over the 95 % scatter of a single cycle
+        for curve, band in zip((c for c in found.curves if c.direction == BOTH), bands, strict=True):
+            once = curve.measured & (curve.cycles == 1)
+            shares.append((curve.high_n - curve.low_n)[once] / (2.0 * NORMAL_95 * band.cycle_n[once]))
+        share = np.concatenate(shares)
         if share.size and np.median(share) < 1.0:
             count = sum(kinds.count("sentinel") for kinds in fits.points.labels("kind", np.arange(len(fits.points))))
             numbers = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min(), "sentinels": count}
             yield "repeatability.measured_once", numbers
-
-
-def _of_single_cycles(found: CampaignCharacteristics, bands: Sequence[CurveBand]) -> Array:
-    """Return the width of the band at each point measured once, over the 95 % scatter of a single cycle."""
-    shares = [np.zeros(0)]
-    for curve, band in zip((c for c in found.curves if c.direction == BOTH), bands, strict=True):
-        once = curve.measured & (curve.cycles == 1)
-        shares.append((curve.high_n - curve.low_n)[once] / (2.0 * NORMAL_95 * band.cycle_n[once]))
-    return np.concatenate(shares)
 
 
 def _left(fits: Fits, pure: Pure | None) -> Iterator[Said]:
