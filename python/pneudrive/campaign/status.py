@@ -131,7 +131,7 @@ def finished_of(files: Sequence[CycleFile], identity: Identity) -> list[Finished
 
 def preliminary_friction(samples: Samples, cycle: Cycle, identity: Identity) -> float:
     """Return the estimate of a sweep, a control run or a stop, N; NaN if the samples do not allow it."""
-    from pneudrive.friction.extraction import extract
+    from pneudrive.friction.level import extract
     from pneudrive.friction.motion import Settled
 
     try:

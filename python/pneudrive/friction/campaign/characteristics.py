@@ -13,6 +13,7 @@ from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.threads import one_thread
 from pneudrive.friction.campaign.curves import bands_of, curves_of, cycle_terms, fit_points
+from pneudrive.friction.campaign.cycles import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.effects import (
     air_shares,
     asymmetries,
@@ -22,7 +23,6 @@ from pneudrive.friction.campaign.effects import (
     thresholds,
 )
 from pneudrive.friction.campaign.files import friction_map
-from pneudrive.friction.campaign.loops import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.points import Points, condensed, points_of, suspicions
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
 from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult, Ranges

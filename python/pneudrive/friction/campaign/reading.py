@@ -25,8 +25,7 @@ from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import stderr_of_mean
 from pneudrive.estimate.levels import levels
 from pneudrive.friction.bins import grid_of
-from pneudrive.friction.campaign.cycles import CycleTable, cycle_row, reduce_cycle
-from pneudrive.friction.campaign.loops import Loop, chosen_loops, reversal_loop
+from pneudrive.friction.campaign.cycles import CycleTable, Loop, chosen_loops, cycle_row, reduce_cycle, reversal_loop
 from pneudrive.friction.campaign.sensors import Gain, corrected, pressure_zeros, sensor_gain, without_zeros
 from pneudrive.friction.conditions import LEVELS, Condition, Skipped
 from pneudrive.friction.motion import RecordedMotion

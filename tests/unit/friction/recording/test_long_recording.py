@@ -11,7 +11,7 @@ import pytest
 
 from pneudrive.characterise import Layout, SourcePaper, characterise_recordings
 from pneudrive.errors import RecordingError
-from pneudrive.friction import extraction
+from pneudrive.friction import level as extraction
 from pneudrive.signals import load
 from pneudrive.simulation.trajectory import save_columns
 
@@ -107,7 +107,7 @@ def test_strokes_longer_than_a_part_are_read_as_longer_parts_up_to_a_bound(make,
 MEASURE = r"""
 import re, sys
 from importlib import import_module
-one = import_module("pneudrive.friction.extraction")
+one = import_module("pneudrive.friction.level")
 from pneudrive.characterise import Layout, characterise_recordings
 one.LONG_SAMPLES, one.PART_SAMPLES = 50_000, 100_000
 found = characterise_recordings(sys.argv[1], Layout.loads(sys.stdin.read()))
