@@ -12,16 +12,19 @@ import numpy as np
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.threads import one_thread
-from pneudrive.friction.campaign.curves import bands_of, curves_of, cycle_terms, fit_points
-from pneudrive.friction.campaign.cycles import SHOWN_CONDITIONS, Loop
-from pneudrive.friction.campaign.effects import (
+from pneudrive.friction.campaign.curves import (
     air_shares,
     asymmetries,
+    bands_of,
+    curves_of,
+    cycle_terms,
+    fit_points,
     sensor_zero,
     sources,
     stick_slip_points,
     thresholds,
 )
+from pneudrive.friction.campaign.cycles import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.files import friction_map
 from pneudrive.friction.campaign.points import Points, condensed, points_of, suspicions
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
