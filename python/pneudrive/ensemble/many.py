@@ -2,35 +2,30 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
-
-from pneudrive import __version__
 from pneudrive.ensemble.circuit_variation import CircuitVariation
 from pneudrive.ensemble.design import EnsembleDesign, design_of
 from pneudrive.ensemble.engine import DONE
-from pneudrive.ensemble.executors import InProcess
 from pneudrive.ensemble.outputs import SignalNames, reductions
 from pneudrive.ensemble.plans import member_plans, parted_starts
 from pneudrive.ensemble.rows import WiderRows
 from pneudrive.ensemble.store import ChunkStore
-from pneudrive.ensemble.study import Chunk, ChunkResult, EnsembleStudy
-from pneudrive.ensemble.variation import Variation, all_numbers
+from pneudrive.ensemble.study import EnsembleStudy, Members, results
+from pneudrive.ensemble.variation import CHECKED_ROWS, Variation, all_numbers
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.free.circuit import circuit_numbers
 from pneudrive.free.varied import INITIAL, Varied
 from pneudrive.progress import Watch
-from pneudrive.simulation.simulate import SOLVER, require
-from pneudrive.simulation.start import check_tolerance, ready, start
-from pneudrive.simulation.trajectory import meaning, save, write_frame
+from pneudrive.simulation.simulate import require
+from pneudrive.simulation.start import check_tolerance, start
+from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
+    import numpy as np
     import xarray as xr
     from numpy.typing import NDArray
 
@@ -38,7 +33,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
     from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.executors import Executor
-    from pneudrive.ensemble.outputs import Output, Reduction
+    from pneudrive.ensemble.outputs import Output
     from pneudrive.ensemble.plans import MemberPlans
     from pneudrive.progress import Flag
     from pneudrive.simulation.command import Commands
@@ -173,29 +168,24 @@ def simulate_many(
         seed=seed,
         threads=threads,
     )
-    size, store = study.rows.size, None
-    if out is not None:
-        store = ChunkStore(Path(out), study, chunk)
-    elif size > max_members_in_memory:
+    size, fits = study.rows.size, study.rows.size <= max_members_in_memory
+    if out is None and not fits:
         what = f"{size} members are more than max_members_in_memory = {max_members_in_memory}"
         raise CommandError(what, remedy="Give a folder for their results: out=...")
-    watch = Watch(progress, cancel)
-    gathered = Gathered(study) if size <= max_members_in_memory else None
-    for result in results(study, store, chunk, executor, watch):
-        if errors == "raise" and result.reasons:
-            place = min(result.reasons)
-            raise SimulationError(f"member {result.chunk.first + place}: {result.reasons[place]}")
-        if gathered is not None and store is None:
-            gathered.take(result)
-    if gathered is None:
-        assert store is not None
-        gathered = Gathered(study, empty=True)
-        gathered.failed = store.failed()
-    elif store is not None:
-        gathered.read(store)
-    if gathered.failed:
-        warn(f"{gathered.failed} of {size} members failed: see status and reason")
-    return gathered.dataset()
+    store = None if out is None else ChunkStore(Path(out), study, chunk)
+    frames = []
+    for frame in results(study, store, chunk, executor, Watch(progress, cancel)):
+        lost = frame.filter(frame["status"] != DONE) if errors == "raise" else ()
+        if len(lost):
+            raise SimulationError(f"member {lost['member'][0]}: {lost['reason'][0]}")
+        frames += [frame] if store is None else []
+    if store is not None and not fits:
+        found = Members(study, next(store.frames()).clear(), store.failed())
+    else:
+        found = Members.of(study, frames if store is None else store.frames())
+    if found.failed:
+        warn(f"{found.failed} of {size} members failed: see status and reason")
+    return found.dataset()
 
 
 def study_of(
@@ -240,8 +230,8 @@ def study_of(
     if len(plans.durations) > 1 and any(one.word in ("samples", "own") for one in kept):
         rule = "samples, settling and user functions need one duration for all members"
         raise CommandError("outputs: members of different durations are sampled", rule=rule)
-    for first, last in _blocks(rows.size) if refuse else ():
-        variation.check(rows.take(first, last), first)
+    for first in range(0, rows.size if refuse else 0, CHECKED_ROWS):
+        variation.check(rows.take(first, min(first + CHECKED_ROWS, rows.size)), first)
     return EnsembleStudy(variation, rows, plans, rtol, kept, threads)
 
 
@@ -260,136 +250,3 @@ def _signals(drive: Drive | Circuit, columns: Sequence[str], plans: MemberPlans)
         begun = drive.system.compiled().start_names
         return SignalNames(columns, states=[meaning(name)[0] for name in begun])
     return SignalNames(columns, plans.moves_up)
-
-
-def _blocks(size: int) -> Iterator[Chunk]:
-    step = 65536
-    return (Chunk(first, min(first + step, size)) for first in range(0, size, step))
-
-
-def results(
-    study: EnsembleStudy, store: ChunkStore | None, members: int | None, executor: Executor | None, watch: Watch
-) -> Iterator[ChunkResult]:
-    """Run the missing chunks of a study, store each, and yield it.
-
-    Raises
-    ------
-    Cancelled
-        The flag of `watch` is set.
-    """
-    chunks = study.chunks(members) if store is None else store.missing()
-    total = study.rows.size
-    done = total - sum(chunk.last - chunk.first for chunk in chunks)
-    # A cluster runs one chunk in each of its threads at a time.
-    here = executor is None or isinstance(executor, InProcess)
-    each = study if here else replace(study, threads=study.threads or 1)
-    items = ((each.part(chunk), chunk) for chunk in chunks)
-
-    def look(count: float) -> None:
-        watch.tell(done + count, total, "members simulated")
-
-    look(0)
-    work = (lambda item: item[0].run(item[1], look)) if here else run_part
-    for result in (executor or InProcess()).map(work, items):
-        if store is not None:
-            store.write(result.chunk, study.frame(result))
-        done += result.chunk.last - result.chunk.first
-        look(0)
-        yield result
-
-
-def run_part(item: tuple[EnsembleStudy, Chunk]) -> ChunkResult:
-    """Run one chunk, in any process."""
-    study, chunk = item
-    return study.run(chunk)
-
-
-class Gathered:
-    """The results of all members, as arrays and as a data set.
-
-    Parameters
-    ----------
-    study : EnsembleStudy
-    empty : bool
-        Whether to leave all members out.
-    """
-
-    def __init__(self, study: EnsembleStudy, *, empty: bool = False) -> None:
-        self.study, self.size = study, 0 if empty else study.rows.size
-        self.failed = 0
-        self.status = np.zeros(self.size, np.uint8)
-        self.reason = np.full(self.size, "", dtype=object)
-        self.varied = np.empty((len(study.variation.numbers), self.size))
-        self.values = [np.empty((self.size, *self._samples(output))) for output in study.outputs]
-
-    def _samples(self, output: Reduction) -> tuple[int, ...]:
-        return (len(self.study.sample_times(output.rate_hz)),) if output.word == "samples" else ()
-
-    def take(self, result: ChunkResult) -> None:
-        """Add a chunk."""
-        own = slice(*result.chunk)
-        self.status[own], self.varied[:, own] = result.status, result.varied.T
-        self.failed += int((result.status != DONE).sum())
-        for place, why in result.reasons.items():
-            self.reason[result.chunk.first + place] = why
-        for target, values in zip(self.values, result.values, strict=True):
-            target[own] = values
-
-    def read(self, store: ChunkStore) -> None:
-        """Add the content of a store."""
-        for chunk, frame in zip(store.chunks, store.frames(), strict=True):
-            reasons = {place: why for place, why in enumerate(frame["reason"].to_list()) if why}
-            varied = frame[[number.file_name for number in self.study.variation.numbers]].to_numpy()
-            values = [np.asarray(frame[output.file_name].to_numpy()) for output in self.study.outputs]
-            self.take(ChunkResult(chunk, varied, values, frame["status"].to_numpy(), reasons))
-
-    def save(self, path: Path) -> None:
-        """Write all members as .parquet, .csv or .nc.
-
-        Raises
-        ------
-        CommandError
-            The file cannot be written.
-        """
-        if path.suffix.lower() == ".nc":
-            save(self.dataset(), path)
-            return
-        reasons = {int(place): self.reason[place] for place in np.flatnonzero(self.status)}
-        every = ChunkResult(Chunk(0, self.size), self.varied.T, self.values, self.status, reasons)
-        write_frame(self.study.frame(every), path, {"pneudrive": json.dumps(self.provenance(), default=str)})
-
-    def dataset(self) -> xr.Dataset:
-        """Label the arrays: dimension member, a unit and a long name for each variable."""
-        import xarray as xr
-
-        outputs = zip(self.study.outputs, self.values, strict=True)
-        variables: dict[str, Any] = {}
-        coordinates: dict[str, Any] = {"member": ("member", np.arange(self.size), {"long_name": "member"})}
-        for number, values in zip(self.study.variation.numbers, self.varied, strict=True):
-            coordinates[number.name] = ("member", values, {"units": number.unit, "long_name": number.name})
-        for output, values in outputs:
-            dims = ("member", "time")[: values.ndim]
-            variables[output.name] = (dims, values, {"units": output.unit, "long_name": output.long_name})
-            if output.word == "samples":
-                times = self.study.sample_times(output.rate_hz)
-                coordinates["time"] = ("time", times, {"units": "s", "long_name": "time"})
-        variables["status"] = ("member", self.status, {"units": "1", "long_name": "0: done, else failed"})
-        variables["reason"] = ("member", self.reason, {"units": "1", "long_name": "why a member failed"})
-        return xr.Dataset(variables, coordinates, self.provenance())
-
-    def provenance(self) -> dict[str, Any]:
-        """Describe the source of the results."""
-        study, drive = self.study, self.study.variation.drive
-        core, _ = ready(drive, study.variation.initial)
-        return {
-            "title": drive.name,
-            **study.about(),
-            "study_hash": study.study_hash,
-            "version": __version__,
-            "solver": SOLVER,
-            "statistics": {"members": study.rows.size, "failed": self.failed},
-            "warnings": [*drive.notes, *core.warnings],
-            "citations": list(dict.fromkeys([*core.citations, *drive.cited])),
-            "assumed": drive.assumed(),
-            "labels": dict(drive.labels),
-        }

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.ensemble.design import design_of
-from pneudrive.ensemble.engine import DONE
-from pneudrive.ensemble.many import results, study_of
+from pneudrive.ensemble.many import study_of
 from pneudrive.ensemble.rows import SampledRows, TableRows
+from pneudrive.ensemble.study import Members, results
 from pneudrive.errors import CommandError, nearest, warn
 from pneudrive.estimate.sensitivity import elementary_effects, morris_points, sobol_indices, sobol_points
 from pneudrive.progress import Watch
@@ -148,13 +148,11 @@ def sensitivity(
 def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Array:
     """Run all members and return their outputs, shape (members, outputs)."""
     study.variation.check(study.rows.take(0, study.rows.size))
-    values, failed = np.empty((study.rows.size, len(study.outputs))), 0
-    for result in results(study, None, None, executor, watch):
-        values[slice(*result.chunk)] = np.column_stack(result.values)
-        failed += int((result.status != DONE).sum())
+    found = Members.of(study, results(study, None, None, executor, watch))
+    values = np.column_stack(found.values)
     lost = [one.name for one, column in zip(study.outputs, values.T, strict=True) if not np.isfinite(column).all()]
     if lost:
-        members = f"{failed} of {study.rows.size} members failed; " if failed else ""
+        members = f"{found.failed} of {study.rows.size} members failed; " if found.failed else ""
         warn(f"{members}some members have no {', '.join(lost)}: their points are left out")
     return values
 

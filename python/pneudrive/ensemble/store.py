@@ -48,8 +48,11 @@ class ChunkStore:
         if begun is None:
             chunks = study.chunks(members)
             about["chunk_members"] = chunks[0].last
-            with _writing(folder):
+            try:
                 folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                why = os.strerror(error.errno) if error.errno else str(error)
+                raise CommandError(f"the folder {folder} cannot be made: {why}") from None
             with whole(path) as temporary:
                 temporary.write_text(json.dumps(about, indent=1), encoding="utf-8")
         elif begun.get("study") != about["study"]:
@@ -91,7 +94,7 @@ class ChunkStore:
         except FileNotFoundError:
             return False
 
-    def write(self, chunk: Chunk, frame: pl.DataFrame) -> None:
+    def write(self, frame: pl.DataFrame) -> None:
         """Store a finished chunk.
 
         Raises
@@ -99,7 +102,12 @@ class ChunkStore:
         CommandError
             The chunk cannot be written, for example on a full disk. Earlier chunks are kept.
         """
-        write_frame(frame, self.path(chunk), {"pneudrive": json.dumps({"study": self.study.study_hash})})
+        first = frame["member"][0]
+        write_frame(
+            frame,
+            self.path(Chunk(first, first + frame.height)),
+            {"pneudrive": json.dumps({"study": self.study.study_hash})},
+        )
 
     def frames(self) -> Iterator[pl.DataFrame]:
         """Yield the chunks in order."""
@@ -112,9 +120,8 @@ class ChunkStore:
         """Return the number of failed members."""
         import polars as pl
 
-        return sum(
-            int((pl.read_parquet(self.path(one), columns=["status"])["status"] != DONE).sum()) for one in self.chunks
-        )
+        frames = (pl.read_parquet(self.path(chunk), columns=["status"]) for chunk in self.chunks)
+        return sum(int((frame["status"] != DONE).sum()) for frame in frames)
 
     def remove(self) -> None:
         """Remove the folder with all chunks."""
@@ -122,21 +129,6 @@ class ChunkStore:
             self.path(chunk).unlink(missing_ok=True)
         (self.folder / STUDY).unlink(missing_ok=True)
         self.folder.rmdir()
-
-
-class _writing:  # noqa: N801 - reads as a statement
-    """Report that a folder cannot be made."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, OSError):
-            why = os.strerror(error.errno) if error.errno else str(error)
-            raise CommandError(f"the folder {self.folder} cannot be made: {why}") from None
 
 
 def _different(before: dict[str, Any], now: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""A study: everything that determines the results of its members.
+"""A study: everything that determines the results of its members, the run of its chunks, and their results.
 
 A chunk of it is a pure function of its first and last member.
 """
@@ -14,19 +14,27 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.ensemble import engine
-from pneudrive.ensemble.outputs import Reduction
+from pneudrive.ensemble.executors import InProcess
 from pneudrive.errors import SimulationError
-from pneudrive.simulation.trajectory import meaning
+from pneudrive.simulation.simulate import SOLVER
+from pneudrive.simulation.start import ready
+from pneudrive.simulation.trajectory import meaning, save, write_frame
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Iterator
+    from pathlib import Path
 
     import polars as pl
+    import xarray as xr
     from numpy.typing import NDArray
 
+    from pneudrive.ensemble.executors import Executor
+    from pneudrive.ensemble.outputs import Reduction
     from pneudrive.ensemble.plans import MemberPlans
     from pneudrive.ensemble.rows import Rows
+    from pneudrive.ensemble.store import ChunkStore
     from pneudrive.ensemble.variation import Variation
+    from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]
 
@@ -41,28 +49,6 @@ class Chunk(NamedTuple):
 
     first: int
     last: int
-
-
-class ChunkResult(NamedTuple):
-    """Result of a chunk.
-
-    Attributes
-    ----------
-    chunk : Chunk
-    varied : ndarray, shape (n, names)
-        Rows of the design, SI.
-    values : list of ndarray
-        One array for each output, shape (n,) or (n, samples).
-    status : ndarray of uint8, shape (n,)
-    reasons : dict
-        Index in the chunk -> reason of that member's failure.
-    """
-
-    chunk: Chunk
-    varied: Array
-    values: list[Array]
-    status: NDArray[np.uint8]
-    reasons: dict[int, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +113,7 @@ class EnsembleStudy:
         """Return the times of samples, s."""
         return np.arange(round(self.plans.duration_s * rate_hz) + 1) / rate_hz
 
-    def run(self, chunk: Chunk, look: Callable[[float], object] | None = None) -> ChunkResult:
+    def run(self, chunk: Chunk, look: Callable[[float], object] | None = None) -> pl.DataFrame:
         """Run a chunk.
 
         Parameters
@@ -136,30 +122,36 @@ class EnsembleStudy:
         look : callable, optional
             Receives the number of finished members.
 
+        Returns
+        -------
+        polars.DataFrame
+            A row for each member: member, status, reason, varied numbers, outputs. Columns carry their units.
+
         Raises
         ------
         SimulationError
             A user function fails, or returns something other than a number for each member.
         """
+        import polars as pl
+
         rows = self.rows.take(*chunk)
-        asked: list[Reduction] = []
+        requests: list[Reduction] = []
         for output in self.outputs:
-            asked += self._seen(output) if output.function is not None else [output]
+            seen = [replace(output, word="samples", columns=(one,), function=None) for one in output.columns]
+            requests += seen if output.function is not None else [output]
         plans = self.plans.part(chunk.first - self.begin, chunk.last - self.begin)
         members = self.variation.members(rows)
-        found = engine.run(self.variation.drive.system, members, plans, self.rtol, asked, self.threads, look)
-        given = iter(found.values)
-        values = [
-            next(given)
-            if output.function is None
-            else self._own(output, [next(given) for _ in output.columns], found.status)
-            for output in self.outputs
-        ]
-        return ChunkResult(chunk, rows, values, found.status, found.reasons)
-
-    @staticmethod
-    def _seen(output: Reduction) -> list[Reduction]:
-        return [replace(output, word="samples", columns=(column,), function=None) for column in output.columns]
+        found = engine.run(self.variation.drive.system, members, plans, self.rtol, requests, self.threads, look)
+        values = iter(found.values)
+        reasons = [found.reasons.get(k, "") for k in range(len(rows))]
+        columns: dict[str, Any] = {"member": np.arange(*chunk), "status": found.status}
+        columns["reason"] = pl.Series(reasons, dtype=pl.String)
+        for number, column in zip(self.variation.numbers, rows.T, strict=True):
+            columns[number.file_name] = np.ascontiguousarray(column)
+        for output in self.outputs:
+            own = [next(values) for _ in (output.columns if output.function is not None else "1")]
+            columns[output.file_name] = own[0] if output.function is None else self._own(output, own, found.status)
+        return pl.DataFrame(columns)
 
     def _own(self, output: Reduction, seen: list[Array], status: NDArray[np.uint8]) -> Array:
         """Call a user function for the finished members."""
@@ -179,17 +171,110 @@ class EnsembleStudy:
             ) from error
         return out
 
-    def frame(self, result: ChunkResult) -> pl.DataFrame:
-        """Return a chunk as a table: member, status, reason, varied numbers, outputs. Columns carry their units."""
+
+def results(
+    study: EnsembleStudy, store: ChunkStore | None, members: int | None, executor: Executor | None, watch: Watch
+) -> Iterator[pl.DataFrame]:
+    """Run the missing chunks of a study, store each, and yield it.
+
+    Raises
+    ------
+    Cancelled
+        The flag of `watch` is set.
+    """
+    chunks = study.chunks(members) if store is None else store.missing()
+    total = study.rows.size
+    done = total - sum(chunk.last - chunk.first for chunk in chunks)
+    # A cluster runs one chunk in each of its threads at a time.
+    here = executor is None or isinstance(executor, InProcess)
+    source = study if here else replace(study, threads=study.threads or 1)
+    items = ((source.part(chunk), chunk) for chunk in chunks)
+
+    def look(count: float) -> None:
+        watch.tell(done + count, total, "members simulated")
+
+    look(0)
+    for frame in (executor or InProcess()).map((lambda item: item[0].run(item[1], look)) if here else run_part, items):
+        if store is not None:
+            store.write(frame)
+        done += frame.height
+        look(0)
+        yield frame
+
+
+def run_part(item: tuple[EnsembleStudy, Chunk]) -> pl.DataFrame:
+    """Run one chunk, in any process."""
+    study, chunk = item
+    return study.run(chunk)
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """The results of members as a frame, see `EnsembleStudy.run`. `failed` counts all members of the study."""
+
+    study: EnsembleStudy
+    frame: pl.DataFrame
+    failed: int
+
+    @classmethod
+    def of(cls, study: EnsembleStudy, frames: Iterable[pl.DataFrame]) -> Members:
+        """Return the members of chunks in any order."""
         import polars as pl
 
-        chunk = result.chunk
-        columns: dict[str, Any] = {"member": np.arange(chunk.first, chunk.last), "status": result.status}
-        columns["reason"] = pl.Series(
-            [result.reasons.get(k, "") for k in range(chunk.last - chunk.first)], dtype=pl.String
-        )
-        for number, values in zip(self.variation.numbers, result.varied.T, strict=True):
-            columns[number.file_name] = np.ascontiguousarray(values)
-        for output, values in zip(self.outputs, result.values, strict=True):
-            columns[output.file_name] = values
-        return pl.DataFrame(columns)
+        frame = pl.concat(frames).sort("member")
+        return cls(study, frame, int((frame["status"] != engine.DONE).sum()))
+
+    @property
+    def values(self) -> list[Array]:
+        """One array for each output, shape (members,) or (members, samples)."""
+        return [self.frame[output.file_name].to_numpy(writable=True) for output in self.study.outputs]
+
+    def save(self, path: Path) -> None:
+        """Write all members as .parquet, .csv or .nc.
+
+        Raises
+        ------
+        CommandError
+            The file cannot be written.
+        """
+        if path.suffix.lower() == ".nc":
+            save(self.dataset(), path)
+        else:
+            write_frame(self.frame, path, {"pneudrive": json.dumps(self.provenance(), default=str)})
+
+    def dataset(self) -> xr.Dataset:
+        """Label the arrays: dimension member, a unit and a long name for each variable."""
+        import xarray as xr
+
+        columns = {name: self.frame[name].to_numpy(writable=True) for name in self.frame.columns}
+        variables: dict[str, Any] = {}
+        coordinates: dict[str, Any] = {"member": ("member", columns["member"], {"long_name": "member"})}
+        for number in self.study.variation.numbers:
+            attrs = {"units": number.unit, "long_name": number.name}
+            coordinates[number.name] = ("member", columns[number.file_name], attrs)
+        for output in self.study.outputs:
+            values, attrs = columns[output.file_name], {"units": output.unit, "long_name": output.long_name}
+            variables[output.name] = (("member", "time")[: values.ndim], values, attrs)
+            if output.word == "samples":
+                times = self.study.sample_times(output.rate_hz)
+                coordinates["time"] = ("time", times, {"units": "s", "long_name": "time"})
+        variables["status"] = ("member", columns["status"], {"units": "1", "long_name": "0: done, else failed"})
+        variables["reason"] = ("member", columns["reason"], {"units": "1", "long_name": "why a member failed"})
+        return xr.Dataset(variables, coordinates, self.provenance())
+
+    def provenance(self) -> dict[str, Any]:
+        """Describe the source of the results."""
+        study, drive = self.study, self.study.variation.drive
+        core, _ = ready(drive, study.variation.initial)
+        return {
+            "title": drive.name,
+            **study.about(),
+            "study_hash": study.study_hash,
+            "version": __version__,
+            "solver": SOLVER,
+            "statistics": {"members": study.rows.size, "failed": self.failed},
+            "warnings": [*drive.notes, *core.warnings],
+            "citations": list(dict.fromkeys([*core.citations, *drive.cited])),
+            "assumed": drive.assumed(),
+            "labels": dict(drive.labels),
+        }

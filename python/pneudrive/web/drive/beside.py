@@ -137,8 +137,9 @@ class ExtrasRequest(RunRequest):
         self, workspace: Workspace, described: Described, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         from pneudrive.ensemble.engine import DONE
-        from pneudrive.ensemble.many import Gathered, results, study_of
+        from pneudrive.ensemble.many import study_of
         from pneudrive.ensemble.rows import TableRows
+        from pneudrive.ensemble.study import Members, results
 
         study = study_of(
             described,
@@ -156,11 +157,9 @@ class ExtrasRequest(RunRequest):
         if not len(rows):
             return head, {}
         study = replace(study, rows=TableRows(tuple(study.variation.names), rows))
-        many = Gathered(study)
-        for result in results(study, None, None, None, Watch(cancel=limit)):
-            many.take(result)
-        whole = many.status == DONE
-        head["why"] = why or next(filter(None, many.reason), "")
+        many = Members.of(study, results(study, None, None, None, Watch(cancel=limit)))
+        whole = many.frame["status"].to_numpy() == DONE
+        head["why"] = why or next(filter(None, many.frame["reason"]), "")
         if not whole.any():
             return head, {}
         arrays = {"band/time_s": study.sample_times(study.outputs[0].rate_hz)}
