@@ -23,7 +23,7 @@ with used_later(__name__):
     from pneudrive import platforms, report, units
     from pneudrive.describe.files import load
     from pneudrive.ensemble import design as designs
-    from pneudrive.ensemble import many, store
+    from pneudrive.ensemble import many, store, variation
     from pneudrive.ensemble import rows as samples
     from pneudrive.files import csv_tables, tables
     from pneudrive.identify import files as fits
@@ -238,8 +238,7 @@ def sweep(
     for _ in many.results(study, chunks, chunk, None, terminal.watch()):
         pass  # each is kept in the store
     if fits_memory:
-        gathered = many.Gathered(study)
-        gathered.read(chunks)
+        gathered = many.Members.of(study, chunks.frames())
         if is_file:
             gathered.save(out)
             chunks.remove()
@@ -297,7 +296,7 @@ def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
         raise CommandError(
             f'--vary "{path}" is neither NAME = VALUES nor a file', rule="a .csv, .parquet or .toml file"
         )
-    known = {number.file_name: name for name, number in many.numbers_of(drive).items()}
+    known = {number.file_name: name for name, number in variation.all_numbers(drive).items()}
     is_csv = path.suffix == ".csv"
     columns = csv_tables.csv_names(path, RecordingError) if is_csv else tables.open_table(path, "parquet").names
     for column in columns:
@@ -310,14 +309,14 @@ def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
     return {known.get(column, column): values for column, values in trajectory.read_columns(path, columns).items()}
 
 
-def _show_members(gathered: many.Gathered) -> None:
+def _show_members(gathered: many.Members) -> None:
     """Print how many members there are, and the spread of each output."""
     import numpy as np
 
-    study, failed = gathered.study, np.flatnonzero(gathered.status)
-    typer.echo(f"{study.variation.drive.name}: {gathered.size} members, {len(failed)} failed")
-    for member in failed[:1]:
-        typer.echo(f"  member {member}: {gathered.reason[member]}")
+    study, frame = gathered.study, gathered.frame
+    typer.echo(f"{study.variation.drive.name}: {frame.height} members, {gathered.failed} failed")
+    for member, reason in frame.filter(frame["status"] != 0).select("member", "reason").head(1).rows():
+        typer.echo(f"  member {member}: {reason}")
     rows, notes = [], []
     for output, values in zip(study.outputs, gathered.values, strict=True):
         if values.ndim > 1:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.ensemble.distributions import Distribution, GridAxis, read_text
-from pneudrive.ensemble.rows import SAMPLERS, GridRows, Marginals, NormalCoordinates, SampledRows, TableRows
+from pneudrive.ensemble.rows import SAMPLERS, Marginals, NormalCoordinates, Rows
 from pneudrive.ensemble.variation import check_lengths
 from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import chosen
@@ -22,7 +22,6 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from pneudrive.ensemble.rows import Rows
     from pneudrive.ensemble.variation import Variation
     from pneudrive.identify.base import Fit
 
@@ -197,15 +196,14 @@ class EnsembleDesign(Shown):
         if self.method == "table":
             columns = {name: _column(values, read[name].value) for name, values in self.each.items()}
             check_lengths(columns)
-            return TableRows(tuple(columns), np.column_stack(list(columns.values())))
+            return Rows.table(list(columns), np.column_stack(list(columns.values())))
         if self.method == "grid":
-            axes = {name: axis.in_si(read[name].value) for name, axis in self.each.items()}
-            return GridRows(axes)
+            return Rows.grid({name: axis.in_si(read[name].value) for name, axis in self.each.items()})
         size = self._size()
         if self.fit is not None:
-            return SampledRows(self.method, size, self.seed, self._posterior(variation))
+            return Rows.sampled(self.method, size, self.seed, self._posterior(variation))
         each = {name: _distribution(name, one).in_si(read[name]) for name, one in self.each.items()}
-        return SampledRows(self.method, size, self.seed, Marginals(each, self._correlations()))
+        return Rows.sampled(self.method, size, self.seed, Marginals(each, self._correlations()))
 
     def _size(self) -> int:
         most = {"latin-hypercube": MOST_HYPERCUBE, "sobol": MOST_SOBOL}.get(self.method)

@@ -48,15 +48,23 @@ class Distribution:
         CommandError
             A quantity cannot be read, or the numbers do not make a distribution.
         """
-        return replace(self, **{field.name: read.value(getattr(self, field.name)) for field in fields(self)})
+        own = self._read(read)
+        for rule, holds in own._rules().items():
+            if not holds:
+                raise CommandError(f"{own} is not a distribution", rule=rule)
+        return own
 
     def quantile(self, share: Array) -> Array:
         """Return the quantiles at these probabilities, SI."""
         raise NotImplementedError
 
-    def _refuse_unless(self, holds: bool, rule: str) -> None:
-        if not holds:
-            raise CommandError(f"{self} is not a distribution", rule=rule)
+    def _read(self, read: Reader) -> Self:
+        """Return the same in SI, unchecked."""
+        return replace(self, **{field.name: read.value(getattr(self, field.name)) for field in fields(self)})
+
+    def _rules(self) -> dict[str, bool]:
+        """Return the rules that the numbers must follow, and whether each holds."""
+        raise NotImplementedError
 
     def __str__(self) -> str:
         """Write the distribution as on the command line."""
@@ -76,11 +84,8 @@ class Uniform(Distribution):
     low: Any
     high: Any
 
-    def in_si(self, read: Reader) -> Self:
-        """Return the same in SI."""
-        own = super().in_si(read)
-        own._refuse_unless(-math.inf < own.low < own.high < math.inf, "low < high")
-        return own
+    def _rules(self) -> dict[str, bool]:
+        return {"low < high": -math.inf < self.low < self.high < math.inf}
 
     def quantile(self, share: Array) -> Array:
         """Return ``low + share (high - low)``."""
@@ -101,12 +106,9 @@ class Triangular(Distribution):
     mode: Any
     high: Any
 
-    def in_si(self, read: Reader) -> Self:
-        """Return the same in SI."""
-        own = super().in_si(read)
-        is_one = -math.inf < own.low <= own.mode <= own.high < math.inf and own.low < own.high
-        own._refuse_unless(is_one, "low <= mode <= high, low < high")
-        return own
+    def _rules(self) -> dict[str, bool]:
+        is_ordered = -math.inf < self.low <= self.mode <= self.high < math.inf
+        return {"low <= mode <= high, low < high": is_ordered and self.low < self.high}
 
     def quantile(self, share: Array) -> Array:
         """Return the inverse of the distribution function, a root on either side of the mode."""
@@ -132,15 +134,15 @@ class Normal(Distribution):
     mean: Any
     sd: Any
 
-    def in_si(self, read: Reader) -> Self:
-        """Return the same in SI."""
+    def _read(self, read: Reader) -> Self:
         mean = read.value(self.mean)
         if "%" in str(self.sd) and _FROM_ELSEWHERE.search(str(self.mean)):
             what = f"{self}: a share of {self.mean} depends on where its scale begins"
             raise CommandError(what, remedy='Give the standard deviation with a unit, as "0.5 bar" or "5 K".')
-        own = replace(self, mean=mean, sd=read.width(self.sd, mean))
-        own._refuse_unless(math.isfinite(own.mean) and 0.0 < own.sd < math.inf, "sd > 0")
-        return own
+        return replace(self, mean=mean, sd=read.width(self.sd, mean))
+
+    def _rules(self) -> dict[str, bool]:
+        return {"sd > 0": math.isfinite(self.mean) and 0.0 < self.sd < math.inf}
 
     def quantile(self, share: Array) -> Array:
         """Return ``mean + sd z``, z the quantile of the standard normal distribution."""
@@ -159,11 +161,8 @@ class Lognormal(Normal):
 
     WORD: ClassVar[str] = "lognormal"
 
-    def in_si(self, read: Reader) -> Self:
-        """Return the same in SI."""
-        own = super().in_si(read)
-        own._refuse_unless(own.mean > 0.0, "mean > 0")
-        return own
+    def _rules(self) -> dict[str, bool]:
+        return super()._rules() | {"mean > 0": self.mean > 0.0}
 
     def quantile(self, share: Array) -> Array:
         """Return ``exp(mu + s z)`` for the quantile z.

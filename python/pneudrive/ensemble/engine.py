@@ -33,7 +33,7 @@ class Kept(NamedTuple):
 
     Attributes
     ----------
-    One array for each reduction, shape (n,) or (n, samples). NaN for a failed member.
+    values : list of ndarray
         One for each reduction, shape (n,) or (n, samples); NaN where a member failed.
     status : ndarray of uint8, shape (n,)
         0 done, 1 the run failed, 2 the numbers are inconsistent.
@@ -77,70 +77,54 @@ def run(
     CommandError
         The core cannot vary one of the numbers, or a value is out of its bounds.
     """
-    core = _ensemble(system, *members.paths)
-    every = list(plans.alike())
-    if len(every) == 1:
-        return _run_alike(core, members, every[0], rtol, kept, threads, look)
-    n = len(members.values)
-    status, reasons, values, done = np.zeros(n, np.uint8), {}, [], 0
-    for alike in every:
+    core, n, done = _ensemble(system, *members.paths), len(members.values), 0
+    parts: list[tuple[NDArray[np.intp], Kept]] = []
+
+    def tell(count: float) -> None:
+        assert look is not None
+        look(done + count)
+
+    for alike in plans.alike():  # members whose commands change at the same times
         places = np.arange(n)[alike.places]
-        tell = None if look is None else (lambda count, before=done: look(before + count))
-        found = _run_alike(core, members.at(places), alike, rtol, kept, threads, tell)
-        values = values or [np.empty((n, *value.shape[1:])) for value in found.values]
-        for target, own in zip(values, found.values, strict=True):
-            target[places] = own
-        status[places] = found.status
-        reasons |= {int(places[place]): why for place, why in found.reasons.items()}
+        part = members if len(places) == n else members.at(places)
+        rates: list[float | None] = [*sorted({one.rate_hz for one in kept if one.word == "samples"})] or [None]
+        found: dict[int, Array] = {}
+        outcome: Any = None
+        for rate in rates:  # the core samples at one rate in a run; unsampled outputs come with the first rate
+            asked = [k for k, one in enumerate(kept) if (one.rate_hz if one.word == "samples" else rates[0]) == rate]
+            outputs = [_output(kept[k]) for k in asked]
+            options = {"outputs": outputs, "rtol": rtol, "threads": threads or processors()}
+            outcome = _run(core, part, alike, options, None if look is None else tell)
+            found |= dict(zip(asked, outcome["outputs"], strict=True))
+        parts.append((places, Kept([found[k] for k in range(len(kept))], outcome["status"], outcome["reasons"])))
         done += len(places)
+    if len(parts) == 1:
+        return parts[0][1]
+    status, reasons = np.zeros(n, np.uint8), {}
+    values = [np.empty((n, *value.shape[1:])) for value in parts[0][1].values]
+    for places, own in parts:
+        for target, value in zip(values, own.values, strict=True):
+            target[places] = value
+        status[places] = own.status
+        reasons |= {int(places[place]): why for place, why in own.reasons.items()}
     return Kept(values, status, reasons)
 
 
-def _run_alike(
-    core: Ensemble,
-    members: CoreMembers,
-    alike: Alike,
-    rtol: float,
-    kept: Sequence[Reduction],
-    threads: int | None,
-    look: Callable[[float], object] | None,
-) -> Kept:
-    """Run members whose commands change at the same times."""
-    rates: list[float | None] = [*sorted({one.rate_hz for one in kept if one.word == "samples"})] or [None]
-    found = {}
-    for rate in rates:  # the core samples at one rate in a run; unsampled outputs come with the first rate
-        places = [k for k, one in enumerate(kept) if (one.rate_hz if one.word == "samples" else rates[0]) == rate]
-        asked = [_asked(kept[k]) for k in places]
-        outcome = _run(core, members, alike, rtol, asked, threads, look)
-        found |= dict(zip(places, outcome["outputs"], strict=True))
-    return Kept([found[k] for k in range(len(kept))], outcome["status"], outcome["reasons"])  # pyright: ignore[reportPossiblyUnboundVariable]
-
-
 def _run(
-    core: Ensemble,
-    members: CoreMembers,
-    alike: Alike,
-    rtol: float,
-    asked: list[CoreOutput],
-    threads: int | None,
-    look: Callable[[float], object] | None,
+    core: Ensemble, members: CoreMembers, alike: Alike, options: dict[str, Any], look: Callable[[float], object] | None
 ) -> Outcome:
     starts = [members.starts[name] for name in core.start_names]
     rows = 1 if all(np.ndim(start) == 0 for start in starts) else len(members.values)
+    request: Any = {
+        "values": members.values,
+        "plans": alike.plans,
+        "duration": alike.durations,
+        "initial": np.column_stack([np.broadcast_to(start, rows) for start in starts]),
+        "contact_age_s": float(members.starts.get("contact_age_s", 0.0)),
+        **options,
+    }
     try:
-        return core.run(
-            {
-                "values": members.values,
-                "plans": alike.plans,
-                "duration": alike.durations,
-                "initial": np.column_stack([np.broadcast_to(start, rows) for start in starts]),
-                "contact_age_s": float(members.starts.get("contact_age_s", 0.0)),
-                "outputs": asked,
-                "rtol": rtol,
-                "threads": threads or processors(),
-            },
-            look,
-        )
+        return core.run(request, look)
     except ValueError as error:
         raise CommandError(str(error)) from None
     except RuntimeError as error:
@@ -167,7 +151,7 @@ def _ensemble(system: System, *paths: str) -> Ensemble:
         ) from None
 
 
-def _asked(one: Reduction) -> CoreOutput:
+def _output(one: Reduction) -> CoreOutput:
     """Return the outputs for the request to the core."""
     what: Any = ("time_above" if one.above else "time_below") if one.word == "time_when" else one.word
     value = {"time_when": one.level, "samples": one.rate_hz}.get(one.word)

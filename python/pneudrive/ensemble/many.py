@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
-from pneudrive.ensemble.circuit_variation import CircuitVariation
 from pneudrive.ensemble.design import EnsembleDesign, design_of
 from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.outputs import SignalNames, reductions
 from pneudrive.ensemble.plans import member_plans, parted_starts
-from pneudrive.ensemble.rows import WiderRows
 from pneudrive.ensemble.store import ChunkStore
 from pneudrive.ensemble.study import EnsembleStudy, Members, results
-from pneudrive.ensemble.variation import CHECKED_ROWS, Variation, all_numbers
+from pneudrive.ensemble.variation import CHECKED_ROWS, CircuitVariation, Variation
 from pneudrive.errors import CommandError, SimulationError, warn
-from pneudrive.free.circuit import circuit_numbers
-from pneudrive.free.varied import INITIAL, Varied
+from pneudrive.free.varied import INITIAL
 from pneudrive.progress import Watch
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.start import check_tolerance, start
@@ -175,8 +172,8 @@ def simulate_many(
     store = None if out is None else ChunkStore(Path(out), study, chunk)
     frames = []
     for frame in results(study, store, chunk, executor, Watch(progress, cancel)):
-        lost = frame.filter(frame["status"] != DONE) if errors == "raise" else ()
-        if len(lost):
+        lost = frame.filter(frame["status"] != DONE)
+        if errors == "raise" and lost.height:
             raise SimulationError(f"member {lost['member'][0]}: {lost['reason'][0]}")
         frames += [frame] if store is None else []
     if store is not None and not fits:
@@ -219,7 +216,7 @@ def study_of(
         beside = EnsembleDesign.table(begun).rows(of(drive, [*begun], for_all))
         if beside.size != rows.size:
             raise CommandError(f"initial has {beside.size} rows, and there are {rows.size} members")
-        rows = WiderRows(rows, beside)  # pyright: ignore[reportArgumentType]
+        rows = rows.wider(beside)
     plans.check(rows.size)
     columns = [variable.name for variable in start(drive, for_all).variables if variable.kind == "output"]
     kept = reductions(outputs, _signals(drive, columns, plans))
@@ -235,14 +232,9 @@ def study_of(
     return EnsembleStudy(variation, rows, plans, rtol, kept, threads)
 
 
-def numbers_of(drive: Drive | Circuit) -> dict[str, Varied]:
-    """Return every number of a drive or a circuit and of its start state that may vary, by name."""
-    return all_numbers(cast("Drive", drive)) if drive.system.names else circuit_numbers(drive.circuit)
-
-
 def variation_of(drive: Drive | Circuit, names: Sequence[str], initial: Any = None) -> Variation:  # noqa: ANN401
     """Return the numbers of a drive or a circuit that a design sets."""
-    return (Variation if drive.system.names else CircuitVariation)(drive, names, initial)  # pyright: ignore[reportArgumentType]
+    return (Variation if drive.system.names else CircuitVariation)(drive, names, initial)
 
 
 def _signals(drive: Drive | Circuit, columns: Sequence[str], plans: MemberPlans) -> SignalNames:

@@ -98,7 +98,7 @@ class Output:
         CommandError
             The signal does not exist, or a quantity does not fit it.
         """
-        made = _MAKERS[self.word](signals, *self.arguments)
+        made = _reduction(self, signals)
         return replace(made, name=self.name) if self.name else made
 
 
@@ -223,8 +223,8 @@ class SignalNames:
     """
 
     def __init__(self, columns: Sequence[str], towards_b: bool | None = None, states: Sequence[str] = STATE) -> None:
-        self.towards_b, self.states = towards_b, states
-        self._columns = {column: column for column in columns} | {meaning(column)[0]: column for column in columns}
+        self.columns = {column: column for column in columns} | {meaning(column)[0]: column for column in columns}
+        self.towards_b, self.states = towards_b, [signal for signal in states if signal in self.columns]
 
     def column(self, signal: str) -> str:
         """Return the column of a signal.
@@ -234,29 +234,50 @@ class SignalNames:
         CommandError
             The signal does not exist.
         """
-        if signal not in self._columns:
-            known = {meaning(column)[0] for column in self._columns.values()}
+        if signal not in self.columns:
+            known = {meaning(column)[0] for column in self.columns.values()}
             raise CommandError(f"outputs: there is no signal {signal}", remedy=nearest(str(signal), known))
-        return self._columns[signal]
-
-    def has(self, signal: str) -> bool:
-        """Return whether the signal exists."""
-        return signal in self._columns
+        return self.columns[signal]
 
 
-def _plain(word: str, said: str) -> Callable[[SignalNames, str], Reduction]:
-    def make(signals: SignalNames, signal: str) -> Reduction:
-        column = signals.column(signal)
-        name, unit, long_name = meaning(column)
-        return Reduction(word, (column,), f"{word}_{name}", unit, f"{said} {long_name}")
+#: Word -> beginning of the long name of an output of one signal.
+_PLAIN = {
+    "final": "at the end: ",
+    "max": "largest ",
+    "min": "smallest ",
+    "mean": "mean over time: ",
+    "integral": "integral over time: ",
+}
+#: Words of texts -> least and largest number of arguments.
+WORDS = {
+    **dict.fromkeys(_PLAIN, (1, 1)),
+    "time_when": (1, 1),
+    "settling": (2, 3),
+    "samples": (1, 2),
+    "stroke_time": (0, 0),
+}
 
-    return make
 
-
-def _integral(signals: SignalNames, signal: str) -> Reduction:
-    made = _plain("integral", "integral over time:")(signals, signal)
-    unit = made.unit.removesuffix("/s") if made.unit.endswith("/s") else f"{made.unit} s" if made.unit != "1" else "s"
-    return replace(made, unit=unit)
+def _reduction(output: Output, signals: SignalNames) -> Reduction:
+    """Return an output for the signals of a drive, without a name of the user's."""
+    word, arguments = output.word, output.arguments
+    if word == "time_when":
+        return _time_when(signals, *arguments)
+    if word == "stroke_time":
+        return _stroke_time(signals)
+    if word == "own":
+        function, seen, unit, long_name, rate = arguments
+        columns = tuple(signals.column(signal) for signal in seen)
+        return Reduction(word, columns, "", unit, long_name, rate_hz=_rate(rate), function=function)
+    column = signals.column(arguments[0])
+    name, unit, long_name = meaning(column)
+    if word == "settling":
+        return _settling(column, *arguments)
+    if word == "samples":
+        return Reduction(word, (column,), name, unit, long_name, rate_hz=_rate(*arguments[1:] or (RATE_HZ,)))
+    if word == "integral":
+        unit = unit.removesuffix("/s") if unit.endswith("/s") else f"{unit} s" if unit != "1" else "s"
+    return Reduction(word, (column,), f"{word}_{name}", unit, _PLAIN[word] + long_name)
 
 
 def _time_when(signals: SignalNames, condition: str) -> Reduction:
@@ -270,22 +291,34 @@ def _time_when(signals: SignalNames, condition: str) -> Reduction:
     column = signals.column(signal)
     name, unit, long_name = meaning(column)
     side = "above" if sign == ">" else "below"
-    said = f"first time at which {long_name.partition(',')[0]} {sign} {text}"
+    about = f"first time at which {long_name.partition(',')[0]} {sign} {text}"
     level = _quantity(text, unit, "pressure" in name)
-    return Reduction("time_when", (column,), f"time_{name}_{side}", "s", said, level, above=sign == ">")
+    return Reduction("time_when", (column,), f"time_{name}_{side}", "s", about, level, above=sign == ">")
 
 
-def _settling(signals: SignalNames, signal: str, band: str | float, rate: str | float = RATE_HZ) -> Reduction:
-    column = signals.column(signal)
+def _stroke_time(signals: SignalNames) -> Reduction:
+    if signals.towards_b is None:
+        raise CommandError(
+            "outputs: there is no stroke time",
+            rule="needs one piston, which the commands of all members first move in the same direction",
+            remedy='Write the condition: "time_when(left.end_stop_force > 0.001 N)".',
+        )
+    end, level = ("b", TOUCH_N) if signals.towards_b else ("a", -TOUCH_N)
+    about = f"time from the start until the piston first touches the end of chamber {end}"
+    column = signals.column("end_stop_force")
+    return Reduction("time_when", (column,), "stroke_time", "s", about, level, above=signals.towards_b)
+
+
+def _settling(column: str, signal: str, band: str | float, rate: str | float = RATE_HZ) -> Reduction:
     name, unit, long_name = meaning(column)
     half = _quantity(band, unit, False)
     if unit == "K" and isinstance(band, str):
         half -= units.parse(f"0 {band.strip().partition(' ')[2]}", unit)  # a band is a difference: 5 degC are 5 K
     if not half > 0.0:
         raise CommandError(f"outputs: settling({signal}, {band})", rule="the band is greater than 0")
-    said = f"time after which it stays within {band} of its final value: {long_name}"
+    about = f"time after which it stays within {band} of its final value: {long_name}"
     function = partial(_settled, half)
-    return Reduction("own", (column,), f"settling_time_{name}", "s", said, half, _rate(rate), function=function)
+    return Reduction("own", (column,), f"settling_time_{name}", "s", about, half, _rate(rate), function=function)
 
 
 def _settled(half: float, signals: dict[str, Array], times: Array) -> Array:
@@ -300,49 +333,6 @@ def _settled(half: float, signals: dict[str, Array], times: Array) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         crossed = times[last] + (times[first] - times[last]) * (before - half) / (before - after)
     return np.where(beyond.any(axis=1), crossed, 0.0)
-
-
-def _samples(signals: SignalNames, signal: str, rate: str | float = RATE_HZ) -> Reduction:
-    column = signals.column(signal)
-    name, unit, long_name = meaning(column)
-    return Reduction("samples", (column,), name, unit, long_name, rate_hz=_rate(rate))
-
-
-def _own(
-    signals: SignalNames, function: OwnReduction, seen: Sequence[str], unit: str, long_name: str, rate: str | float
-) -> Reduction:
-    columns = tuple(signals.column(signal) for signal in seen)
-    return Reduction("own", columns, "", unit, long_name, rate_hz=_rate(rate), function=function)
-
-
-def _stroke_time(signals: SignalNames) -> Reduction:
-    if signals.towards_b is None:
-        raise CommandError(
-            "outputs: there is no stroke time",
-            rule="needs one piston, which the commands of all members first move in the same direction",
-            remedy='Write the condition: "time_when(left.end_stop_force > 0.001 N)".',
-        )
-    end, level = ("b", TOUCH_N) if signals.towards_b else ("a", -TOUCH_N)
-    said = f"time from the start until the piston first touches the end of chamber {end}"
-    column = signals.column("end_stop_force")
-    return Reduction("time_when", (column,), "stroke_time", "s", said, level, above=signals.towards_b)
-
-
-#: Word -> what makes a reduction of the signals of a drive and the arguments of an output.
-_MAKERS: dict[str, Callable[..., Reduction]] = {
-    "final": _plain("final", "at the end:"),
-    "max": _plain("max", "largest"),
-    "min": _plain("min", "smallest"),
-    "mean": _plain("mean", "mean over time:"),
-    "integral": _integral,
-    "time_when": _time_when,
-    "settling": _settling,
-    "samples": _samples,
-    "own": _own,
-    "stroke_time": _stroke_time,
-}
-#: Words of texts.
-WORDS = tuple(word for word in _MAKERS if word != "own")
 
 
 def read_output(text: str) -> Output:
@@ -366,9 +356,9 @@ def read_output(text: str) -> Output:
     if word not in WORDS:
         raise CommandError(f'outputs: "{text.strip()}" is not an output', remedy=nearest(word, WORDS))
     arguments = tuple(one.strip() for one in called[2].split(",") if one.strip()) if called else ()
-    takes = {"stroke_time": (0, 0), "settling": (2, 3), "samples": (1, 2)}.get(word, (1, 1))
-    if not takes[0] <= len(arguments) <= takes[1]:
-        raise CommandError(f'outputs: "{text.strip()}" has {len(arguments)} arguments', rule=f"{word} takes {takes[1]}")
+    least, most = WORDS[word]
+    if not least <= len(arguments) <= most:
+        raise CommandError(f'outputs: "{text.strip()}" has {len(arguments)} arguments', rule=f"{word} takes {most}")
     return Output(word, arguments, name)
 
 
@@ -388,11 +378,11 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
         One of them is not valid, two have one name, or samples have several rates.
     """
     if asked is None:
-        outputs = [final(signal) for signal in signals.states if signals.has(signal)]
+        outputs = [final(signal) for signal in signals.states]
         outputs += [Output("stroke_time", ())] if signals.towards_b is not None else []
     else:
-        given = [asked] if isinstance(asked, str | Output) else asked
-        outputs = [one if isinstance(one, Output) else read_output(one) for one in given]
+        each = [asked] if isinstance(asked, str | Output) else asked
+        outputs = [entry if isinstance(entry, Output) else read_output(entry) for entry in each]
     made = tuple(output.of(signals) for output in outputs)
     names = [one.name for one in made]
     for name in names:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -105,17 +106,16 @@ class MemberPlans:
             plans = [(name, list(each[0][0]), np.array(each[0][1])) for name, each in self.steps.items()]
             yield Alike(_ALL, plans, self.durations)
             return
+        every = {name: each * longest if len(each) == 1 else each for name, each in self.steps.items()}
         groups: dict[tuple[tuple[float, ...], ...], list[int]] = {}
         for place in range(longest):
-            key = tuple(_row(each, place)[0] for each in self.steps.values())
-            groups.setdefault(key, []).append(place)
+            groups.setdefault(tuple(each[place][0] for each in every.values()), []).append(place)
         for times, own in groups.items():
-            places = np.array(own)
             plans = [
-                (name, list(at), np.array([_row(each, place)[1] for place in own]))
-                for (name, each), at in zip(self.steps.items(), times, strict=True)
+                (name, list(at), np.array([each[place][1] for place in own]))
+                for (name, each), at in zip(every.items(), times, strict=True)
             ]
-            yield Alike(places, plans, self.durations if len(self.durations) == 1 else self.durations[places])
+            yield Alike(np.array(own), plans, self.durations if len(self.durations) == 1 else self.durations[own])
 
     def about(self) -> dict[str, Any]:
         """Describe them as plain data. Long data are represented by their SHA-256."""
@@ -123,10 +123,6 @@ class MemberPlans:
         command = next(iter(said.values())) if list(said) == ["command"] else said
         durations = self.durations.tolist()
         return {"command": command, "duration_s": durations[0] if len(durations) == 1 else _digest(durations)}
-
-
-def _row(each: EachSteps, place: int) -> Steps:
-    return each[0] if len(each) == 1 else each[place]
 
 
 def _said(each: EachSteps) -> Any:  # noqa: ANN401 - plain data
@@ -218,19 +214,14 @@ def _member(place: int, read: Any, *given: Any) -> Any:  # noqa: ANN401
         return read(*given)
 
 
-class _naming:  # noqa: N801 - reads as a statement
-    """Adds the member to an error in a command."""
-
-    def __init__(self, whom: str) -> None:
-        self.whom = whom
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, CommandError):
-            what = f"{self.whom}: {error.what}"
-            raise CommandError(what, where=error.where, rule=error.rule, remedy=error.remedy) from None
+@contextmanager
+def _naming(whom: str) -> Iterator[None]:
+    """Add the member to an error in a command."""
+    try:
+        yield
+    except CommandError as error:
+        what = f"{whom}: {error.what}"
+        raise CommandError(what, where=error.where, rule=error.rule, remedy=error.remedy) from None
 
 
 def _durations(given: Any) -> Array:  # noqa: ANN401

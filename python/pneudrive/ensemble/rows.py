@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import threading
 import warnings
-from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -16,6 +16,8 @@ from scipy.stats import qmc
 from pneudrive.estimate.sensitivity import HALF_CELL
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from numpy.typing import NDArray
 
     from pneudrive.ensemble.distributions import Distribution
@@ -29,162 +31,86 @@ BLOCK = 4096
 EDGE = 2.0**-53
 
 
-class Rows(Protocol):
-    """The values of all members, SI, in the order of `names`."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Numbers that vary, as in the drive file."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """Number of members."""
-        ...
-
-    def take(self, first: int, last: int) -> Array:
-        """Return the rows of the members from `first` to before `last`, shape (members, names)."""
-        ...
-
-    def part(self, first: int, last: int) -> Rows:
-        """Return the source of these rows, without other data."""
-        ...
-
-    def about(self) -> dict[str, Any]:
-        """Describe the design as plain data. Two designs with the same description have the same rows."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
-class TableRows:
-    """Rows as given. Rows before the member `begin` are left out."""
-
-    names: tuple[str, ...]
-    given: Array
-    begin: int = 0
-
-    @property
-    def size(self) -> int:
-        """Number of members."""
-        return self.begin + len(self.given)
-
-    def take(self, first: int, last: int) -> Array:
-        """Return rows."""
-        return self.given[first - self.begin : last - self.begin]
-
-    def part(self, first: int, last: int) -> TableRows:
-        """Return only these rows."""
-        return TableRows(self.names, self.take(first, last), first)
-
-    def about(self) -> dict[str, Any]:
-        """Describe the design."""
-        digest = hashlib.sha256(np.ascontiguousarray(self.given).tobytes()).hexdigest()
-        return {"design": "table", "names": list(self.names), "members": self.size, "sha256": digest}
-
-
-@dataclass(frozen=True, eq=False)
-class WiderRows:
-    """Rows of a design, each followed by the given values of its member."""
-
-    design: Rows
-    beside: TableRows
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Numbers that vary."""
-        return (*self.design.names, *self.beside.names)
-
-    @property
-    def size(self) -> int:
-        """Number of members."""
-        return self.design.size
-
-    def take(self, first: int, last: int) -> Array:
-        """Return rows."""
-        return np.column_stack([self.design.take(first, last), self.beside.take(first, last)])
-
-    def part(self, first: int, last: int) -> WiderRows:
-        """Return the source of these rows."""
-        return WiderRows(self.design.part(first, last), self.beside.part(first, last))
-
-    def about(self) -> dict[str, Any]:
-        """Describe the design."""
-        return {**self.design.about(), "beside": self.beside.about()}
-
-
-@dataclass(frozen=True, eq=False)
-class GridRows:
-    """All combinations of the values of each number. The last number varies fastest."""
-
-    axes: dict[str, Array]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Numbers that vary."""
-        return tuple(self.axes)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Values of each number."""
-        return tuple(len(axis) for axis in self.axes.values())
-
-    @property
-    def size(self) -> int:
-        """Number of members."""
-        return int(np.prod(self.shape, dtype=object))
-
-    def take(self, first: int, last: int) -> Array:
-        """Return rows."""
-        places = np.unravel_index(np.arange(first, min(last, self.size)), self.shape)
-        return np.column_stack([axis[at] for axis, at in zip(self.axes.values(), places, strict=True)])
-
-    def part(self, first: int, last: int) -> GridRows:
-        """Return itself, because it needs little data."""
-        del first, last
-        return self
-
-    def about(self) -> dict[str, Any]:
-        """Describe the design."""
-        return {"design": "grid", "axes": {name: axis.tolist() for name, axis in self.axes.items()}}
-
-
-@dataclass(frozen=True, eq=False)
-class SampledRows:
-    """Points in the unit cube, by distributions or by the posterior of a fit.
+class Rows:
+    """The values of all members, SI.
 
     Attributes
     ----------
-    method : str
-        ``"sobol"`` (scrambled), ``"latin-hypercube"`` or ``"random"``.
+    names : tuple of str
+        Numbers that vary, as in the drive file.
     size : int
-    seed : int
-    shape : Marginals or NormalCoordinates
-        Mapping from the cube to values.
+        Number of members.
+    about : dict
+        Description of the design as plain data. Two designs with the same description have the same rows.
+    points : callable
+        (first, last) -> rows of the members from first to before last, shape (members, names).
+    shape : Marginals or NormalCoordinates, optional
+        Of a sampled design: mapping from the unit cube to values.
     """
 
-    method: str
+    names: tuple[str, ...]
     size: int
-    seed: int
-    shape: Marginals | NormalCoordinates
+    about: dict[str, Any]
+    points: Callable[[int, int], Array]
+    shape: Marginals | NormalCoordinates | None = None
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Numbers that vary."""
-        return self.shape.names
+    @classmethod
+    def table(cls, names: Sequence[str], values: Array) -> Rows:
+        """Return rows with these values, shape (members, names)."""
+        digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+        about = {"design": "table", "names": list(names), "members": len(values), "sha256": digest}
+        return cls(tuple(names), len(values), about, partial(_part, values, 0))
+
+    @classmethod
+    def grid(cls, axes: dict[str, Array]) -> Rows:
+        """Return all combinations of the values of each number. The last number varies fastest."""
+        shape = tuple(len(axis) for axis in axes.values())
+
+        def points(first: int, last: int) -> Array:
+            places = np.unravel_index(np.arange(first, last), shape)
+            return np.column_stack([axis[at] for axis, at in zip(axes.values(), places, strict=True)])
+
+        about = {"design": "grid", "axes": {name: axis.tolist() for name, axis in axes.items()}}
+        return cls(tuple(axes), int(np.prod(shape, dtype=object)), about, points)
+
+    @classmethod
+    def sampled(cls, method: str, size: int, seed: int, shape: Marginals | NormalCoordinates) -> Rows:
+        """Return points in the unit cube, by distributions or by the posterior of a fit.
+
+        Parameters
+        ----------
+        method : str
+            ``"sobol"`` (scrambled), ``"latin-hypercube"`` or ``"random"``.
+        size, seed : int
+        shape : Marginals or NormalCoordinates
+        """
+
+        def points(first: int, last: int) -> Array:
+            return shape.values(SAMPLERS[method](first, last, size, len(shape.names), seed))
+
+        about = {"design": method, "members": size, "seed": seed, **shape.about()}
+        return cls(shape.names, size, about, points, shape)
+
+    def wider(self, other: Rows) -> Rows:
+        """Return rows each of which is followed by that of another design."""
+
+        def points(first: int, last: int) -> Array:
+            return np.column_stack([self.take(first, last), other.take(first, last)])
+
+        return Rows((*self.names, *other.names), self.size, {**self.about, "beside": other.about}, points)
 
     def take(self, first: int, last: int) -> Array:
-        """Return rows."""
-        last = min(last, self.size)
-        return self.shape.values(SAMPLERS[self.method](first, last, self.size, len(self.names), self.seed))
+        """Return the rows of the members from `first` to before `last`, shape (members, names)."""
+        return self.points(first, min(last, self.size))
 
-    def part(self, first: int, last: int) -> SampledRows:
-        """Return itself, because it needs little data."""
-        del first, last
-        return self
+    def part(self, first: int, last: int) -> Rows:
+        """Return these rows without the design, to be sent to another machine."""
+        return replace(self, points=partial(_part, self.take(first, last), first), shape=None)
 
-    def about(self) -> dict[str, Any]:
-        """Describe the design."""
-        return {"design": self.method, "members": self.size, "seed": self.seed, **self.shape.about()}
+
+def _part(values: Array, begin: int, first: int, last: int) -> Array:
+    return values[first - begin : last - begin]
 
 
 @dataclass(frozen=True, eq=False)

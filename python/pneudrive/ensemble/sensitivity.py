@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.ensemble.design import design_of
 from pneudrive.ensemble.many import study_of
-from pneudrive.ensemble.rows import SampledRows, TableRows
+from pneudrive.ensemble.rows import Rows
 from pneudrive.ensemble.study import Members, results
 from pneudrive.errors import CommandError, nearest, warn
 from pneudrive.estimate.sensitivity import elementary_effects, morris_points, sobol_indices, sobol_points
@@ -122,16 +122,17 @@ def sensitivity(
         raise CommandError(f"n = {count} is too few", rule="at least 2")
     design = replace(design_of(vary), members=count)
     study = study_of(drive, command, duration, vary=design, outputs=outputs, initial=initial, rtol=rtol)
-    if not isinstance(study.rows, SampledRows) or design.correlation or design.fit is not None:
+    shape = study.rows.shape
+    if shape is None or design.correlation or design.fit is not None:
         rule = "a distribution of each number, all independent"
         raise CommandError("vary does not fit sensitivity", rule=rule, remedy='For instance "normal(30 N, 10 %)".')
     sampled = [output.name for output in study.outputs if output.word == "samples"]
     if sampled:
         raise CommandError(f"outputs: {sampled[0]} is sampled", rule="sensitivities are of numbers")
-    names, about = study.rows.names, {**study.about(), "vary": study.rows.shape.about()}
+    names, about = study.rows.names, {**study.about(), "vary": shape.about()}
     about |= {"method": method, "n": count, "seed": seed, "confidence": confidence}
     cube = sobol_points(count, len(names), seed) if method == "sobol" else morris_points(count, len(names), seed)
-    study = replace(study, rows=TableRows(names, study.rows.shape.values(cube)))
+    study = replace(study, rows=Rows.table(names, shape.values(cube)))
     study.plans.check(study.rows.size)
     values = _values(study, executor, Watch(progress, cancel))
     if method == "sobol":

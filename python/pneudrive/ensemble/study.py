@@ -83,7 +83,7 @@ class EnsembleStudy:
             "initial": self.variation.start_said(),
             **self.plans.about(),
             "rtol": self.rtol,
-            "vary": self.rows.about(),
+            "vary": self.rows.about,
             "outputs": [output.about() for output in self.outputs],
             "version": __version__,
         }

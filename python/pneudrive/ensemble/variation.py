@@ -1,9 +1,11 @@
-"""Numbers of a drive that vary: their names, the reading of their quantities, and the members in the core's form."""
+"""Numbers of a drive or a circuit that vary: names, reading of quantities, and members in the core's form."""
 
 from __future__ import annotations
 
+import json
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -11,8 +13,9 @@ from pneudrive import units
 from pneudrive.describe.files.provenance import marks
 from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
-from pneudrive.describe.tables.starts import read_initial, start_state
+from pneudrive.describe.tables.starts import read_initial, start_state, start_values
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, nearest
+from pneudrive.free.circuit import AMBIENT, circuit_numbers, core_numbers, core_path
 from pneudrive.free.parameters import family_of, numbers_of
 from pneudrive.free.varied import INITIAL, Varied, field_marks, mark_unit
 
@@ -21,7 +24,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
+    from pneudrive.free.parameters import DriveFamily
 
     Array = NDArray[np.float64]
 
@@ -34,34 +39,23 @@ COUPLED = (
 )
 #: What a start state follows from if it says nothing: numbers of the drive.
 STARTS_FROM = ("cylinder.stroke", "ambient.pressure", "ambient.temperature")
+#: What follows from a number of a circuit is found by moving it by this share, or by so much if it is 0.
+NUDGE = 1e-3
 #: Rows that are looked at together.
 CHECKED_ROWS = 65536
 
 
-def all_numbers(drive: Drive) -> dict[str, Varied]:
-    """Return every number of a drive and of its start state that may vary, by name."""
+def all_numbers(described: Drive | Circuit) -> dict[str, Varied]:
+    """Return every number of a drive or a circuit and of its start state that may vary, by name."""
+    if described.system.names is None:
+        return circuit_numbers(described.circuit)
+    drive = cast("Drive", described)
     written = marks(drive)
     found = {name: Varied(name, number.unit, written.get(name)) for name, number in numbers_of(drive).items()}
     starts = {
         f"{INITIAL}{key}": mark for key, mark in field_marks(Initial).items() if key != "contact_age"
     }  # one for all
     return found | {name: Varied(name, mark_unit(mark), mark) for name, mark in starts.items()}
-
-
-def chosen_numbers(what: str, known: Mapping[str, Varied], names: Sequence[str]) -> list[Varied]:
-    """Return the numbers with these names.
-
-    Raises
-    ------
-    CommandError
-        A name is unknown or repeated.
-    """
-    for name in names:
-        if name not in known:
-            raise CommandError(f"vary: {name} is not a number of this {what}", remedy=nearest(name, known))
-        if list(names).count(name) > 1:
-            raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
-    return [known[name] for name in names]
 
 
 class CoreMembers(NamedTuple):
@@ -104,12 +98,27 @@ class Variation:
         A name is unknown or repeated.
     """
 
-    def __init__(self, drive: Drive, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
-        self.drive, self.initial = drive, read_initial(initial)
-        self.numbers = chosen_numbers("drive", all_numbers(drive), names)
-        known = numbers_of(drive)
-        self._free = [place for place, name in enumerate(names) if name in known]
-        self.family = family_of(drive, [known[names[place]] for place in self._free])
+    def __init__(self, drive: Any, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
+        self.drive, self.initial = drive, self._read_initial(initial)
+        known = all_numbers(drive)
+        for name in names:
+            if name not in known:
+                raise CommandError(
+                    f"vary: {name} is not a number of this {drive.file_kind}", remedy=nearest(name, known)
+                )
+            if list(names).count(name) > 1:
+                raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
+        self.numbers = [known[name] for name in names]
+
+    @staticmethod
+    def _read_initial(initial: Any) -> Any:  # noqa: ANN401
+        return read_initial(initial)
+
+    @cached_property
+    def family(self) -> DriveFamily:
+        """Drives for any values of the numbers, without those of the start state."""
+        known = numbers_of(self.drive)
+        return family_of(self.drive, [known[name] for name in self.names if not name.startswith(INITIAL)])
 
     @property
     def names(self) -> list[str]:
@@ -130,13 +139,18 @@ class Variation:
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
     def changes(self, row: Array) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return a member's changes to the drive (see `Drive.replace`) and its start state, as in their files."""
+        """Return a member's changes to the description (see `Drive.replace`) and its start state, as in their files."""
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
         start = self._start_table()
         start |= {name.removeprefix(INITIAL): text for name, text in texts.items() if name.startswith(INITIAL)}
-        return {name: text for name, text in texts.items() if not name.startswith(INITIAL)}, start
+        return {self._key(name): text for name, text in texts.items() if not name.startswith(INITIAL)}, start
 
-    def single(self, row: Array) -> tuple[Drive, Initial]:
+    @staticmethod
+    def _key(name: str) -> str:
+        """Return the key of a number in its file."""
+        return name
+
+    def single(self, row: Array) -> tuple[Any, Any]:
         """Return the drive and the start state of a member.
 
         Raises
@@ -156,6 +170,7 @@ class Variation:
             It is not valid.
         """
         drive, initial = self.single(row)
+        drive.core_json()
         drive.core_initial(initial)
 
     def coupled(self) -> Iterator[tuple[str, str]]:
@@ -171,13 +186,13 @@ class Variation:
             One of them is not valid. The message names the row.
         """
         for start in range(0, len(rows), CHECKED_ROWS):
-            own = rows[start : start + CHECKED_ROWS]
-            columns = dict(zip(self.names, own.T, strict=True))
-            asked = [*own.argmin(axis=0), *own.argmax(axis=0)]
-            asked += [int((columns[low] / columns[high]).argmax()) for low, high in self.coupled()]
-            for place in sorted({int(one) for one in asked}):
-                with _of_row(first + start + place, self.numbers, own[place]):
-                    self.try_row(own[place])
+            part = rows[start : start + CHECKED_ROWS]
+            columns = dict(zip(self.names, part.T, strict=True))
+            extremes = [*part.argmin(axis=0), *part.argmax(axis=0)]
+            extremes += [int((columns[low] / columns[high]).argmax()) for low, high in self.coupled()]
+            for place in sorted({int(extreme) for extreme in extremes}):
+                with _of_row(first + start + place, self.numbers, part[place]):
+                    self.try_row(part[place])
 
     def members(self, rows: Array) -> CoreMembers:
         """Return members in the form of the core.
@@ -187,8 +202,8 @@ class Variation:
         rows : ndarray, shape (n, names)
             SI.
         """
-        values = self.family.many(rows[:, self._free])
-        return CoreMembers(self.family.paths, values, self._starts(rows))
+        free = [place for place, name in enumerate(self.names) if not name.startswith(INITIAL)]
+        return CoreMembers(self.family.paths, self.family.many(rows[:, free]), self._starts(rows))
 
     def _starts(self, rows: Array) -> dict[str, float | Array]:
         columns = dict(zip(self.names, rows.T, strict=True))
@@ -198,7 +213,7 @@ class Variation:
             return state
         if not self.drive.is_plain:
             each = [drive.core_initial(initial) for drive, initial in map(self.single, rows)]
-            state |= {name: np.array([one[name] for one in each]) for name in state if name != "contact_age_s"}
+            state |= {name: np.array([start[name] for start in each]) for name in state if name != "contact_age_s"}
             return state
         nominal = (self.drive.cylinder.stroke_m, self.drive.ambient.pressure_pa, self.drive.ambient.temperature_k)
         by = [columns.get(name, at) for name, at in zip(STARTS_FROM, nominal, strict=True)]
@@ -206,8 +221,103 @@ class Variation:
         for name in moved:
             if name.startswith(INITIAL):
                 key = name.removeprefix(INITIAL)
-                state[next(own for own in state if own.startswith(f"{key}_"))] = columns[name]
+                state[next(column for column in state if column.startswith(f"{key}_"))] = columns[name]
         return state
+
+
+class CircuitVariation(Variation):
+    """The numbers of a circuit, and of its start state, that a design sets: names of `circuit_numbers`."""
+
+    @staticmethod
+    def _read_initial(initial: Any) -> Any:  # noqa: ANN401
+        return start_values(initial) or None
+
+    def start_said(self) -> dict[str, str]:
+        """Return the start state of all members in words, including that of the circuit file."""
+        return {name: repr(value) for name, value in self.drive.core_initial(self.initial).items()}
+
+    def _start_table(self) -> dict[str, Any]:
+        return dict(self.initial or {})
+
+    @staticmethod
+    def _key(name: str) -> str:
+        return name if name in AMBIENT else f"components.{name}"
+
+    def single(self, row: Array) -> tuple[Any, Any]:
+        """Return the circuit and the start state of a member.
+
+        Raises
+        ------
+        DescriptionError
+            They are not valid.
+        """
+        changes, start = self.changes(row)
+        return self.drive.replace(changes) if changes else self.drive, start
+
+    def coupled(self) -> Iterator[tuple[str, str]]:
+        """Yield the pairs of numbers of one component of which the first must not exceed the second."""
+        ends = [(low.partition(".")[2], high.partition(".")[2], low) for low, high in COUPLED]
+        for name in self.names:
+            for low, high, whole in ends:
+                of = name.removesuffix(low)
+                high_key = (
+                    f"{of.removesuffix('friction.')}friction.{high}" if whole.startswith("friction.") else of + high
+                )
+                if name.endswith(f".{low}") and high_key in self.names:
+                    yield name, high_key
+
+    def _leaves(self, circuit: Circuit, start: Any) -> dict[str, float]:  # noqa: ANN401
+        """Return the numbers of a member in the core's form by path, and its start values as ``initial.NAME``."""
+        starts = {f"{INITIAL}{name}": value for name, value in circuit.core_initial(start).items()}
+        return dict(core_numbers(json.loads(circuit.core_json()))) | starts
+
+    @cached_property
+    def _moved(self) -> tuple[list[str], bool]:
+        """Return the paths that the numbers change, own ones first, and whether each changes only its own path."""
+        paths = [
+            INITIAL + self.drive.start_names[name.removeprefix(INITIAL)]
+            if name.startswith(INITIAL)
+            else core_path(name)
+            for name in self.names
+        ]
+        leaves = self._leaves(self.drive, self.initial)
+        nominal, alone = np.array([leaves[path] for path in paths]), True
+        base = self._leaves(*self.single(nominal))
+        for place in range(len(self.numbers)):
+            nudged = self._nudged(nominal, place)
+            alone = alone and nudged is not None  # numbers at a bound are set member by member
+            paths += [path for path, value in (nudged or {}).items() if path not in paths and value != base[path]]
+        return paths, alone and len(paths) == len(self.numbers)
+
+    def _nudged(self, nominal: Array, place: int) -> dict[str, float] | None:
+        for sign in (1.0, -1.0):
+            row = nominal.copy()
+            row[place] += sign * NUDGE * (abs(row[place]) or 1.0)
+            try:
+                return self._leaves(*self.single(row))
+            except DescriptionError:
+                continue
+        return None
+
+    def members(self, rows: Array) -> CoreMembers:
+        """Return members for the core: column by column, or one by one if other numbers follow from them.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n, names)
+            SI.
+        """
+        paths, alone = self._moved
+        if alone:
+            columns = dict(zip(paths, rows.T, strict=True))
+        else:
+            each = [self._leaves(*self.single(row)) for row in rows]
+            columns = {path: np.array([leaves[path] for leaves in each], dtype=np.float64) for path in paths}
+        starts: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
+        starts |= {path.removeprefix(INITIAL): column for path, column in columns.items() if path.startswith(INITIAL)}
+        varied = [path for path in paths if not path.startswith(INITIAL)]
+        values = np.array([columns[path] for path in varied]).reshape(len(varied), len(rows)).T.copy()
+        return CoreMembers(varied, values, starts)
 
 
 class QuantityReader:

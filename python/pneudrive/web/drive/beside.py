@@ -138,7 +138,7 @@ class ExtrasRequest(RunRequest):
     ) -> tuple[dict[str, Any], dict[str, Array]]:
         from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import study_of
-        from pneudrive.ensemble.rows import TableRows
+        from pneudrive.ensemble.rows import Rows
         from pneudrive.ensemble.study import Members, results
 
         study = study_of(
@@ -156,7 +156,7 @@ class ExtrasRequest(RunRequest):
         head = {"members": MEMBERS, "share": BAND, "ends": {}, "failed": MEMBERS, "why": why, "refused": bool(why)}
         if not len(rows):
             return head, {}
-        study = replace(study, rows=TableRows(tuple(study.variation.names), rows))
+        study = replace(study, rows=Rows.table(study.variation.names, rows))
         many = Members.of(study, results(study, None, None, None, Watch(cancel=limit)))
         whole = many.frame["status"].to_numpy() == DONE
         head["why"] = why or next(filter(None, many.frame["reason"]), "")
