@@ -138,7 +138,8 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
         made.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=entries)
     if figure.title:
         made.suptitle(figure.title, fontsize=9, x=0.01, ha="left")
-    made.align_ylabels()
+    if rows > 1 and figure.share_y != "all":
+        made.align_ylabels()  # slow: matplotlib measures all panels again each time that it draws
     return made
 
 
