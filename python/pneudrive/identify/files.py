@@ -18,7 +18,6 @@ from pneudrive.identify.static.result import FrictionFit, LawFit
 from pneudrive.identify.volume import VolumeFit
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     import numpy as np
@@ -89,12 +88,6 @@ class Changed(NamedTuple):
     change: float | None
 
 
-class _Side(NamedTuple):
-    texts: Mapping[str, str]
-    intervals: Mapping[str, str]
-    numbers: Mapping[str, float]
-
-
 def differences(before: Drive | AnyFit, after: Drive | AnyFit) -> list[Changed]:
     """Return the values that differ in number or interval, in the order of the first source.
 
@@ -122,18 +115,12 @@ def differences(before: Drive | AnyFit, after: Drive | AnyFit) -> list[Changed]:
             value=f"a {kinds[0]} and a {kinds[1]}",
             rule="two drives, or two fits of one kind",
         )
-    old, new = _side(before), _side(after)
+    old, new = _values(before), _values(after)
+    pairs = {key: (old.get(key, _ABSENT), new.get(key, _ABSENT)) for key in {**old, **new}}
     return [
-        Changed(
-            key,
-            old.texts.get(key, ""),
-            new.texts.get(key, ""),
-            old.intervals.get(key, ""),
-            new.intervals.get(key, ""),
-            _change(old.numbers.get(key), new.numbers.get(key)),
-        )
-        for key in {**old.texts, **new.texts}
-        if any(getattr(old, part).get(key) != getattr(new, part).get(key) for part in ("texts", "intervals"))
+        Changed(key, old_text, new_text, old_ends, new_ends, _change(old_si, new_si))
+        for key, ((old_text, old_ends, old_si), (new_text, new_ends, new_si)) in pairs.items()
+        if (old_text, old_ends) != (new_text, new_ends)
     ]
 
 
@@ -180,16 +167,22 @@ def _change(before: float | None, after: float | None) -> float | None:
     return None if before is None or after is None or before == 0.0 else (after - before) / abs(before)
 
 
-def _side(source: Drive | AnyFit) -> _Side:
+#: Text, interval and number of a value that one side lacks.
+_ABSENT = ("", "", None)
+
+
+def _values(source: Drive | AnyFit) -> dict[str, tuple[str, str, float | None]]:
+    """Return text, interval and number in SI of each value."""
     if isinstance(source, Drive):
-        return _Side(
-            {one.key: str(one.value) for one in values_of(source)},
-            {key: " … ".join(one.interval) for key, one in source.provenance.items()},
-            {key: one.si for key, one in values(source).items()},
+        ends = {key: " … ".join(one.interval) for key, one in source.provenance.items()}
+        numbers = {key: one.si for key, one in values(source).items()}
+        return {one.key: (str(one.value), ends.get(one.key, ""), numbers.get(one.key)) for one in values_of(source)}
+    known = {name: value for name, value in source.values.items() if isfinite(value)}
+    return {
+        name: (
+            (f"{number} {unit}" if number else state).strip(),
+            state.replace(" .. ", " … ") if name in source.intervals else "",
+            known.get(name),
         )
-    rows = {name: (f"{number} {unit}" if number else state, state) for name, number, unit, state, *_ in source.rows()}
-    return _Side(
-        {name: text.strip() for name, (text, _) in rows.items()},
-        {name: state.replace(" .. ", " … ") for name, (_, state) in rows.items() if name in source.intervals},
-        {name: value for name, value in source.values.items() if isfinite(value)},
-    )
+        for name, number, unit, state, *_ in source.rows()
+    }

@@ -90,7 +90,7 @@ def _free_run(solved: Solved, values: Array) -> dict[str, float]:
     point = Iterate(problem.transforms.internal(values), [states[:1] for states in solved.point.states])
     try:
         for experiment in problem.experiments:
-            experiment.shooter = experiment.shooter.with_starts(whole)
+            experiment.shooter = replace(experiment.shooter, starts=whole)
         shots = problem.run(point, derivatives=False)
         if isinstance(shots, str):
             return {}
@@ -156,7 +156,7 @@ def _held(drive: Drive, free: list[Parameter], solved: Solved) -> list[Parameter
 def _motion(solved: Solved, index: int) -> dict[str, Array]:
     """Return the states of the fitted model along a recording, without noise."""
     experiment = solved.problem.experiments[index]
-    shooter = experiment.shooter.with_outputs(_STATES)
+    shooter = replace(experiment.shooter, outputs=_STATES)
     values = solved.problem.values(solved.point.eta)[: solved.problem.drive_size]
     states = shooter.run(values, solved.point.states[index], derivatives=False).outputs
     motion = {name: np.ascontiguousarray(states[:, k]) for k, name in enumerate(_STATES)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
@@ -57,12 +58,11 @@ if TYPE_CHECKING:
 
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
-    from pneudrive.identify.dynamic.problem import Recorded
     from pneudrive.identify.dynamic.result import DriveFit
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.identify.follow.fit import FollowFit
     from pneudrive.progress import Flag
-    from pneudrive.signals.drive_recording import DriveRecording
+    from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
 
     Array = NDArray[np.float64]
 
@@ -364,7 +364,7 @@ def _least_noise(channel: Channel, rtol: float) -> float:
     return float(np.hypot(channel.resolution / np.sqrt(12.0), rtol * _SCALE.get(channel.unit, 1.0)))
 
 
-def noise_of(channel: Channel, record: Recorded, rtol: float) -> float:
+def noise_of(channel: Channel, record: DriveRecording | VolumeRecording, rtol: float) -> float:
     """Return the initial standard deviation of a channel: the stated value, or the one from sample to sample."""
     white = white_noise(record[channel.column]) if channel.noise is None else channel.noise
     return float(np.hypot(white, _least_noise(channel, rtol)))
@@ -435,7 +435,7 @@ def _regrouped(problem: FitProblem, point: Iterate, length_s: float) -> Iterate:
         old = experiment.shooter.starts
         wanted = segment_starts(experiment.shooter.recording.time_s, length_s)
         kept = np.unique(np.abs(old[:, None] - wanted).argmin(axis=0))
-        experiment.shooter = experiment.shooter.with_starts(old[kept])
+        experiment.shooter = replace(experiment.shooter, starts=old[kept])
         states.append(state[kept])
     return Iterate(point.eta, states)
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from pneudrive.free.parameters import DriveFamily, Parameter
     from pneudrive.identify.dynamic.sensors import Channel, SensorParameter
     from pneudrive.progress import Watch
-    from pneudrive.signals.drive_recording import DriveRecording
+    from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
 
     Array = NDArray[np.float64]
 
@@ -59,40 +58,18 @@ class Shot:
     failures: dict[int, str]
 
 
-class Recorded(Protocol):
-    """Protocol of a recording for shooting."""
-
-    @property
-    def name(self) -> str:
-        """Name in messages."""
-        ...
-
-    @property
-    def time_s(self) -> Array:
-        """Times of the samples, shape (n,)."""
-        ...
-
-    def __getitem__(self, column: str) -> Array:
-        """Return a column, SI."""
-        ...
-
-    @property
-    def steps(self) -> tuple[Array, Array]:
-        """Return the times at which the command changes, and its new values."""
-        ...
-
-
 #: Half of the difference for derivatives by the delay of the command, s: above the effect of the solver's error, below
 #: the time in which a valve's flow changes.
 DELAY_STEP_S = 1e-4
 
 
+@dataclass
 class Shooter:
     """Runner of the segments of one recording.
 
     Parameters
     ----------
-    recording : Recorded
+    recording : DriveRecording or VolumeRecording
     outputs : sequence of str
         Wanted columns of the core.
     starts : ndarray of int, shape (k,)
@@ -106,37 +83,18 @@ class Shooter:
         Checked during each run.
     """
 
-    def __init__(
-        self,
-        recording: Recorded,
-        outputs: Sequence[str],
-        starts: NDArray[np.int64],
-        family: DriveFamily,
-        rtol: float,
-        threads: int,
-        delay_s: float = 0.0,
-        watch: Watch = UNWATCHED,
-    ) -> None:
-        self.recording, self.outputs, self.starts = recording, list(outputs), starts
-        self.family, self._rtol, self._threads = family, rtol, threads
-        self._delay_s, self.watch = delay_s, watch
+    recording: DriveRecording | VolumeRecording
+    outputs: Sequence[str]
+    starts: NDArray[np.int64]
+    family: DriveFamily
+    rtol: float
+    threads: int
+    delay_s: float = 0.0
+    watch: Watch = UNWATCHED
 
     def inner_states(self, values: Array) -> list[str]:
         """Names of the start states other than piston and chambers: states of friction, gas of tubes."""
         return list(self.family.core(values).segment_names[6:])
-
-    def with_starts(self, starts: NDArray[np.int64]) -> Shooter:
-        """Return a shooter whose segments begin at other samples."""
-        return self._with(starts=starts)
-
-    def with_outputs(self, outputs: Sequence[str]) -> Shooter:
-        """Return a shooter that computes other columns of the core."""
-        return self._with(outputs=list(outputs))
-
-    def _with(self, **changed: object) -> Shooter:
-        other = copy(self)
-        vars(other).update(changed)
-        return other
 
     def run(
         self,
@@ -208,7 +166,7 @@ class Shooter:
         derivatives: bool = False,
         by_start: NDArray[np.int64] | None = None,
     ) -> CoreShot:
-        times, commands = delayed(*self.recording.steps, self._delay_s if delay_s is None else delay_s)
+        times, commands = delayed(*self.recording.steps, self.delay_s if delay_s is None else delay_s)
         asked: Shooting = {
             "times": times.tolist(),
             "commands": commands.tolist(),
@@ -217,9 +175,9 @@ class Shooter:
             "initial": np.ascontiguousarray(initial),
             "parameters": self.family.paths if derivatives else [],
             "with_initial": derivatives if by_start is None or not derivatives else by_start.tolist(),
-            "outputs": self.outputs,
-            "rtol": self._rtol,
-            "threads": self._threads,
+            "outputs": list(self.outputs),
+            "rtol": self.rtol,
+            "threads": self.threads,
         }
         return self.family.shoot(core, asked, lambda _: self.watch.look())
 
@@ -316,7 +274,6 @@ class FitProblem:
         self.drive_size = len(parameters)
         self.size = self.drive_size + len(sensors)
         #: Prior precision of the coordinates: 0 without prior knowledge.
-        self.prior_mean = np.zeros(self.size)
         self.prior = np.zeros(self.size)
         for i, s in enumerate(sensors, start=self.drive_size):
             if np.isfinite(s.uncertainty) and s.uncertainty > 0.0:
@@ -341,7 +298,7 @@ class FitProblem:
 
     def prior_cost(self, eta: Array) -> float:
         """Return the cost of the deviation from prior knowledge."""
-        return float(self.prior @ (eta - self.prior_mean) ** 2)
+        return float(self.prior @ eta**2)
 
     def robust_weight(self, residual: Array) -> Array:
         """Return the square roots of Huber's weights; 1 for plain least squares."""

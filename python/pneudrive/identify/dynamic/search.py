@@ -407,7 +407,7 @@ def equations(problem: FitProblem, point: Iterate, at: Joined) -> tuple[Array, A
     """Return information and gradient of the global coordinates, with prior knowledge of the sensors."""
     information, gradient = reduced(at.blocks, problem.size)
     information += np.diag(problem.prior)
-    gradient -= problem.prior * (point.eta - problem.prior_mean)
+    gradient -= problem.prior * point.eta
     held = problem.held
     information[held], information[:, held], gradient[held] = 0.0, 0.0, 0.0
     information[held, held] = 1.0

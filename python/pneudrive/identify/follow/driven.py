@@ -347,7 +347,7 @@ class DrivenCircuit:
 
     def _leak(self, side: str) -> Number:
         """Return the leak past the piston or to the ambient air: the existing one, or a new one."""
-        ends = {self.starts_port(side or "a"), "ambient" if side else self.starts_port("b")}
+        ends = {f"{self.piston}.{side or 'a'}", "ambient" if side else f"{self.piston}.b"}
         for name, part in self.parts.items():
             if part["kind"] == "leak" and self._ends(name) == ends:
                 return self._number(name, "coefficient", self._usual_leak())
@@ -363,10 +363,6 @@ class DrivenCircuit:
         else:
             self._joint(f"{self.piston}.b").append(f"{name}.2")
         return self._number(name, "coefficient")
-
-    def starts_port(self, side: str) -> str:
-        """Return the port of the piston in the joint of a chamber."""
-        return f"{self.piston}.{side}"
 
     def _ends(self, leak: str) -> set[str]:
         found = set()

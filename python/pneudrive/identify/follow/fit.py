@@ -669,16 +669,18 @@ def read_follow_fit(path: str | Path) -> FollowFit | None:
     tables, _ = toml.read(path, DescriptionError, "`pneudrive identify --follow motion --out` writes it.")
     if tables.get("kind") != "motion" or "circuit" not in tables:
         return None
-    pairs = {key: {name: (ends[0], ends[1]) for name, ends in tables.get(key, {}).items()} for key in PAIRS}
+    pairs = [{name: (ends[0], ends[1]) for name, ends in tables.get(key, {}).items()} for key in PAIRS]
     return FollowFit(
         circuit=Circuit.load(str(tables["circuit"])),
         values=dict(tables["values"]),
         units=dict(tables["units"]),
+        intervals=pairs[0],
+        model_intervals=pairs[1],
+        spreads=pairs[2],
         undetermined=(),
         records=tuple(map(FollowRecord.of_table, tables.get("recordings", ()))),
         notes=tuple(tables.get("notes", ())),
         parts={name: tuple(values) for name, values in tables.get("parts", {}).items()},
-        **pairs,
     )
 
 

@@ -33,6 +33,7 @@ AT_REST_K, IN_MOTION_K, DELAY_S = 2.0, 30.0, 1.0
 LARGEST_DELAY_S = 3.0
 LOCAL = 5  # numbers of each recording: both log pressures, both temperatures, delay
 STEPS = np.array([1e-4, 1e-4, 0.5, 0.5, 0.01])  # steps of their finite differences
+FARTHEST = np.array([0.5, 0.5, 120.0, 120.0, LARGEST_DELAY_S])  # bounds of their change
 SHARED_STEP = 1e-3  # of the logarithm of a shared number
 FIRST_ERROR = 0.005  # of the range: residuals before the first fit (assumed)
 FIRST_TIME_S = 2.0  # their correlation time before the first fit
@@ -331,7 +332,7 @@ def _search(
             move[: point.shared.size] = np.clip(move[: point.shared.size], -LARGEST_STEP, LARGEST_STEP)
             trial = point.moved(move)
             trial.shared = np.clip(trial.shared, low, high)
-            trial.local = np.clip(trial.local, *_bounds())
+            trial.local = np.clip(trial.local, -FARTHEST, FARTHEST)
             try:
                 found = _simulate(problem, trial)
                 value = _cost(problem, trial, found)
@@ -347,11 +348,6 @@ def _search(
         if small >= 2 or gain < 1e-3 * CONVERGED:
             return point, raws, cost, True
     return point, raws, cost, False
-
-
-def _bounds() -> tuple[Array, Array]:
-    end = np.array([0.5, 0.5, 120.0, 120.0, LARGEST_DELAY_S])
-    return -end, end
 
 
 def _refuse_idle(problem: FollowProblem, diagonal: Array) -> None:

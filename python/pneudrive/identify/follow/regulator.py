@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive import units
     from pneudrive.signals.drive_recording import VolumeRecording
     from pneudrive.signals.layout import Layout
 
@@ -92,13 +91,9 @@ class Regulator(Described):
     def start(self, ambient_pa: float) -> Array:
         """Return the start point of the search: gain, offset, and logarithms of both lags."""
         table = self.regulator
-        full = _absolute(table.full_pressure, ambient_pa)
-        zero = ambient_pa if table.zero_pressure is None else _absolute(table.zero_pressure, ambient_pa)
+        full = table.full_pressure.absolute_pa(ambient_pa)
+        zero = ambient_pa if table.zero_pressure is None else table.zero_pressure.absolute_pa(ambient_pa)
         return np.array([(full - zero) / 1e5, zero / 1e5, np.log(table.lag_s), np.log(table.lag_s)])
-
-
-def _absolute(pressure: units.Pressure, ambient_pa: float) -> float:
-    return pressure.absolute_pa(ambient_pa)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -48,6 +48,11 @@ class SlidingFit(Fit):
     observations: Observations | None = field(default=None, repr=False)
 
     @property
+    def parameters(self) -> dict[str, float]:
+        """Name in the drive file -> value in SI; NaN for parameters that could not be estimated."""
+        return self.values
+
+    @property
     def coordinates(self) -> Array:
         """Internal coordinates of the model at the estimates, shape (p,)."""
         values = self.free_values()
@@ -144,11 +149,6 @@ class FrictionFit(SlidingFit):
     model: FrictionModel
     weights: Array | None = field(default=None, repr=False)
     dependences: Dependences = field(default_factory=Dependences)
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Name in the drive file -> value in SI; NaN for parameters that could not be estimated."""
-        return self.values
 
     def correlated(self) -> list[str]:
         """Return sentences on pairs of parameters with a correlation above 0.9, each with a remedy."""
@@ -482,11 +482,6 @@ class LawFit(SlidingFit):
 
     model: AnyLaw
     unseen: tuple[str, ...]
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Free parameter -> value, SI."""
-        return self.values
 
     @property
     def friction(self) -> Friction:
