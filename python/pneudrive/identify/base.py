@@ -302,6 +302,8 @@ class Fit(Shown):
         False if the search ended early: the values are the best so far.
     profiler : callable or None
         Free value -> its interval by profile likelihood; None if the fit was read from a file.
+    fitted : dict
+        Name -> measured values and those of the model; empty if the fit was read from a file.
     """
 
     #: Names of this kind of fit in file and messages, and tables of its values, those of `values` first.
@@ -324,6 +326,7 @@ class Fit(Shown):
     provenance: dict[str, Any]
     converged: bool = True
     profiler: Callable[[str], tuple[float, float]] | None = field(default=None, repr=False)
+    fitted: dict[str, FittedData] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         """Remove the intervals of undetermined values."""
@@ -493,7 +496,7 @@ class Fit(Shown):
 
     def compared(self) -> dict[str, FittedData]:
         """Return measured values and those of the model, by name. Empty if the fit was read from a file."""
-        return {}
+        return self.fitted
 
     def report(self, folder: str | Path = "report") -> Path:
         """Write a page of the fit, report.html with its figures, into a folder, and return its path.

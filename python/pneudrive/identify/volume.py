@@ -81,8 +81,6 @@ class VolumeFit(Fit):
     provenance : dict
     start : Tank or None
         Tank at the start of the search; None if read from a file without it.
-    series : dict
-        Recording -> (time s, measured pressure Pa, pressure of the model Pa), shape (n,) each.
     """
 
     KIND: ClassVar[str] = "volume"
@@ -91,7 +89,6 @@ class VolumeFit(Fit):
 
     start: Tank | None = field(repr=False)
     starts_pa: dict[str, float] = field(default_factory=dict)
-    series: dict[str, tuple[Array, Array, Array]] = field(repr=False, default_factory=dict)
 
     def _is_determined(self, name: str, value: float) -> bool:
         """Return whether the recordings determine a value; False if the search did not converge."""
@@ -128,10 +125,6 @@ class VolumeFit(Fit):
             text = value if unit == "1" else units.write(value, unit, _WRITTEN.get(unit))
             changes[name] = f"{text} abs" if unit == "Pa" else text
         return start.replace(changes)
-
-    def compared(self) -> dict[str, FittedData]:
-        """Return the pressures of each recording and those of the model. Empty if read from a file."""
-        return {name: FittedData("time_s", "pressure_pa", *three) for name, three in self.series.items()}
 
     def _last(self) -> dict[str, Any]:
         return {} if self.start is None else {"tank": self.start.to_dict()}
@@ -398,23 +391,22 @@ def _result(
     values = dict(zip(problem.names, problem.values(solved.point.eta).tolist(), strict=True))
     intervals = {n: _hull(solved, others, n) for n in problem.names} if attempt.converged else {}
     lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
-    series, rests, shares = {}, [], []
+    fitted, rests, shares = {}, [], []
     for experiment, residual, record in zip(problem.experiments, at.residuals, records, strict=True):
         experiment.shooter.watch = UNWATCHED
         for c, pressure in enumerate(record.measured.values()):
             rest = residual[:, c] * experiment.noise[c]
             name = record.name if pressure is record.pressure_pa else f"{record.name}, inlet"
-            series[name] = (record.time_s, pressure, pressure - rest)
+            fitted[name] = FittedData("time_s", "pressure_pa", record.time_s, pressure, pressure - rest)
             rests.append(rest)
             shares.append(float(np.sqrt(np.mean(rest**2))) / float(np.ptp(pressure) or 1.0))
     off = np.concatenate(rests)
     tau = float(np.median([tau for _, tau in found.inflation.values()]))
-    jacobian = problem.transforms.jacobian(solved.point.eta)
     return VolumeFit(
         values=values,
         units={name: NUMBERS[name][1] for name in values},
         free=tuple(values),
-        covariance=jacobian @ found.covariance(problem) @ jacobian.T,
+        covariance=solved.covariance,
         intervals=intervals,
         undetermined=(*held, *lost),
         notes=(*_notes(tank, attempt, tau), *_alternatives(others), *applied_note(solved, {u.parameter for u in lost})),
@@ -437,7 +429,7 @@ def _result(
             ],
         },
         start=tank,
-        series=series,
+        fitted=fitted,
         profiler=intervals.__getitem__,
     )
 

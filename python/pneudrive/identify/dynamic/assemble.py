@@ -29,9 +29,9 @@ from pneudrive.errors import FitError, PneudriveError
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import intervals as intervals_at
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
-from pneudrive.identify.base import SIMULATED, Undetermined
+from pneudrive.identify.base import SIMULATED, FittedData, Undetermined
 from pneudrive.identify.dynamic.problem import Iterate
-from pneudrive.identify.dynamic.result import KEPT, DriveFit, Series, fit_hash
+from pneudrive.identify.dynamic.result import KEPT, DriveFit, fit_hash
 from pneudrive.identify.dynamic.search import profile
 from pneudrive.identify.sentences import sentences
 from pneudrive.numbers import plain
@@ -336,8 +336,7 @@ def assembled(
     problem, point, found = solved.problem, solved.point, solved.information
     values = problem.values(point.eta)
     names = problem.names
-    by_coordinate = problem.transforms.jacobian(point.eta)
-    covariance = by_coordinate @ found.covariance(problem) @ by_coordinate.T
+    covariance = solved.covariance
     reach = student(solved.freedom)
     every = [*parameters, *problem.sensors]
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -366,7 +365,7 @@ def assembled(
         model_errors=model_errors(drive, parameters, solved),
         provenance=_provenance(drive, records, attempt, options, parameters),
         start=drive,
-        series=_series(problem, solved, records),
+        fitted=_fitted(problem, solved, records),
         solved=solved,
         profiler=partial(profile, solved),
     )
@@ -453,17 +452,13 @@ def _statistics(problem: FitProblem, solved: Solved, watcher: Watcher) -> dict[s
     return out
 
 
-def _series(problem: FitProblem, solved: Solved, records: list[DriveRecording]) -> dict[str, dict[str, Series]]:
-    out: dict[str, dict[str, Series]] = {}
+def _fitted(problem: FitProblem, solved: Solved, records: list[DriveRecording]) -> dict[str, FittedData]:
+    out = {}
     for experiment, residual, record in zip(problem.experiments, solved.at.residuals, records, strict=True):
-        out[record.name] = {
-            channel.name: Series(
-                record.time_s,
-                experiment.measured[:, c],
-                experiment.measured[:, c] - residual[:, c] * experiment.noise[c],
-            )
-            for c, channel in enumerate(experiment.channels)
-        }
+        models = experiment.measured - residual * experiment.noise
+        for channel, measured, model in zip(experiment.channels, experiment.measured.T, models.T, strict=True):
+            name = f"{record.name}, {channel.name}"
+            out[name] = FittedData("time_s", channel.column, record.time_s, measured, model)
     return out
 
 

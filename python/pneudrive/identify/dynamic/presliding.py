@@ -8,7 +8,7 @@ known stiffness.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -57,8 +57,6 @@ class Presliding(Fit):
     statistics : dict
         ``reversals`` is their number. ``breakaway_n`` is the breakaway force: half the change of friction between both
         directions. ``slope_factor`` is the slope relative to the stiffness of the law.
-    each : dict
-        Name -> value of each reversal, shape (n,); empty if read from a file.
     """
 
     KIND: ClassVar[str] = "presliding"
@@ -66,8 +64,6 @@ class Presliding(Fit):
     HEAD: ClassVar[str] = (
         "# Bristles from slow reversals. SI units; intervals are 95 %, from the scatter between reversals."
     )
-
-    each: dict[str, Array] = field(default_factory=dict, repr=False)
 
     def apply(self, drive: Drive) -> Drive:
         """Return a drive with the determined values, each with its interval and its recordings.
@@ -78,14 +74,6 @@ class Presliding(Fit):
             The drive's law has no bristles.
         """
         return apply_identified(self.identified_as({name: name for name in self.determined}), drive)
-
-    def compared(self) -> dict[str, FittedData]:
-        """Return the values of the reversals and their means. Empty if read from a file."""
-        columns = {STIFFNESS: "stiffness_n_m", DAMPING: "damping_n_s_m"}
-        return {
-            name: FittedData("reversal", columns[name], np.arange(1.0, own.size + 1.0), own, 0.0 * own + own.mean())
-            for name, own in self.each.items()
-        }
 
     def _title(self) -> str:
         reversals, force = self.statistics["reversals"], self.statistics["breakaway_n"]
@@ -158,7 +146,10 @@ def identify_presliding(
             "recordings": [str(getattr(loop, "name", f"loop {i}")) for i, loop in enumerate(every, 1)],
         },
         profiler=ends.__getitem__,
-        each=each,
+        fitted={
+            name: FittedData("reversal", column, np.arange(1.0, count + 1.0), own, 0.0 * own + own.mean())
+            for (name, own), column in zip(each.items(), ("stiffness_n_m", "damping_n_s_m"), strict=True)
+        },
     )
 
 

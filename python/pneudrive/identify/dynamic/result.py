@@ -11,7 +11,7 @@ import numpy as np
 
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import warn
-from pneudrive.identify.base import HASH_DIGITS, Fit, FitFile, FittedData
+from pneudrive.identify.base import HASH_DIGITS, Fit, FitFile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.identified import apply_identified
 from pneudrive.identify.static.friction_curve import SlidingCurve, curve_of_drive
@@ -31,15 +31,6 @@ if TYPE_CHECKING:
 
 #: Start of the note.
 KEPT = "apply keeps the start value of "
-
-
-@dataclass(frozen=True)
-class Series:
-    """One channel of one recording with the model's output, including its sensor; SI, shape (n,)."""
-
-    time_s: Array
-    measured: Array
-    model: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -81,8 +72,6 @@ class DriveFit(Fit):
         Version, hash of the drive, recordings with their hashes, options.
     start : Drive
         Drive with the start values of the search.
-    series : dict
-        Recording -> channel -> `Series`.
     """
 
     KIND: ClassVar[str] = "drive"
@@ -96,7 +85,6 @@ class DriveFit(Fit):
     sensors: dict[str, float]
     start: Drive = field(repr=False)
     fits: bool = True
-    series: dict[str, dict[str, Series]] = field(repr=False, default_factory=dict)
     solved: Solved | None = field(repr=False, default=None)
 
     @property
@@ -167,14 +155,6 @@ class DriveFit(Fit):
     ) -> SlidingCurve:
         """Return the curve of the friction of `apply()`; see `curve_of_drive`."""
         return curve_of_drive(self.apply(), speeds_m_s, gauge_a_pa, gauge_b_pa)
-
-    def compared(self) -> dict[str, FittedData]:
-        """Return each channel of each recording and the model's output. Empty if read from a file."""
-        return {
-            f"{recording}, {channel}": FittedData("time_s", CHANNELS[channel], one.time_s, one.measured, one.model)
-            for recording, channels in self.series.items()
-            for channel, one in channels.items()
-        }
 
     def _groups(self) -> tuple[dict[str, float], ...]:
         return self.values, self.sensors

@@ -515,6 +515,12 @@ class Solved:
     information: Information
     freedom: int
 
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the values, SI."""
+        by_coordinate = self.problem.transforms.jacobian(self.point.eta)
+        return by_coordinate @ self.information.covariance(self.problem) @ by_coordinate.T
+
 
 def information(problem: FitProblem, at: Joined) -> Information:
     """Return the linearisation at the estimate."""
