@@ -22,10 +22,9 @@ from pneudrive.estimate.estimates import student
 from pneudrive.estimate.transforms import Transforms
 from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, FittedData, Undetermined
-from pneudrive.identify.dynamic.assemble import applied_note
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, SegmentStarts, Shooter
-from pneudrive.identify.dynamic.result import warn_of_mixture
+from pneudrive.identify.dynamic.result import applied_note, warn_of_mixture
 from pneudrive.identify.dynamic.search import (
     Attempt,
     SearchOptions,

@@ -19,7 +19,7 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.errors import SimulationError
-from pneudrive.identify.dynamic.assemble import MODEL_SHARE
+from pneudrive.identify.dynamic.result import MODEL_SHARE
 from pneudrive.signals.motion import noise_level
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import robust_deviation
 from pneudrive.estimate.transforms import Transforms
 from pneudrive.free.parameters import Parameter, chosen, family_of, with_shape
-from pneudrive.identify.dynamic.assemble import assembled, unresolved_damping
 from pneudrive.identify.dynamic.problem import (
     FitProblem,
     FittedRecording,
@@ -22,6 +21,7 @@ from pneudrive.identify.dynamic.problem import (
     segment_starts,
     white_noise,
 )
+from pneudrive.identify.dynamic.result import assembled, unresolved_damping
 from pneudrive.identify.dynamic.search import (
     LADDER_S,
     SECOND_LADDER_S,

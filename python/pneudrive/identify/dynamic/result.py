@@ -1,33 +1,55 @@
-"""Result of a dynamic identification: values of a drive with their uncertainty."""
+"""Result of a dynamic identification: values of a drive with their uncertainty, notes, statistics, model error.
+
+An interval covers only the noise of the sensors and becomes smaller with every sample, while the model is never exact.
+For the lower limit of the model error, each held number of the description (bore, supply pressure, conductance, ...)
+has an error of `MODEL_SHARE`, the fraction of the balances' terms that the diagnosis ignores. The free values respond
+by least squares on the balances along the recordings (force in sliding, both pressure rates):
+
+    d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
+
+Phi are the derivatives of the balances' residuals by the free values, and d e_h their change with the held number h. W
+weights each balance by one over the mean square of its terms. The formula uses the motion of the recordings, but not
+their noise.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from pneudrive import __version__, _core
 from pneudrive.describe.drive import Drive
-from pneudrive.errors import warn
-from pneudrive.identify.base import HASH_DIGITS, Fit, FitFile
+from pneudrive.errors import FitError, PneudriveError, warn
+from pneudrive.estimate.estimates import student
+from pneudrive.estimate.transforms import intervals as intervals_at
+from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
+from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, FittedData, Undetermined
+from pneudrive.identify.dynamic.problem import Iterate
+from pneudrive.identify.dynamic.search import profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.identified import apply_identified
+from pneudrive.identify.sentences import sentences
 from pneudrive.identify.static.friction_curve import SlidingCurve, curve_of_drive
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.identify.dynamic.search import Solved
+    from pneudrive.identify.dynamic.problem import FitProblem
+    from pneudrive.identify.dynamic.search import Attempt, SearchOptions, Solved, Watcher
+    from pneudrive.signals.drive_recording import DriveRecording
 
     Array = NDArray[np.float64]
-
 
 #: Start of the note.
 KEPT = "apply keeps the start value of "
@@ -55,7 +77,7 @@ class DriveFit(Fit):
         the search did not converge.
     model_errors : dict
         Value or sensor -> lower limit of the model error: its change for errors of 1 % in each held number, in
-        quadrature (`pneudrive.identify.dynamic.assemble`).
+        quadrature (`pneudrive.identify.dynamic.result`).
     sources : dict
         Name -> names of its recordings.
     undetermined : tuple of Undetermined
@@ -222,3 +244,433 @@ def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: 
             f"the recordings do not determine {', '.join(sorted(kept))}, so that the fitted values are combined with "
             "values outside the fit: run `pneudrive validate` on the result"
         )
+
+
+def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
+    """Return a note that compares the error of a free run with the applied values and with the fitted ones.
+
+    The start of each recording and the errors of its sensors are those of the fit. The fit has no such note if no
+    values were kept, or none was determined.
+
+    Parameters
+    ----------
+    solved : Solved
+        End of the search.
+    kept : collection of str
+        Undetermined values, which keep their start value.
+    """
+    problem = solved.problem
+    places = [i for i, p in enumerate(problem.parameters) if p.name in kept]
+    if not places or len(places) == problem.drive_size:
+        return []
+    fitted = problem.values(solved.point.eta)
+    mixed = fitted.copy()
+    mixed[places] = [problem.parameters[i].value for i in places]
+    before, after = _free_run(solved, fitted), _free_run(solved, mixed)
+    words = f"{KEPT}{', '.join(problem.parameters[i].name for i in places)} in addition to the fitted values: "
+    if not after:
+        return [f"{words}this mixture cannot be simulated"]
+    shown = {c.name: readable(c.unit) for e in problem.experiments for c in e.channels}
+    errors = []
+    for name, rms in after.items():
+        factor, unit = shown[name]
+        fitted_words = f" (fitted values: {plain(before[name] / factor)} {unit})" if before else ""
+        errors.append(f"{plain(rms / factor)} {unit} in {name}{fitted_words}")
+    return [f"{words}the error of a free run of this mixture is {', '.join(errors)}, rms"]
+
+
+def _free_run(solved: Solved, values: Array) -> dict[str, float]:
+    """Return the root mean square error of each channel of free runs, SI; empty if a run fails."""
+    problem, whole = solved.problem, np.zeros(1, dtype=np.int64)
+    shooters = [experiment.shooter for experiment in problem.experiments]
+    point = Iterate(problem.transforms.internal(values), [states[:1] for states in solved.point.states])
+    try:
+        for experiment in problem.experiments:
+            experiment.shooter = replace(experiment.shooter, starts=whole)
+        shots = problem.run(point, derivatives=False)
+        if isinstance(shots, str):
+            return {}
+        return problem.rms([
+            problem.measure(i, point.eta, slice(None), s.outputs, np.zeros((*s.outputs.shape, problem.size)))[0]
+            for i, s in enumerate(shots)
+        ])  # fmt: skip
+    except FitError:  # the core rejects such a drive
+        return {}
+    finally:
+        for experiment, shooter in zip(problem.experiments, shooters, strict=True):
+            experiment.shooter = shooter
+
+
+#: Relative error of each term of a model of a drive (assumed).
+MODEL_SHARE = 0.01
+#: Share of the greatest speed below which friction is not that of sliding.
+SLIDES = 0.01
+#: Share of the largest scaled derivative below which a direction is not determined.
+SINGULAR_SHARE = 1e-3
+_STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
+
+
+def model_errors(drive: Drive, parameters: list[Parameter], solved: Solved) -> dict[str, float]:
+    """Return the lower limit of the model error of each free value with an effect on sliding, SI."""
+    if not drive.is_plain:  # the balances of the chambers differ
+        return {}
+    found = solved.problem.values(solved.point.eta)[: len(parameters)]
+    free = [replace(p, value=float(value)) for p, value in zip(parameters, found, strict=True)]
+    held = _held(drive, free, solved)
+    family = family_of(drive, [*free, *held])
+    values = np.array([p.value for p in (*free, *held)])
+    steps = np.array([MODEL_SHARE * max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held)])
+    try:
+        motions = [_motion(solved, index) for index in range(len(solved.problem.experiments))]
+        at = [_balances(family, values, motion) for motion in motions]
+        scale = np.sqrt([sum(np.sum(one[1][b] ** 2) for one in at) for b in range(3)])
+        here = [balances for balances, _ in at]
+        columns = np.column_stack(
+            [_change(family, values, k, steps[k], zip(motions, here, strict=True), scale) for k in range(values.size)]
+        )
+    except (PneudriveError, ValueError):
+        return {}
+    if not np.isfinite(columns).all():
+        return {}
+    own, off = columns[:, : len(free)], columns[:, len(free) :]
+    size = np.linalg.norm(own, axis=0)
+    shown = size > 0.0
+    inverse = np.linalg.pinv(own[:, shown] / size[shown], rcond=SINGULAR_SHARE) / size[shown][:, None]
+    floor = np.linalg.norm(inverse @ off, axis=1) * steps[: len(free)][shown]
+    names = [p.name for p, one in zip(free, shown, strict=True) if one]
+    return dict(zip(names, floor.tolist(), strict=True))
+
+
+def _held(drive: Drive, free: list[Parameter], solved: Solved) -> list[Parameter]:
+    """Return the held numbers of the drive that are not derived from free ones, with their values."""
+    family = solved.problem.experiments[0].shooter.family
+    known = {*family.paths, *(one.path for one in family.settled), *(p.core for p in free)}
+    every = [replace(p, value=family.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
+    return [p for p in every if p.value != 0.0 and not p.name.startswith(("gas.", "valve.linear_above"))]
+
+
+def _motion(solved: Solved, index: int) -> dict[str, Array]:
+    """Return the states of the fitted model along a recording, without noise."""
+    experiment = solved.problem.experiments[index]
+    shooter = replace(experiment.shooter, outputs=_STATES)
+    values = solved.problem.values(solved.point.eta)[: solved.problem.drive_size]
+    states = shooter.run(values, solved.point.states[index], derivatives=False).outputs
+    motion = {name: np.ascontiguousarray(states[:, k]) for k, name in enumerate(_STATES)}
+    recording = shooter.recording
+    start = solved.point.states[index][0]
+    return motion | {"time_s": recording.time_s, "command": recording["command"], "temperatures": start[[3, 5]]}
+
+
+def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
+    """Return the balances along a motion, and their terms: force in sliding, N, and pressure rates, Pa/s."""
+    out = family.core(values).along(
+        motion["time_s"],
+        motion["position_m"],
+        motion["velocity_m_s"],
+        motion["pressure_a_pa"],
+        motion["pressure_b_pa"],
+        _core.valve_openings(motion["command"]),
+        [float(t) for t in motion["temperatures"]],
+    )
+    if "slides" not in motion:  # at the solution; changes of numbers are evaluated along the same motion
+        speed = np.abs(motion["velocity_m_s"])
+        motion["slides"] = (speed > SLIDES * speed.max()) & (out["end_stop_force_n"] == 0.0)
+    slides = motion["slides"]
+    pushed, friction = out["force_n"] * slides, out["friction_n"] * slides
+    mass = family.get("cylinder.moving_mass") + family.get("load.mass")
+    if "inertia_n_kg" not in motion:
+        motion["inertia_n_kg"] = (pushed - friction) / mass
+    residual = mass * motion["inertia_n_kg"] - pushed + friction
+    rates = [out["pressure_rate_a_pa_s"], out["pressure_rate_b_pa_s"]]
+    return [residual, *rates], [np.hypot(pushed, friction), *rates]
+
+
+def _change(
+    family: DriveFamily,
+    values: Array,
+    k: int,
+    step: float,
+    motions: Iterable[tuple[dict[str, Array], list[Array]]],
+    scale: Array,
+) -> Array:
+    """Return the change of all balances, relative to their terms, for a step of one number of the drive.
+
+    `motions` are given with their balances at `values`.
+    """
+    parts = []
+    for motion, here in motions:
+        for sign in (1.0, -1.0):  # a number at a bound is changed in the other direction
+            beside = values.copy()
+            beside[k] += sign * step
+            try:
+                there = _balances(family, beside, motion)[0]
+            except PneudriveError:
+                if sign < 0.0:
+                    raise
+                continue
+            parts += [sign * (b - a) / s for a, b, s in zip(here, there, scale, strict=True)]
+            break
+    return np.concatenate(parts)
+
+
+#: Largest distance of a 95 % interval's end, as a share of the value, for a determined value.
+LARGEST_REACH = 0.5
+#: Ratio of the ends of an interval beyond which a value has no effect.
+NO_EFFECT = 1e6
+#: Component of a vanishing direction from which a parameter counts as part of it.
+TAKES_PART = 0.3
+#: Correlation above which two values are only determined together.
+TOGETHER = 0.95
+#: An encoder resolves bristles whose deflection before breakaway, Fs/sigma0, is at least ten of its steps.
+RESOLVED_SHARE = 0.1
+
+_ANY = "record motion that depends on it, or fix it"
+
+
+def remedy_for(name: str) -> str:
+    """Return the recording that would determine a value, in words."""
+    plain = name.partition(" [")[0]
+    return next((text for pattern, text in sentences("remedies").items() if fnmatchcase(plain, pattern)), _ANY)
+
+
+def statements(
+    names: list[str],
+    values: Array,
+    sizes: Array,
+    intervals: dict[str, tuple[float, float]],
+    units: Mapping[str, str],
+    correlation: Array,
+    weak: Array,
+) -> list[Undetermined]:
+    """Return statements on values that the recordings do not determine.
+
+    Parameters
+    ----------
+    names, values
+        Names and values of the free numbers, SI, shape (P,).
+    sizes : ndarray, shape (P,)
+        Reference for the width of an interval: the value, or a usual change of a value that may be zero.
+    intervals : dict
+        95 % intervals.
+    units : mapping
+        SI units.
+    correlation : ndarray, shape (P, P)
+    weak : ndarray, shape (w, P)
+        Directions of the scaled coordinates that vanish.
+    """
+    out: dict[str, Undetermined] = {}
+    for direction in weak:
+        part = [n for n, share in zip(names, direction, strict=True) if abs(share) > TAKES_PART]
+        others = {n: [m for m in part if m != n] for n in part}
+        for n in part:
+            if others[n]:
+                reason = f"it can change together with {', '.join(others[n])} without an effect on the recordings"
+                rest = f"{remedy_for(n)}; or fix {' or '.join(others[n])}"
+            else:
+                reason, rest = "the recordings do not depend on it", remedy_for(n)
+            out.setdefault(n, Undetermined(n, reason, rest))
+    for i, n in enumerate(names):
+        lower, upper = intervals[n]
+        if n in out or _is_sensor(n) or not max(values[i] - lower, upper - values[i]) > LARGEST_REACH * sizes[i]:
+            continue
+        factor, unit = readable(units[n])
+        reason = f"anything from {plain(lower / factor)} to {plain(upper / factor)} {unit}".rstrip() + " fits"
+        if upper > NO_EFFECT * lower > 0.0:
+            reason = "the recordings do not depend on it"
+        partners = [m for j, m in enumerate(names) if j != i and abs(correlation[i, j]) > TOGETHER]
+        if partners:
+            reason += f", which is determined only together with {', '.join(partners)}"
+        out[n] = Undetermined(n, reason, remedy_for(n))
+    return [out[n] for n in names if n in out]
+
+
+def _is_sensor(name: str) -> bool:
+    """Return whether a value is an offset or similar, which has no relative width.
+
+    Such a value is undetermined only if its direction vanishes.
+    """
+    return name.partition(" [")[0].endswith((".offset", ".lag", ".gain", ".delay"))
+
+
+def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) -> Undetermined | None:
+    """Return a statement if the encoder does not resolve the bristles, and the damping is not determined.
+
+    Parameters
+    ----------
+    step_m : float
+        Resolution of the position sensor: the larger of its step and its noise.
+    breakaway_n, stiffness_n_m : float
+        Fs and sigma0.
+    """
+    deflection = breakaway_n / stiffness_n_m
+    if step_m <= RESOLVED_SHARE * deflection:
+        return None
+    return Undetermined(
+        "friction.bristle_damping",
+        f"the position is known to {1e6 * step_m:.3g} um, but the bristles deflect only {1e6 * deflection:.3g} um "
+        "before breakaway: the sensor must resolve a tenth of this deflection",
+        f"measure the position to {1e6 * RESOLVED_SHARE * deflection:.2g} um; it is held at its start value",
+    )
+
+
+#: Correlation of residuals, in samples, above which there is a note, unless their variance is only that of the solver.
+CORRELATED, SOLVER_SHARE = 10.0, 0.1
+#: Fit, %, below which the error is not one of parameters: worse than the mean of the record.
+SENSELESS_PERCENT = 0.0
+
+
+def assembled(
+    drive: Drive,
+    parameters: list[Parameter],
+    records: list[DriveRecording],
+    attempt: Attempt,
+    options: SearchOptions,
+    watcher: Watcher,
+) -> DriveFit:
+    """Return the fit of the best search."""
+    solved = attempt.solved
+    problem, point, found = solved.problem, solved.point, solved.information
+    values = problem.values(point.eta)
+    names = problem.names
+    covariance = solved.covariance
+    reach = student(solved.freedom)
+    every = [*parameters, *problem.sensors]
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    lower = [p.lower if isinstance(p, Parameter) else -np.inf for p in every]
+    low, high = intervals_at(values, reach * spread, lower, [p.upper for p in every])
+    sizes = np.array([max(abs(v), s) for v, s in zip(values, _sizes(parameters, problem), strict=True)])
+    for k, p in enumerate(parameters):  # next to nothing: no share of itself, but the data exclude the start value
+        end, is_wide = values[k] + reach * spread[k], high[k] - values[k] > LARGEST_REACH * sizes[k]
+        if np.isfinite(p.lower) and is_wide and end < LARGEST_REACH * p.value:
+            low[k], high[k], sizes[k] = max(p.lower, values[k] - reach * spread[k]), end, p.value
+    intervals = {n: (float(a), float(b)) for n, a, b in zip(names, low, high, strict=True)}
+    statistics = _statistics(problem, solved, watcher)
+    fit = DriveFit(
+        values=dict(zip(names[: problem.drive_size], values.tolist(), strict=False)),
+        units={**{p.name: p.unit for p in parameters}, **{s.name: s.unit for s in problem.sensors}},
+        sensors=dict(zip(names[problem.drive_size :], values[problem.drive_size :].tolist(), strict=True)),
+        free=tuple(names),
+        covariance=covariance,
+        intervals=intervals,
+        sources={n: tuple(r.name for r in records) for n in names[: problem.drive_size]},
+        undetermined=(),
+        notes=tuple(_notes(drive, options, attempt, statistics, records)),
+        statistics=statistics,
+        converged=attempt.converged,
+        fits=not attempt.missed,
+        model_errors=model_errors(drive, parameters, solved),
+        provenance=_provenance(drive, records, attempt, options, parameters),
+        start=drive,
+        fitted=_fitted(problem, solved, records),
+        solved=solved,
+        profiler=partial(profile, solved),
+    )
+    lost = statements(names, values, sizes, intervals, fit.units, fit.correlation, found.weak)
+    fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
+    notes = (*fit.notes, *applied_note(solved, {u.parameter for u in lost}))
+    return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
+
+
+def _sizes(parameters: list[Parameter], problem: FitProblem) -> list[float]:
+    return [p.size if np.isinf(p.lower) else 0.0 for p in parameters] + [s.size for s in problem.sensors]
+
+
+def _notes(
+    drive: Drive, options: SearchOptions, attempt: Attempt, statistics: dict[str, float], records: list[DriveRecording]
+) -> list[str]:
+    notes, solved = list(options.notes), attempt.solved
+    problem = solved.problem
+    if not attempt.converged:
+        if not options.interrupted:
+            blind = not any(c.name.startswith("pressure") for one in problem.experiments for c in one.channels)
+            more = "; a position alone does not determine the gas: record the chamber pressures" if blind else ""
+            notes.append(f"the search did not converge: check the residuals, or try other segments{more}")
+        notes.append("there are no intervals, because they are valid only at the end of a search")
+    elif not drive.is_plain:
+        notes.append("intervals cover noise only: the model error of a drive that runs as its circuit is unknown")
+    units = numbers_of(drive)
+    moved = problem.experiments[0].shooter.family.derived_values(problem.values(solved.point.eta))
+    notes += [
+        f"{_written(name, value, units[name].unit)} is derived from free values, as the drive does not give it"
+        for name, value in moved.items()
+    ]
+    coloured = [
+        f"{problem.experiments[i].channels[c].name} of {records[i].name} ({tau:.0f} samples)"
+        for (i, c), (variance, tau) in solved.information.inflation.items()
+        if tau > CORRELATED and variance > SOLVER_SHARE
+    ]
+    if coloured and attempt.converged:
+        notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
+    if attempt.missed:
+        notes += _misfit(attempt, statistics)
+    if any(r.synthetic for r in records):
+        notes.append(SIMULATED)
+    return notes
+
+
+def _written(name: str, si: float, unit: str) -> str:
+    factor, shown = readable(unit)
+    return f"{name} = {plain(si / factor, 4)} {shown}".strip()
+
+
+def _misfit(attempt: Attempt, statistics: dict[str, float]) -> list[str]:
+    """Return a note on channels that the model does not follow."""
+    notes = []
+    fits = {k: v for k, v in statistics.items() if k.startswith("fit_percent.")}
+    worst = min(fits, key=lambda k: fits[k])
+    if fits[worst] < SENSELESS_PERCENT:
+        notes.append(
+            f"the model does not follow the recording ({worst.removeprefix('fit_percent.')}: fit "
+            f"{fits[worst]:.0f} %). Check for a reversed sign or swapped chambers: a command above "
+            "0 fills chamber a, which moves the piston towards greater positions"
+        )
+    missed = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in attempt.missed.items())
+    notes.append(
+        f"the model does not fit: {missed}. Values and intervals compensate for the error, and the "
+        "true values may lie outside: apply the fit to the drive and run `pneudrive validate` for the causes"
+    )
+    return notes
+
+
+def _statistics(problem: FitProblem, solved: Solved, watcher: Watcher) -> dict[str, float]:
+    out = {
+        "samples": float(sum(len(e.measured) for e in problem.experiments)),
+        "iterations": float(watcher.count),
+        "cost": solved.at.cost,
+        "gap": solved.at.standing.gap,
+    }
+    for name, rms in problem.rms(solved.at.residuals).items():
+        out[f"rms.{name}"] = rms
+        own = [(e, i) for e in problem.experiments for i, c in enumerate(e.channels) if c.name == name]
+        out[f"noise.{name}"] = float(np.sqrt(np.mean([e.noise[i] ** 2 for e, i in own])))
+        power = np.mean([np.nanvar(e.measured[:, i]) for e, i in own])
+        out[f"fit_percent.{name}"] = float(100.0 * (1.0 - rms / np.sqrt(power))) if power > 0.0 else np.nan
+    return out
+
+
+def _fitted(problem: FitProblem, solved: Solved, records: list[DriveRecording]) -> dict[str, FittedData]:
+    out = {}
+    for experiment, residual, record in zip(problem.experiments, solved.at.residuals, records, strict=True):
+        models = experiment.measured - residual * experiment.noise
+        for channel, measured, model in zip(experiment.channels, experiment.measured.T, models.T, strict=True):
+            name = f"{record.name}, {channel.name}"
+            out[name] = FittedData("time_s", channel.column, record.time_s, measured, model)
+    return out
+
+
+def _provenance(
+    drive: Drive, records: list[DriveRecording], attempt: Attempt, options: SearchOptions, parameters: list[Parameter]
+) -> dict[str, Any]:
+    return {
+        "version": __version__,
+        "method": "output error",
+        "drive": drive.name,
+        "description_hash": drive.description_hash,
+        "recordings": [
+            {"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s} for r in records
+        ],
+        "start": {p.name: p.value for p in parameters},
+        "segment_s": attempt.segment_s if attempt.segment_s is not None else "one",
+        "robust": options.robust,
+        "rtol": options.rtol,
+    }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
@@ -152,7 +153,12 @@ class FrictionFit(SlidingFit):
 
     def correlated(self) -> list[str]:
         """Return sentences on pairs of parameters with a correlation above 0.9, each with a remedy."""
-        return _correlated(self)
+        pairs = ((i, j, self.correlation[i, j]) for i, j in combinations(range(len(self.free)), 2))
+        return [
+            f"{self.free[i]} and {self.free[j]} change together (correlation {share:+.2f}): {_remedy(self, i, j)}"
+            for i, j, share in pairs
+            if abs(share) > TOGETHER
+        ]
 
     def predict(
         self,
@@ -401,18 +407,6 @@ def slope_key(name: str) -> str:
     """Return the name in a drive file for the slope of a force over a chamber's pressure."""
     force, _, chamber = name.rpartition("_")
     return f"friction.pressure.{force}.{chamber}"
-
-
-def _correlated(fit: FrictionFit) -> list[str]:
-    """Return sentences on correlated pairs of parameters, each with a remedy."""
-    matrix = fit.correlation
-    out = []
-    for i in range(len(fit.free)):
-        for j in range(i + 1, len(fit.free)):
-            if abs(matrix[i, j]) > TOGETHER:
-                pair = f"{fit.free[i]} and {fit.free[j]} change together (correlation {matrix[i, j]:+.2f})"
-                out.append(f"{pair}: {_remedy(fit, i, j)}")
-    return out
 
 
 def _remedy(fit: FrictionFit, i: int, j: int) -> str:
