@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -60,7 +60,6 @@ class DrivenRecording:
     positions_m: Array
     noise_pa: Array
     at_rest: bool
-    labels: dict[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

@@ -100,12 +100,6 @@ class FollowProblem:
         """Return the start point."""
         return FollowPoint(np.log([n.start for n in self.numbers]), np.zeros((len(self.records), LOCAL)))
 
-    @property
-    def names(self) -> list[str]:
-        """Names of all numbers, in the order of the columns."""
-        local = ("pressure_a", "pressure_b", "temperature_a", "temperature_b", "delay")
-        return [n.name for n in self.numbers] + [f"{r.name}: {name}" for r in self.records for name in local]
-
     def start_of(self, at: int, local: Array) -> Array:
         """Return start pressures and temperatures of a recording."""
         record, walls = self.records[at], self.driven.wall_k
