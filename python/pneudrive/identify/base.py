@@ -409,7 +409,7 @@ class Fit(Shown):
         FitError
             The fit was read from a file without its data, its search did not converge, or a value was not free.
         """
-        names = list(self.profiled if names is None else names)
+        names = list(self.profile_names if names is None else names)
         for name in names:
             if name not in self.free:
                 raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
@@ -426,7 +426,7 @@ class Fit(Shown):
         return {name: self.profiler(name) for name in names}
 
     @property
-    def profiled(self) -> tuple[str, ...]:
+    def profile_names(self) -> tuple[str, ...]:
         """Values of a profile by default."""
         return self.free
 

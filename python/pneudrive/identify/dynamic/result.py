@@ -197,7 +197,7 @@ class DriveFit(Fit):
         }
 
     @property
-    def profiled(self) -> tuple[str, ...]:
+    def profile_names(self) -> tuple[str, ...]:
         """Values of the drive, without those of its sensors."""
         return tuple(self.values)
 

@@ -155,7 +155,7 @@ def _templates() -> jinja2.Environment:
     return environment
 
 
-def _written(made: Exported, **values: Any) -> Exported:  # noqa: ANN401 - values of a template
+def _rendered(made: Exported, **values: Any) -> Exported:  # noqa: ANN401 - values of a template
     """Return the conversion with the text of its template."""
     template = _templates().get_template(f"{made.tool}.jinja")
     return replace(made, text=template.render(made=made, curve=made.curve, remarks=made.remarks(), **values))
@@ -211,7 +211,7 @@ def _simscape(curve: Curve) -> Exported:
         "sticking: the block's force is a steep slope through zero speed, so a loaded piston creeps",
         "dwell and presliding: the block has no history",
     )
-    return _written(Exported("simscape", parameters, curve, simscape_columns(speed, v_brk) @ weights, lost))
+    return _rendered(Exported("simscape", parameters, curve, simscape_columns(speed, v_brk) @ weights, lost))
 
 
 def modelica_columns(speed: Array, fexp: float) -> Array:
@@ -235,7 +235,7 @@ def _modelica(curve: Curve) -> Exported:
     knots = np.geomspace(speed[0], speed[-1], TABLE_POINTS)
     level = np.interp(np.log(knots), np.log(speed), curve.friction_n)
     knots, level = np.r_[0.0, knots], np.r_[level[0], level]  # at 0 the friction of the lowest measured speed
-    return _written(
+    return _rendered(
         Exported("modelica", parameters, curve, modelica_columns(speed, 1.0 / scale) @ weights, lost),
         rows="; ".join(f"{v:.6g}, {f:.6g}" for v, f in zip(knots, level, strict=True)),
         peak=f"{max(level[0], 1e-300):.6g}",
@@ -293,7 +293,7 @@ def _structured_text(curve: Curve) -> Exported:
     low, high = float(curve.speed_m_s[0]), float(curve.speed_m_s[-1])
     step = np.log(high / low) / len(coefficients)
     lost = (*curve.lost, "sticking and presliding: below the lowest speed the force is proportional to the velocity")
-    return _written(
+    return _rendered(
         Exported("st", (), curve, converted, lost),
         table=coefficients.tolist(),
         low=low,

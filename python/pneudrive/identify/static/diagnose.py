@@ -279,7 +279,7 @@ def interval_over_knees(found: RobustEstimate, quantile: float, loss: str) -> En
         for knee in model.knee_pa * side:
             if not KNEES[0] * top <= knee <= KNEES[-1] * top:
                 break
-            near = found.of_pseudo(replace(model, knee_pa=float(knee)), [found.q])
+            near = found.pseudo_fit(replace(model, knee_pa=float(knee)), [found.q])
             more = profile_intervals(near, quantile, least)
             if not more:
                 break
@@ -298,7 +298,7 @@ def interval_over_shapes(support: Support) -> Ends:
         return out
     for exponent, lorentzian in SHAPES:
         if (exponent, lorentzian) != (model.exponent, model.lorentzian):
-            near = found.of_pseudo(replace(model, exponent=exponent, lorentzian=lorentzian))
+            near = found.pseudo_fit(replace(model, exponent=exponent, lorentzian=lorentzian))
             more = profile_intervals(near, student(found.dof), found.pseudo_cost)
             for name in (n for n in more if not n.startswith("stribeck_")):
                 out[name] = (min(out[name][0], more[name][0]), max(out[name][1], more[name][1]))
@@ -311,7 +311,7 @@ def _excess_p_value(found: RobustEstimate) -> float | None:
 
     if not found.model.stribeck or found.dof < 1:
         return None
-    without = found.of_pseudo(found.model.without_stribeck())
+    without = found.pseudo_fit(found.model.without_stribeck())
     extra = len(found.model.names) - len(without.model.names)
     gain = float(np.sum(without.residual**2)) - found.pseudo_cost
     return float(fdtrc(extra, found.dof, max(gain, 0.0) / extra / found.variance))

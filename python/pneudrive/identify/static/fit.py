@@ -403,7 +403,7 @@ def _profile(found: RobustEstimate, name: str) -> tuple[float, float]:
         tried = model.without(name, natural(coordinate), start)
         q, data = tried.internal(tried.given), found.data
         if tried.names:
-            q = found.of_pseudo(tried, [q]).q
+            q = found.pseudo_fit(tried, [q]).q
         cost = float(np.sum(((found.pseudo - tried.value(q, data)) / data.stderr_n) ** 2))
         return cost, np.insert(tried.natural(q), k, natural(coordinate))
 

@@ -128,7 +128,7 @@ class RobustEstimate:
         sizes = np.abs(self.model.natural_jacobian(self.q) @ shift)
         return dict(zip(self.model.names, sizes.tolist(), strict=True))
 
-    def of_pseudo(self, model: StaticLaw, starts: Sequence[Array] = ()) -> RobustEstimate:
+    def pseudo_fit(self, model: StaticLaw, starts: Sequence[Array] = ()) -> RobustEstimate:
         """Return the plain estimate of another law from the pseudo-values, with their variance."""
         pseudo = replace(self.data, friction_n=self.pseudo)
         other = estimate(model, pseudo, loss="linear", starts=starts)
