@@ -92,7 +92,7 @@ class Axis:
 
     @property
     def size(self) -> float:
-        """Size of the unit in SI; 1 for a unit without a size of its own."""
+        """Size of the unit in SI; 1 for a unit that is not in the table of units."""
         unit = self.unit if self.is_si else ""
         for addition in ADDITIONS:
             unit = unit.removesuffix(addition)
@@ -127,8 +127,8 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Points:
-    """Points, with an interval if `low` and `high` exist, joined by lines if `joined`, with `names` beside them."""
+class Markers:
+    """Points with intervals from `low` to `high`; `joined` draws lines between them, `names` stand beside them."""
 
     x: Any
     y: Any
@@ -177,7 +177,7 @@ class Heat:
 
 
 @dataclass(frozen=True)
-class Stroke:
+class PenStroke:
     """A part of a drawing, in its own lengths: a line, an area with `fill`, an arrow with `head`, or a text.
 
     Attributes
@@ -219,13 +219,13 @@ class Stroke:
 class Drawing:
     """Strokes on paper with ends (x, x) and (y, y), without axes; `equal` for one scale in both directions."""
 
-    strokes: Sequence[Stroke]
+    strokes: Sequence[PenStroke]
     x: tuple[float, float]
     y: tuple[float, float]
     equal: bool = False
 
 
-Mark: TypeAlias = Line | Band | Points | Rule | Bars | Heat | Drawing
+Mark: TypeAlias = Line | Band | Markers | Rule | Bars | Heat | Drawing
 
 
 @dataclass(frozen=True)

@@ -147,7 +147,7 @@ class LeadingValue:
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence on a result, its severity, and what the reader can do."""
+    """A sentence on a result, its severity, and its remedy."""
 
     text: str
     state: State = "good"

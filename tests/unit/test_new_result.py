@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pneudrive.cli.terminal import show_view
-from pneudrive.figures import MODEL, Figure, Line, Panel, Points, Rule
+from pneudrive.figures import MODEL, Figure, Line, Markers, Panel, Rule
 from pneudrive.report.page import Report, view_section
 from pneudrive.report.render import draw_figure
 from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View, Viewed
@@ -24,7 +24,7 @@ class Leak(Viewed):
         time = np.linspace(0.0, 2.0, 50)
         pressure = 6e5 * np.exp(-self.flow * time)
         measured = Panel([Line(time, pressure, "measured"), Line(time, 6e5 - 2e5 * time, "model", MODEL)])
-        rest = Panel([Points(time, pressure - 6e5 + 2e5 * time), Rule(y=0.0)])
+        rest = Panel([Markers(time, pressure - 6e5 + 2e5 * time), Rule(y=0.0)])
         peak = ShownValue("peak", "leak", "peak pressure", 6e5, "Pa", (5.9e5, 6.1e5))
         return View(
             "The leak is too large.",

@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
-from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Panel, Points, Rule, ends, look, stack
+from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look, stack
 from pneudrive.friction.campaign.compare import about_of
 from pneudrive.friction.conditions import PA_PER_BAR
 from pneudrive.friction.sentences import flag_table
@@ -188,12 +188,12 @@ def curve_figure(shown: Sequence[ShownCurve]) -> Figure:
         own = look(index)._replace(color=look(groups.index(c.group) if len(groups) > 1 else index).color)
         low, high = (c.y, c.y) if c.band is None else c.band
         if c.x.size == 1:
-            marks.append(Points(c.x, c.y, c.label, own, low, high, 3.6))
+            marks.append(Markers(c.x, c.y, c.label, own, low, high, 3.6))
         else:
             marks += [Band(c.x, low, high, look=own), Line(c.x, c.y, c.label, own, 1.0)]
-            marks.append(Points(c.x[c.measured], c.y[c.measured], look=own, size=3.6))
+            marks.append(Markers(c.x[c.measured], c.y[c.measured], look=own, size=3.6))
         if c.excluded[0].size:
-            marks.append(Points(*c.excluded, look=own._replace(marker="x")))
+            marks.append(Markers(*c.excluded, look=own._replace(marker="x")))
     (_, x_unit), (_, unit) = readable(shown[0].x_unit), readable(shown[0].unit)
     x = Axis(f"{shown[0].x_quantity} / ({x_unit})", "wide")
     return Figure([Panel(marks)], x, f"{shown[0].quantity} / {unit}", row_in=3.8, rest_in=0.0, entries=3)
@@ -277,7 +277,7 @@ def _slopes(e: PressureEffects) -> Panel:
         if slopes:
             speed = e.speed_m_s * (1.0 + 0.03 * (index - 1))  # side by side
             value, low, high = ends(slopes)
-            marks.append(Points(speed, value, label, look(index), low, high, 3.5, joined=True))
+            marks.append(Markers(speed, value, label, look(index), low, high, 3.5, joined=True))
     return Panel(marks, e.levels)
 
 
@@ -367,11 +367,11 @@ def drift_figure(found: CampaignCharacteristics) -> Figure:
     marks = [Band(time, low, high), Rule(y=0.0), Line(time, middle, "drift of the mixed model", Look("blue"))]
     if d.sentinel_n.size:
         away = d.sentinel_n - d.sentinel_n.mean()
-        marks.append(Points(d.sentinel_time_s, away, "sentinels", Look("orange", "-", "D")))
+        marks.append(Markers(d.sentinel_time_s, away, "sentinels", Look("orange", "-", "D")))
     panels = [Panel(marks, y="drift / N")]
     if zero.time_s.size > 1:
-        reach = 2 * zero.stderr_n
-        points = Points(zero.time_s, zero.zero_n, "", Look("black", "-", "s"), zero.zero_n - reach, zero.zero_n + reach)
+        low, high = zero.zero_n - 2 * zero.stderr_n, zero.zero_n + 2 * zero.stderr_n
+        points = Markers(zero.time_s, zero.zero_n, "", Look("black", "-", "s"), low, high)
         panels.append(Panel([points], y="sensor zero / N"))
     height, heights = (3.8, (2, 1)) if len(panels) > 1 else (2.6, ())
     return stack(panels, height, heights, Axis("time / h", below=0.02, above=0.02))
@@ -400,7 +400,7 @@ def loops(found: CampaignCharacteristics) -> Section | None:
     shown = spread_evenly(sorted(found.loops, key=lambda loop: loop.speed_m_s), MOST_LOOPS)
     panels = [
         Panel(
-            [Points(loop.position_m, loop.friction_n, look=Look("blue", "-", "."), size=1.4), Rule(y=0.0)],
+            [Markers(loop.position_m, loop.friction_n, look=Look("blue", "-", "."), size=1.4), Rule(y=0.0)],
             f"{MM * loop.speed_m_s:.3g} mm/s, {named(loop.condition)}",
         )
         for loop in shown
@@ -419,8 +419,8 @@ def stick_slip(found: CampaignCharacteristics) -> Section | None:
     for index, condition in enumerate(conditions):
         points = sorted((p for p in found.stick_slip if p.condition == condition), key=lambda p: p.speed_m_s)
         speed, ripple, slips = (np.array([getattr(p, n) for p in points]) for n in ("speed_m_s", "ripple", "share"))
-        marks.append(Points(speed, ripple, named(condition), look(index), joined=True))
-        marks.append(Points(speed[slips > 0], ripple[slips > 0], look=look(index), filled=True))
+        marks.append(Markers(speed, ripple, named(condition), look(index), joined=True))
+        marks.append(Markers(speed[slips > 0], ripple[slips > 0], look=look(index), filled=True))
     figure = Figure([Panel(marks)], SPEED, Axis("ripple of speed / %", low=0.0), row_in=2.5, rest_in=0.0, entries=3)
     rows = [SimpleNamespace(condition=named(p.condition), point=p) for p in found.stick_slip if p.share > 0]
     return topic.section(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Panel, Points, Rule, ends, look
+from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
 from pneudrive.friction.conditions import PA_PER_BAR
 from pneudrive.numbers import with_interval
 from pneudrive.report.page import Report
@@ -146,7 +146,7 @@ def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any
                 marks.append(Line(curve.speed_m_s, curve.friction_n, look=own, width=1.0))
                 break
         label = found.name if c.first.name != c.second.name else f"{found.name} ({NAMES[k]})"
-        marks.append(Points(curves.points.speed_m_s[chosen], curves.friction_n[k, chosen], label, own, size=3.6))
+        marks.append(Markers(curves.points.speed_m_s[chosen], curves.friction_n[k, chosen], label, own, size=3.6))
     return marks
 
 
@@ -157,7 +157,7 @@ def _differences(curves: CurveComparison, chosen: list[int]) -> list[Any]:
         differs = bool(curves.adjusted_p[i] < CHANCE)
         own = Look("orange" if differs else "grey", "-", "D")
         value, low, high = ends([curves.difference[i]], _mean(curves, i))
-        marks.append(Points([curves.points.speed_m_s[i]], value, "", own, low, high, filled=differs))
+        marks.append(Markers([curves.points.speed_m_s[i]], value, "", own, low, high, filled=differs))
     return marks
 
 
@@ -188,5 +188,5 @@ def _series(series: DwellSeries, k: int, label: str) -> list[Any]:
     return [
         Band(series.duration_s, low, high, look=look(k)),
         Line(series.duration_s, mean, label, look(k)),
-        Points(durations, [s.increment_n for s in series.stops], look=look(k), size=3.0),
+        Markers(durations, [s.increment_n for s in series.stops], look=look(k), size=3.0),
     ]

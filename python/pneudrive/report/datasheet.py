@@ -10,7 +10,7 @@ from pneudrive import __version__
 from pneudrive.datasheet.registry import characteristics
 from pneudrive.datasheet.sheet import in_words, shown_unit, written_value
 from pneudrive.errors import CommandError
-from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Panel, Points, look, ramp, thin
+from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, look, ramp, thin
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.drawing import draw_circuit
 from pneudrive.report.page import Items, Paragraph, Report
@@ -281,7 +281,7 @@ def _run(record: RecordResult, channels: tuple[str, ...], label: str) -> Panel:
 
 def _response(response: MeasuredResponse) -> Panel:
     marks = [
-        Points(response.frequency_hz, response.measured_m_s, "measured", size=2.5, filled=True),
+        Markers(response.frequency_hz, response.measured_m_s, "measured", size=2.5, filled=True),
         Line(response.frequency_hz, response.simulated_m_s, "simulated", MODEL),
     ]
     title = f"coherence above {response.coherence.min():.2f}"
@@ -296,8 +296,8 @@ def _friction(found: FrictionValidation) -> Panel:
         speed, friction, low, high, model = (
             v[order] for v in (c.speed_m_s, c.friction_n, c.low_n, c.high_n, c.model_n)
         )
-        marks.append(Points(speed, friction, c.condition[:28], own, low, high, 3.0))
-        marks.append(Points(speed, model, "", Look(own.color, "--", "_"), size=9.0, joined=True))
+        marks.append(Markers(speed, friction, c.condition[:28], own, low, high, 3.0))
+        marks.append(Markers(speed, model, "", Look(own.color, "--", "_"), size=9.0, joined=True))
     return Panel(marks, "friction: measured (points), law (dashed)", "speed / (mm/s)", "friction / N")
 
 

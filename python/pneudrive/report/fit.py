@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pneudrive.figures import RESIDUAL, SPEED, Figure, Line, Panel, Points, Rule, thin
+from pneudrive.figures import RESIDUAL, SPEED, Figure, Line, Markers, Panel, Rule, thin
 from pneudrive.report.page import Report
 from pneudrive.report.tables import quantity
 from pneudrive.report.topics import Topic
@@ -71,7 +71,7 @@ def _panel(name: str, data: FittedData) -> Panel:
     rest, x_unit, y_unit = data.measured - data.model, quantity(data.x)[1], quantity(data.y)[1]
     part = thin(data.at)
     is_line = data.at.size > MANY
-    mark = Line(data.at[part], rest[part], look=RESIDUAL, width=0.6) if is_line else Points(data.at, rest, size=3.0)
+    mark = Line(data.at[part], rest[part], look=RESIDUAL, width=0.6) if is_line else Markers(data.at, rest, size=3.0)
     x = SPEED if data.x == "speed_m_s" else f"time / {x_unit}" if x_unit else data.x
     y_label = f"residual / {y_unit if '/' not in y_unit else f'({y_unit})'}" if y_unit else "residual"
     return Panel([mark, Rule(y=0.0)], name, x, y_label)

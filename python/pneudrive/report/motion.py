@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.figures import MODEL, RESIDUAL, Figure, Line, Look, Panel, Points, stack
+from pneudrive.figures import MODEL, RESIDUAL, Figure, Line, Look, Markers, Panel, stack
 from pneudrive.numbers import plain
 from pneudrive.report.page import Picture, Report
 from pneudrive.report.topics import Topic
@@ -119,7 +119,7 @@ def _forces(closures: tuple[Closure, ...]) -> list[Section]:
         if c.correlation is not None
     ] + [f"{c.name}: {c.delay}. This delay is removed from the force balance." for c in closures if c.recorded]
     dots = Look("blue", "-", ".")
-    panels = [Panel([Points(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0)], c.name) for c in closures]
+    panels = [Panel([Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0)], c.name) for c in closures]
     figure = Figure(panels, "time / s", "residual / %", row_in=1.3, rest_in=1.2)
     doubts = [doubt for c in closures for doubt in c.doubts]
     picture = Picture("closure", topic.say("residual"), figure)

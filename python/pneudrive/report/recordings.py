@@ -18,8 +18,8 @@ from pneudrive.figures import (
     Figure,
     Line,
     Look,
+    Markers,
     Panel,
-    Points,
     Rule,
     look,
     thin,
@@ -323,9 +323,9 @@ def closures(fits: Sequence[ClosureFit]) -> Figure:
             force = force - (-area if side == "a" else area) * fit.pressure_pa
         order = np.argsort(x, kind="stable")
         x, force, rest = x[order], force[order], rest[order]
-        above += [Points(x, force, fit.group, own), Line(x, force - rest, look=own, width=0.8)]
+        above += [Markers(x, force, fit.group, own), Line(x, force - rest, look=own, width=0.8)]
         if fit.degrees_of_freedom > 0:
-            below.append(Points(x, rest, look=own, joined=x.size <= MOST_JOINED))
+            below.append(Markers(x, rest, look=own, joined=x.size <= MOST_JOINED))
     y = "half sum −\nnominal area × pressure / N" if one_chamber else "half sum of forces / N"
     panels = [Panel(above, y=y, legend="panel")]
     panels += [Panel([Rule(y=0.0), *below], y="residual / N")] if below else []
@@ -417,7 +417,7 @@ def over_pressure(found: Characterisation) -> Figure:
 
 def pressure_panel(points: list[LevelPoint], line: PressureLine | None, runs: Sequence[str], title: str = "") -> Panel:
     """Draw the points of each run, and the line with its band."""
-    marks: list[Band | Line | Points] = []
+    marks: list[Band | Line | Markers] = []
     if line is not None:
         x, label = line.band_pressure_pa, f"95 % for {BAND[line.basis != 'unknown']}"
         marks += [Band(x, line.band_low_n, line.band_high_n, label), Line(x, line.band_mean_n, "line", width=0.9)]
@@ -426,7 +426,7 @@ def pressure_panel(points: list[LevelPoint], line: PressureLine | None, runs: Se
         x, y, reach = np.array([(p.pressure_pa, p.friction_n, p.expanded_n) for p in points if p.run == run]).T
         index = runs.index(run) if len(own) > 1 else 0
         label = f"run {run}, with U (k = 2)" if len(own) > 1 else "recording with U (k = 2)"
-        marks.append(Points(x, y, label, look(index), y - reach, y + reach, filled=not index))
+        marks.append(Markers(x, y, label, look(index), y - reach, y + reach, filled=not index))
     return Panel(marks, title)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from pneudrive import figures
-from pneudrive.figures import Bars, Drawing, Heat, Line, Look, Points, Rule, Stroke
+from pneudrive.figures import Bars, Drawing, Heat, Line, Look, Markers, PenStroke, Rule
 from pneudrive.report import style
 from pneudrive.simulation.trajectory import check_target, whole
 
@@ -272,7 +272,7 @@ def _label_ends(axis: Axes, handles: dict[str, Any], figure: figures.Figure) -> 
 
 def _scale(axis: Axes, side: str, own: figures.Axis, marks: Sequence[Any]) -> None:
     """Give an axis its label, scale and ends."""
-    values = [np.abs(own.shown(getattr(mark, side))).ravel() for mark in marks if isinstance(mark, Line | Points)]
+    values = [np.abs(own.shown(getattr(mark, side))).ravel() for mark in marks if isinstance(mark, Line | Markers)]
     every = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
     if own.scale == "log" or (own.scale == "wide" and every.size and every.max() > WIDE * every.min()):
         style.logarithmic(axis, side)
@@ -315,7 +315,7 @@ def _band(mark: figures.Band, axis: Axes, x: figures.Axis, y: figures.Axis, *, d
     return axis.fill_between(x.shown(mark.x), y.shown(mark.low), y.shown(mark.high), lw=0, **tint)
 
 
-def _points(mark: Points, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
+def _points(mark: Markers, axis: Axes, x: figures.Axis, y: figures.Axis, *, dark: bool) -> Handle:
     color = style.ink(mark.look.color, dark=dark)
     shown: dict[str, Any] = {"color": color, "ms": mark.size, "marker": mark.look.marker}
     shown |= {"ls": mark.look.dash if mark.joined else "none", "lw": 0.9}
@@ -366,7 +366,7 @@ def _drawing(mark: Drawing, axis: Axes, x: figures.Axis, y: figures.Axis, *, dar
         axis.set_aspect("equal", anchor="N")
 
 
-def _stroke(axis: Axes, stroke: Stroke, *, dark: bool) -> None:
+def _stroke(axis: Axes, stroke: PenStroke, *, dark: bool) -> None:
     """Draw an arrow, a text, or a line with its area."""
     color, points = style.ink(stroke.color, dark=dark), np.asarray(stroke.points, dtype=float)
     if stroke.head:
@@ -393,7 +393,7 @@ def _stroke(axis: Axes, stroke: Stroke, *, dark: bool) -> None:
 DRAWN: dict[type, Callable[..., Any]] = {
     Line: _line,
     figures.Band: _band,
-    Points: _points,
+    Markers: _points,
     Rule: _rule,
     Bars: _bars,
     Heat: _heat,
@@ -407,5 +407,5 @@ def box_marks(position: int, values: Sequence[float], *, color: str = "orange") 
     outside = np.asarray([v for v in values if not low <= v <= high])
     yield Line((low, high), (position, position), width=0.9)
     yield Line((first, last), (position, position), look=Look("grey"), width=7.0)
-    yield Points([middle], [position], look=Look(color, "-", "|"), size=9.0)
-    yield Points(outside, np.full(outside.size, position), look=Look("black", "-", "."), size=3.0)
+    yield Markers([middle], [position], look=Look(color, "-", "|"), size=9.0)
+    yield Markers(outside, np.full(outside.size, position), look=Look("black", "-", "."), size=3.0)

@@ -10,7 +10,7 @@ from pneudrive import __version__
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
-from pneudrive.figures import Figure, Line, Look, Panel, Points, Rule
+from pneudrive.figures import Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.report.circuit.drawing import draw_circuit
 from pneudrive.report.page import Items, PageTable, Paragraph, Report
 from pneudrive.report.provenance import references
@@ -80,11 +80,11 @@ def candidate_figure(result: SizingResult) -> Figure:
     return Figure(panels, "air of a cycle / l ANR", columns=2, row_in=3.1, rest_in=0.0, share_x="all")
 
 
-def _points(result: SizingResult, way: str) -> Iterator[Points | Line]:
+def _points(result: SizingResult, way: str) -> Iterator[Markers | Line]:
     best = result.best
     if best is not None:
         air, time, own = best.air_litres_anr, _time(best, way), Look("orange")
-        yield Points([air], [time], "best", own, size=9.0)
+        yield Markers([air], [time], "best", own, size=9.0)
         if best.intervals:  # the range of 98 % of the samples
             yield Line([ANR_LITRES_PER_KG * end for end in best.intervals["air"]], [time, time], look=own, width=1.2)
             yield Line([air, air], [best.intervals[f"time_{way}"][0], time], look=own, width=1.2)
@@ -98,7 +98,7 @@ def _points(result: SizingResult, way: str) -> Iterator[Points | Line]:
         shown = [(drive.air_litres_anr, t) for drive in chosen if (t := _time(drive, way)) < float("inf")]
         if shown:
             air, times = zip(*shown, strict=True)
-            yield Points(air, times, label, own, filled=True)
+            yield Markers(air, times, label, own, filled=True)
 
 
 def _time(drive: SizedDrive, way: str) -> float:

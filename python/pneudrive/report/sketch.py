@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.figures import Drawing, Figure, Panel, Stroke
+from pneudrive.figures import Drawing, Figure, Panel, PenStroke
 from pneudrive.report.topics import texts_of
 
 if TYPE_CHECKING:
@@ -28,19 +28,19 @@ def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
     return Figure([Panel([drawing])], row_in=table["height_in"], rest_in=0.0)
 
 
-def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> Stroke:
+def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> PenStroke:
     color, text = table.get("color", "black").lower(), table.get("text", "")
     if "box" in table:
         x, y, width, height = table["box"]
         corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y)]
-        return Stroke(corners, fill="paper" if color == "white" else color, width=table["lw"])
+        return PenStroke(corners, fill="paper" if color == "white" else color, width=table["lw"])
     look = {"color": color, "width": table.get("lw", 1.0), "cap": table.get("cap", "round")}
     if "line" in table:
-        return Stroke(table["line"], **look)
+        return PenStroke(table["line"], **look)
     if "arrow" in table:
-        return Stroke(table["arrow"], text, head=table["head"], **look)
+        return PenStroke(table["arrow"], text, head=table["head"], **look)
     align = f"{table.get('align', 'center')} center"
-    return Stroke([table["at"]], text.format(**values), size=table["size"], align=align, bold="weight" in table)
+    return PenStroke([table["at"]], text.format(**values), size=table["size"], align=align, bold="weight" in table)
 
 
 def is_open(recording: Recording, side: str) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Panel, Points, Rule, look, ramp
+from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, ramp
 from pneudrive.friction.conditions import ALL_RECORDINGS
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.base import shown_in
@@ -90,7 +90,7 @@ def _parameters(fits: Fits) -> Iterator[tuple[str, ...]]:
 
 
 @dataclass(frozen=True)
-class Group:
+class PointGroup:
     """Points with one look: of one seal, or of one pair of chamber pressures (gauge, Pa)."""
 
     label: str
@@ -99,11 +99,11 @@ class Group:
     gauges_pa: tuple[float, float] | None
 
 
-def groups_of(found: Characterisation) -> list[Group]:
+def groups_of(found: Characterisation) -> list[PointGroup]:
     """Group points by seal, or by the pressures of both chambers if there is one seal."""
     seals = sorted({p.seal for p in found.points})  # the order, and so the colours, of all figures
     if len(seals) > 1:
-        return [Group(s, tuple(p for p in found.points if p.seal == s), s, None) for s in seals]
+        return [PointGroup(s, tuple(p for p in found.points if p.seal == s), s, None) for s in seals]
     gauges = _gauges(found)
     groups: dict[tuple[float, float], list[LevelPoint]] = {}
     for p in found.points:
@@ -115,7 +115,7 @@ def groups_of(found: Characterisation) -> list[Group]:
         mean = np.mean([gauges[p.recording, p.friction_n] for p in groups[at]], axis=0)
         a, b = (abs(v) if abs(v) < SAME_BAR / 2 else v for v in at)
         words = f"{a:.2g} bar" if a == b else f"a {a:.2g} bar, b {b:.2g} bar"
-        out.append(Group(words, tuple(groups[at]), seals[0], (float(mean[0]), float(mean[1]))))
+        out.append(PointGroup(words, tuple(groups[at]), seals[0], (float(mean[0]), float(mean[1]))))
     return out
 
 
@@ -142,18 +142,18 @@ def over_speed(found: Characterisation, fits: Fits) -> Figure:
     shown, marks, is_named = spread_evenly(groups, MOST_CURVES), [], is_labelled(found)
     for group in (group for group in groups if group not in shown):
         x, y = np.array([(p.speed_m_s, p.friction_n) for p in group.points]).T
-        marks.append(Points(x, y, look=Look("grey", "-", "."), size=1.5))
+        marks.append(Markers(x, y, look=Look("grey", "-", "."), size=1.5))
     for index, group in enumerate(shown):
         x, y, reach = np.array([(p.speed_m_s, p.friction_n, np.nan_to_num(p.expanded_n)) for p in group.points]).T
         names = [f"{p.pressure_pa / 1e5:.2g}" for p in group.points] if is_named else ()
         given = {"size": 2.2 if is_small else 4.0, "filled": not index % 2, "names": names}
-        marks.append(Points(x, y, group.label, look(index), y - reach, y + reach, **given))
+        marks.append(Markers(x, y, group.label, look(index), y - reach, y + reach, **given))
         marks += _law(group, fits.get(group.seal) or fits.get(ALL_RECORDINGS), look(index))
     y_axis = Axis("friction / N", low=0.0)
     return Figure([Panel(marks)], SPEED, y_axis, row_in=3.6, rest_in=0.0, entries=6)
 
 
-def _law(group: Group, by_law: Mapping[str, FrictionFit] | None, own: Look) -> list[Band | Line]:
+def _law(group: PointGroup, by_law: Mapping[str, FrictionFit] | None, own: Look) -> list[Band | Line]:
     """Draw the fitted law at the group's pressures if the data determine how it depends on speed."""
     fit = (by_law or {}).get("stribeck")
     if fit is None or group.gauges_pa is None or "stribeck_velocity" not in fit.determined:
@@ -255,8 +255,8 @@ def errors(pairs: Recovered) -> Figure:
             error = (friction - true) / pairs.stderr_n[chosen]
         error = np.clip(error, -SHOWN_ERRORS, SHOWN_ERRORS)  # one further off is drawn on the frame
         left.append(Line(speed, true, look=own, width=0.9))
-        left.append(Points(speed, friction, f"{gauge / 1e5:.2g} bar gauge", own, size=3.2))
-        right.append(Points(speed, error, look=own, size=3.2))
+        left.append(Markers(speed, friction, f"{gauge / 1e5:.2g} bar gauge", own, size=3.2))
+        right.append(Markers(speed, error, look=own, size=3.2))
     ends = Axis("error / standard error", low=-SHOWN_ERRORS, high=SHOWN_ERRORS)
     panels = [Panel(left, y="friction / N"), Panel([*right, Rule(y=0.0, look=Look("black"), width=0.8)], y=ends)]
     return Figure(panels, Axis("speed / (mm/s)", "log"), columns=2, row_in=3.0, rest_in=0.0)

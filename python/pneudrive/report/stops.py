@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Points, Rule, ends, look
+from pneudrive.figures import Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
 from pneudrive.friction.conditions import PA_PER_BAR
 from pneudrive.numbers import with_interval
 from pneudrive.report.topics import Topic
@@ -84,8 +84,8 @@ def _restart(stop: Stop) -> Panel:
     shown = max(stop.loading_s, SHORTEST_S)
     begin, end = -BEFORE * shown, AFTER * shown
     marks = [
-        Points([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0),
-        Points(stop.trace.time_s - stop.dwell_s, stop.trace.friction_n, look=Look("black", "-", "."), size=1.8),
+        Markers([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0),
+        Markers(stop.trace.time_s - stop.dwell_s, stop.trace.friction_n, look=Look("black", "-", "."), size=1.8),
         Rule(y=stop.running_n, look=RUNNING, width=0.9),
     ]
     x = Axis("time since restart / ms", low=begin, high=end)
@@ -132,7 +132,7 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
         marks.append(Line(s.duration_s, s.increment_n[index], look=own))
         durations = [stop.dwell_s * (1.0 + 0.04 * index) for stop in stops]
         label = condition_names(found)(condition)
-        marks.append(Points(durations, [stop.increment_n for stop in stops], label, own, size=3.4))
+        marks.append(Markers(durations, [stop.increment_n for stop in stops], label, own, size=3.4))
     for law, dash in ((best_of(s.laws, saturates=False), (0, (6, 2))), (best_of(s.laws, saturates=True), ":")):
         if law is not None:
             title = f"{law.form.title} (ΔAICc {law.delta:.0f})" if np.isfinite(law.delta) else law.form.title
@@ -188,8 +188,8 @@ def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator
 
 def relaxation(found: CampaignCharacteristics) -> Figure:
     """Draw relaxation and recovery distance against duration; a triangle is a recovery that is cut off."""
-    left: list[Points] = []
-    right: list[Points] = []
+    left: list[Markers] = []
+    right: list[Markers] = []
     conditions = list(dict.fromkeys(s.condition for s in sorted(found.stops, key=lambda s: s.condition)))
     for index, condition in enumerate(conditions[:MOST_CONDITIONS]):
         own, shift, label = look(index), 1.0 + 0.05 * index, condition_names(found)(condition)
@@ -201,10 +201,10 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
         for marks, pairs in ((left, held), (right, whole)):
             if pairs:
                 value, low, high = ends(e for _, e in pairs)
-                marks.append(Points([t for t, _ in pairs], value, label, own, low, high, 3.2))
+                marks.append(Markers([t for t, _ in pairs], value, label, own, low, high, 3.2))
         if cut:
             times, seen = zip(*cut, strict=True)
-            right.append(Points(times, seen, look=own._replace(marker="^"), filled=True))
+            right.append(Markers(times, seen, look=own._replace(marker="^"), filled=True))
     panels = [Panel(left, y="fall of the force / N") if any(s.relaxation is not None for s in found.stops) else None]
     has_recovery = any(s.recovery is not None for s in found.stops)
     panels.append(Panel(right, y=Axis("way back / mm", low=0.0)) if has_recovery else None)

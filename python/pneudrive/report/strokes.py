@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.figures import THIN, Axis, Figure, Line, Look, Panel, Points, Rule
+from pneudrive.figures import THIN, Axis, Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.friction.breakaway import NEEDED_RISE_SAMPLES, offset_line
 from pneudrive.numbers import fixed
 from pneudrive.report.page import Paragraph
@@ -71,7 +71,7 @@ def courses(found: Characterisation) -> Figure:
         if _drift_share(level) > 0.0:
             run = result.recording.labels.get("run")
             label = f"{fixed(gauge_bar(level), 1)} bar" + (f", run {run}" if run else "")
-            marks.append(Points(_numbers(course), course, label, Look("blue", "--", "s"), size=2.5, joined=True))
+            marks.append(Markers(_numbers(course), course, label, Look("blue", "--", "s"), size=2.5, joined=True))
         panels.append(Panel([*marks, Rule(y=0.0)], seal))
     y = Axis("friction against the mean / %", below=0.15)
     shared = {"share_x": "all", "share_y": "all", "legend": "panel", "row_in": 2.0}
@@ -124,7 +124,7 @@ def reversals(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figur
     slope, intercept = offset_line(level.profile, turn)
     friction = peak.direction * (result.balance_n[part] - (slope * r.position_m[part] + intercept))
     detail = [
-        Points(r.time_s[part] - peak.time_s, friction, size=2.5, joined=True, filled=True),
+        Markers(r.time_s[part] - peak.time_s, friction, size=2.5, joined=True, filled=True),
         Rule(y=peak.sliding_n, label="sliding friction in the window", look=Look("blue", "--"), width=0.9),
         Rule(0.0, label=f"peak, {peak.rise_samples} samples on the rise", look=Look("orange", ":"), width=1.1),
     ]
@@ -132,7 +132,7 @@ def reversals(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figur
     for label, own, is_good in (("spoilt", Look("grey", "-", "x"), False), ("usable", Look("blue", "-", "o"), True)):
         group = [(p.rise_samples, p.excess_n) for _, _, p in every if bool(p.flags) != is_good]
         x, y = np.array(group, dtype=float).reshape(-1, 2).T
-        over.append(Points(x, y, label, own, size=3.5, filled=True))
+        over.append(Markers(x, y, label, own, size=3.5, filled=True))
     needed = Rule(float(NEEDED_RISE_SAMPLES), label="samples needed", look=Look("black", "--"), width=0.9)
     title, x_axis = f"{r.name}, stroke {peak.stroke}", Axis("samples on the rise", low=0.0)
     left = Panel(detail, title, "time from the peak / s", "friction / N")

@@ -6,7 +6,7 @@ import re
 from textwrap import fill
 from typing import TYPE_CHECKING
 
-from pneudrive.figures import LOOKS, MEASURED, MODEL, Axis, Figure, Line, Look, Panel, Points, Rule, ramp, stack, thin
+from pneudrive.figures import LOOKS, MEASURED, MODEL, Axis, Figure, Line, Look, Markers, Panel, Rule, ramp, stack, thin
 from pneudrive.report.render import PICTURES, draw_figure, drawn, render, write_picture
 from pneudrive.simulation.trajectory import attributes, check_si, columns, whole
 
@@ -175,7 +175,7 @@ def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> matplotlib.
     panels, bores, length = [], study.diameter.to_numpy(), study.length.to_numpy()
     for label, name in (("mean speed of the stroke / (m/s)", "mean_speed"), ("stroke time / s", "stroke_time_out")):
         curves = [
-            Points(length, study[name][number].to_numpy(), f"{1e3 * bore:g} mm bore", ramp(number, bores.size),
+            Markers(length, study[name][number].to_numpy(), f"{1e3 * bore:g} mm bore", ramp(number, bores.size),
                    filled=True, joined=True)
             for number, bore in enumerate(bores)
         ]  # fmt: skip

@@ -18,8 +18,8 @@ from pneudrive.figures import (
     Figure,
     Line,
     Look,
+    Markers,
     Panel,
-    Points,
     Rule,
     look,
     stack,
@@ -252,11 +252,11 @@ def _of_curve(c: FrictionCurve) -> tuple[object, ...]:
 
 def friction_figure(curves: list[FrictionCurve]) -> Figure:
     """Draw one panel for each condition: measured points and the law's lines."""
-    panels: dict[str, list[Points | Line]] = {}
+    panels: dict[str, list[Markers | Line]] = {}
     for c in curves:
         marks = panels.setdefault(c.condition, [])
         own, label = look(len(marks) // 2), f"measured, {DIRECTIONS[c.direction]}; line: law"
-        marks.append(Points(c.speed_m_s, c.friction_n, label, own, c.low_n, c.high_n, filled=True))
+        marks.append(Markers(c.speed_m_s, c.friction_n, label, own, c.low_n, c.high_n, filled=True))
         marks.append(Line(c.speed_m_s, c.model_n, look=own))
     x = Axis("speed / (mm/s)", "log")
     shown = [Panel(marks, name) for name, marks in panels.items()]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import CommandError
-from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, Stroke, look, thin
+from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
 from pneudrive.platforms.outputs import motion_of, platform_outputs, pose_columns
 from pneudrive.report import style
 from pneudrive.report.page import PageTable, Picture, Report, Section
@@ -168,10 +168,10 @@ def scene_drawing(scene: PlatformScene, row: int = -1, *texts: tuple[float, floa
         given = {"color": "path" if own.is_path else "black", "fill": "black" if own.fill else "", "tint": own.fill}
         dash = [part / own.width for part in own.dash]
         width = 72.0 / PX_IN * own.width * scale
-        strokes.append(Stroke(corners, width=width, dash=dash, opacity=own.opacity, cap="butt", **given))
+        strokes.append(PenStroke(corners, width=width, dash=dash, opacity=own.opacity, cap="butt", **given))
     size = 72.0 / PX_IN * FONT
-    strokes += [Stroke([at], text, size=size * max(scale, 0.6)) for text, at in scene.labels]
-    strokes += [Stroke([(x, y)], text, size=size, align="left baseline") for x, y, text in texts]
+    strokes += [PenStroke([at], text, size=size * max(scale, 0.6)) for text, at in scene.labels]
+    strokes += [PenStroke([(x, y)], text, size=size, align="left baseline") for x, y, text in texts]
     return Drawing(strokes, (0.0, scene.size[0]), (scene.size[1], 0.0), equal=True)
 
 
@@ -268,7 +268,7 @@ def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str,
 
 
 def run_figure(platform: Platform, columns: Mapping[str, Array]) -> Figure:
-    """Draw the platform at the end of a run beside the curves of the run; legs have one legend below the drawing."""
+    """Draw the platform at the end of a run and the curves of the run. One legend names the legs."""
     time, pose = np.asarray(columns["time_s"]), motion_of(platform, columns)[0]
     part, legs, panels = thin(time, MOST_SAMPLES), {leg.name for leg in platform.legs}, []
     of_legs: dict[str, Line] = {}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Panel, Points, Rule, ramp
+from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
 from pneudrive.report.sketch import rig_diagram
 from pneudrive.studies.bracha.friction_curves import figure_5, figure_6, figure_8
 from pneudrive.studies.bracha.stick_slip import figure_1, figure_2, figure_3, figure_4, figure_7, figure_9
@@ -65,7 +65,7 @@ def cycle(data: PaperFigure) -> Figure:
     """Draw figure 5: friction after a turn, the stroke and its start."""
     c = data.columns
     marks = [
-        Points(c["time_s"], c["friction_n"], "every sample", DOTS, size=1.2),
+        Markers(c["time_s"], c["friction_n"], "every sample", DOTS, size=1.2),
         Line(c["time_s"], c["friction_smoothed_n"], "moving average of 5", width=0.8),
         Line(c["time_s"], c["friction_mean_n"], "mean of the rest of the stroke", DASHED),
     ]
@@ -81,15 +81,15 @@ def over_speed(data: PaperFigure) -> Figure:
     c, settled = data.columns, Look("blue", "-", "x")
     speed, true = c["speed_m_s"], c["friction_true_n"]
     above = [
-        Points(speed, c["friction_n"], "force, as in the paper", size=3.5),
+        Markers(speed, c["friction_n"], "force, as in the paper", size=3.5),
         Line(speed, c["air_n"], "part of the air", Look("orange", ":")),
-        Points(speed, c["friction_settled_n"], "seal, settled samples", settled, size=3.5),
+        Markers(speed, c["friction_settled_n"], "seal, settled samples", settled, size=3.5),
         Line(speed, true, "seal, true in each cycle", THIN, 0.8),
     ]
     below = [
         Band(speed, c["low_n"] - true, c["high_n"] - true, "95 % band"),
         Rule(y=0.0),
-        Points(speed, c["friction_settled_n"] - true, look=settled, size=3.5),
+        Markers(speed, c["friction_settled_n"] - true, look=settled, size=3.5),
     ]
     linear, logarithmic, label = "speed / (mm/s)", Axis("speed / (mm/s)", "log"), "seal − true / mN"
     panels = [
@@ -116,7 +116,7 @@ def over_pressure(data: PaperFigure) -> Figure:
     )
     for name, title in parts:
         curves = [
-            Points(c["speed_m_s"], values, f"{bar[i]:.1f} bar", ramp(i, bar.size), size=2.5, filled=True, joined=True)
+            Markers(c["speed_m_s"], values, f"{bar[i]:.1f} bar", ramp(i, bar.size), size=2.5, filled=True, joined=True)
             for i, values in enumerate(c[name])
         ]
         panels.append(Panel(curves, title))
@@ -136,10 +136,10 @@ def stop(data: PaperFigure) -> Figure:
 
     def through(x: np.ndarray, part: slice, size: float) -> list[Any]:
         friction, running = c["friction_n"][part], c["running_n"][part]
-        return [Points(x, friction, "", dots, size=size, joined=True), Line(x, running, "uninterrupted", DASHED)]
+        return [Markers(x, friction, "", dots, size=size, joined=True), Line(x, running, "uninterrupted", DASHED)]
 
     increment, width = c["increment_n"], c["increment_width_n"]
-    peaks = Points(c["speed_m_s"], increment, "", Look(), increment - width, increment + width, filled=True)
+    peaks = Markers(c["speed_m_s"], increment, "", Look(), increment - width, increment + width, filled=True)
     near = Axis("travel from the stop / mm", low=-0.02 * SHOWN_M, high=SHOWN_M)
     panels = [
         Panel(
