@@ -69,6 +69,8 @@ if TYPE_CHECKING:
     from pneudrive.identify.static.survey import survey as survey
     from pneudrive.identify.volume import identify_volume as identify_volume
     from pneudrive.platforms import platform as platform
+    from pneudrive.results import compare_results as compare_results
+    from pneudrive.results import load as load
     from pneudrive.simulation.simulate import citations as citations
     from pneudrive.simulation.simulate import simulate as simulate
     from pneudrive.simulation.trajectory import save as save
@@ -90,6 +92,7 @@ _HOME = {
     "export_fmu": "pneudrive.fmu.package",
     "lines": "pneudrive.simulation.tube_study",
     "platform": "pneudrive.platforms",
+    **dict.fromkeys(["compare_results", "load"], "pneudrive.results"),
     "size": "pneudrive.sizing.search",
     "save": "pneudrive.simulation.trajectory",
     **dict.fromkeys(["characterise", "campaign_friction"], "pneudrive.friction.campaign.characteristics"),
@@ -124,6 +127,7 @@ UPPER.update(
     simulate="pneudrive.simulation.simulate",
     Pneu="pneudrive.accessor",
     figure_svg="pneudrive.report.page",
+    plot="pneudrive.report.trajectory",
     write_fit_report="pneudrive.report.fit",
     follow_page="pneudrive.report.motion",
     motion_page="pneudrive.report.motion",

@@ -1,26 +1,36 @@
-"""``run.pneu``: a run in selected units, its strokes, its energy. xarray calls this an accessor."""
+"""``run.pneu``: a run in selected units, its picture, numbers, strokes and energy. xarray calls this an accessor."""
 
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from pneudrive import units
+from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.datasheet.strokes import stroke_of
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.lazy_names import upper
 from pneudrive.simulation.exhaust import exhaust_air
 from pneudrive.simulation.trajectory import attributes
 from pneudrive.units import UnitFloat
+from pneudrive.views import ShownValue, View
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
     from pneudrive.datasheet.strokes import StrokeNumbers
     from pneudrive.describe.circuit import Circuit
     from pneudrive.describe.drive import Drive
     from pneudrive.simulation.exhaust import ExhaustAir
 
+#: Columns of the flow into a chamber, of a drive and of a circuit.
+_CHAMBER_FLOW = re.compile(r"mass_flow_[ab]|.+\.[ab]\.mass_flow")
 _JOULE = " [J]"
 
 
@@ -87,6 +97,64 @@ class Pneu:
         return self._run.assign_coords({k: v for k, v in changed.items() if k in self._run.coords}).assign(
             {k: v for k, v in changed.items() if k not in self._run.coords}
         )
+
+    def plot(self, path: str | Path | None = None, circuit: Drive | Circuit | None = None) -> Figure:
+        """Draw the run over time, see `pneudrive.report.plot`.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Picture to write: .png, .svg, .pdf, or .html.
+        circuit : Drive or Circuit, optional
+            Simulated circuit: a page then has a section for each of its platforms.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Examples
+        --------
+        >>> import pneudrive as pn
+        >>> run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 1", "0.1 s")
+        >>> len(run.pneu.plot().axes)
+        6
+        """
+        return upper("plot")(self._run, path, circuit)
+
+    def info(self) -> View:
+        """Return impacts with stroke times, air into the chambers, and peak pressures.
+
+        Returns
+        -------
+        View
+            ``print(run.pneu.info())`` shows a table; ``rows`` has the values in SI. A stroke time lasts from the last
+            step of the command to the impact, in runs with ``attrs["command_steps"]``.
+
+        Examples
+        --------
+        >>> import pneudrive as pn
+        >>> run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.6, 1 s: -0.6", "2 s")
+        >>> [(row.key, row.text, row.usual_unit) for row in run.pneu.info().rows if row.quantity == "stroke time"]
+        [('impact 1.stroke time', '0.136', 's'), ('impact 2.stroke time', '0.324', 's')]
+        """
+        rows, attrs = [], self._run.attrs
+        steps = [float(at) for at, _ in attrs.get("command_steps", ())]
+        for count, impact in enumerate(attrs.get("impacts", ()), start=1):
+            label = f"impact {count}" + (f", {impact['cylinder']}" if impact.get("cylinder") else "")
+            begun = max((at for at in steps if at <= impact["time_s"]), default=None)
+            values = {"time": (impact["time_s"], "s")}
+            values |= {} if begun is None else {"stroke time": (impact["time_s"] - begun, "s")}
+            values |= {"speed": (impact["speed_m_s"], "m/s"), "energy": (impact["energy_j"], "J")}
+            values |= {"peak force": (impact["peak_force_n"], "N")}
+            rows += [ShownValue(f"{label}.{name}", label, name, *value) for name, value in values.items()]
+        time, air_kg = self._run["time"].to_numpy(), 0.0
+        for name, column in self._run.items():
+            if _CHAMBER_FLOW.fullmatch(str(name)):
+                air_kg += float(np.trapezoid(np.maximum(column.to_numpy(), 0.0), time))
+            elif column.attrs.get("units") == "Pa" and column.dims == ("time",):
+                rows.append(ShownValue(f"{name}.peak", str(name), "peak pressure", float(column.max()), "Pa"))
+        rows.append(ShownValue("air", "all chambers", "air in, l ANR", air_kg * ANR_LITRES_PER_KG))
+        return View(f"{attrs.get('title', 'run')}, {time[-1]:g} s", tuple(rows))
 
     def strokes(self, drive: Drive) -> list[StrokeNumbers]:
         """Return the numbers of each stroke: from each change of the command to the next.

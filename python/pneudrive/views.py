@@ -172,8 +172,8 @@ class ShownFigure:
     figure: Figure
 
 
-@dataclass(frozen=True, eq=False)
-class View:
+@dataclass(frozen=True, eq=False, repr=False)
+class View(Shown):
     """A result as data.
 
     Attributes
@@ -259,6 +259,9 @@ class View:
             head, rows = self.tables[0].head, list(self.tables[0].rows)
         return Card(self.title, head, rows, self.sentences())
 
+    def _card(self) -> Card:
+        return self.card()
+
 
 class Viewed(Shown):
     """Base of results with a view: prompt and notebook show it, the notebook with its figures."""
@@ -273,6 +276,9 @@ class Viewed(Shown):
     def _picture(self) -> str:
         draw = upper("figure_svg")
         return "".join(draw(shown) for shown in self.view().figures)
+
+    def _card(self) -> Card:
+        return self.card()
 
 
 def _cell(value: ShownValue | None, *, with_unit: bool) -> str:

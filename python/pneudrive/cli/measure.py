@@ -20,15 +20,15 @@ from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
     from pneudrive import report
+    from pneudrive.campaign.storage import folder as folders
     from pneudrive.friction import characterisation, conditions, friction_map
     from pneudrive.friction import motion as motions
     from pneudrive.friction.campaign import characteristics, dependences, files
-    from pneudrive.identify import files as sources
     from pneudrive.identify.static import fit as static_fits
-    from pneudrive.identify.static import result as static_result
+    from pneudrive.identify.static import result as fit_results
     from pneudrive.report import campaign as campaign_page
     from pneudrive.report import comparison as comparison_page
-    from pneudrive.report import layout_figure
+    from pneudrive.report import layout_figure, render
     from pneudrive.signals import layout as layouts
     from pneudrive.signals import load
     from pneudrive.signals import proposal as proposals
@@ -41,9 +41,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.friction.campaign.compare import Comparison
-
-SPEEDS = 5  # at which curves are compared
-SAME_PA = 1.0  # rounding of a pressure
 
 campaign = group(
     dict.fromkeys(("plan", "run", "resume", "status", "pause", "abort"), "pneudrive.cli.campaign"),
@@ -192,9 +189,7 @@ def _output(out: Path) -> Iterator[Path]:
             out.rmdir()
 
 
-def _write_fits(
-    fits: dict[str, dict[str, static_result.FrictionFit]], law: str, folder: Path, whole: str
-) -> list[Path]:
+def _write_fits(fits: dict[str, dict[str, fit_results.FrictionFit]], law: str, folder: Path, whole: str) -> list[Path]:
     """Write fit.toml for all data, and fit-GROUP.toml for each group."""
     written = []
     for group_name, by_law in fits.items():
@@ -211,30 +206,34 @@ def compare(
     *,
     out: Path = Path("comparison"),
     protocol: str = "settled",
+    plot: Path | None = None,
 ) -> None:
-    """Compare two campaigns, two drives or two fits.
+    """Compare two campaigns, drives, circuits, fits, maps, runs, sizings or validations.
 
     For two campaigns (new and worn, two seals), it writes report.html and comparison.toml.
-    Two drive files, or two fits of one kind, are compared value by value, without any file.
+    Two other results of one kind are compared value by value, in common units, and curve by curve.
 
     Options
     -------
     first : A
-        Folder of campaign A; or a drive, or a fit.
+        Folder of campaign A; or any other result or description.
     second : B
-        Folder of campaign B, drive or fit; differences are B minus A.
+        Result of the same kind; differences are B minus A.
     protocol
         Selection of samples: settled, or source-paper (first 5 % dropped).
+    plot
+        Picture of both curves and their difference: .png, .svg or .pdf.
 
     Examples
     --------
     pneudrive compare before after --out compared
     pneudrive compare old.toml new.toml
+    pneudrive compare before.parquet after.parquet --plot difference.svg
     """
-    if all(path.suffix == ".toml" or str(path).startswith("catalogue:") for path in (first, second)):
-        _compare_values(str(first), str(second))
-        return
     choice = one_of("--protocol", protocol, motions.SAMPLE_CHOICES)
+    if not all((path / folders.RIG).is_file() for path in (first, second)):
+        _compare_results(str(first), str(second), plot)
+        return
     if first.resolve() == second.resolve():
         raise CommandError("a campaign cannot be compared with itself", value=str(first), remedy="Give two folders.")
     tell = terminal.watch().tell
@@ -247,36 +246,18 @@ def compare(
     terminal.show_paths(written, page)
 
 
-def _compare_values(first: str, second: str) -> None:
-    """Print the values that differ between two drives or fits."""
-    before, after = sources.read_source(first), sources.read_source(second)
-    found = sources.differences(before, after)
-    rows = []
-    for each in found:
-        change = "" if each.change is None else f"{100 * each.change:+.3g}"
-        rows.append((each.key, each.before, each.interval_before, each.after, each.interval_after, change))
-    terminal.show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), rows)
-    terminal.show_lines(*([] if found else ["No value differs."]))
-    if isinstance(before, static_result.FrictionFit) and isinstance(after, static_result.FrictionFit):
-        _compare_curves(before, after)
-
-
-def _compare_curves(before: static_result.FrictionFit, after: static_result.FrictionFit) -> None:
-    """Print the difference between the curves of two fits, at speeds and pressures that both have measured."""
-    import numpy as np
-
-    low, high = sources.common(before, after, "speed_m_s")
-    gauges = [sources.common(before, after, f"gauge_{side}_pa") for side in "ab"]
-    if low > high or any(a > b + SAME_PA for a, b in gauges):
+def _compare_results(first: str, second: str, plot: Path | None) -> None:
+    """Print the values that differ between two results, and the differences of their curves."""
+    terminal.check_outputs(None, plot=plot)
+    compared = pn.compare_results(first, second, (first, second))
+    terminal.show_lines(compared.sentence)
+    if compared.values:
+        terminal.show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), compared.rows())
+    if rows := compared.curve_rows()[: terminal.MOST_ROWS]:
+        terminal.show_table(("curve", "at", "B minus A", "95 %"), rows)
+    elif not compared.curves and compared.kind == fit_results.FrictionFit.TITLE:
         terminal.show_lines("The fits have no speeds and pressures in common, so their curves are not compared.")
-        return
-    speeds = np.geomspace(low, high, SPEEDS) if low < high else np.array([low])
-    rows = []
-    for a, b in dict.fromkeys(zip(*gauges, strict=True)):
-        for speed, change in zip(speeds, sources.curve_differences(before, after, speeds, a, b), strict=True):
-            at = (f"{1e3 * speed:.3g}", f"{a / 1e5:.3g}", f"{b / 1e5:.3g}")
-            rows.append((*at, f"{change.value:+.3g}", f"{change.low:+.3g} .. {change.high:+.3g}"))
-    terminal.show_table(("speed mm/s", "a bar gauge", "b bar gauge", "B minus A, N", "95 %"), rows, left=0)
+    terminal.write_outputs((plot, lambda path: render.draw_figure(compared.figure(), path)))
 
 
 def _show_comparison(comparison: Comparison) -> None:

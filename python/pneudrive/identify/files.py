@@ -1,15 +1,12 @@
-"""Files of fits of every kind, sources of an export, and differences between two of them."""
+"""Files of fits of every kind, sources of an export, and differences between the curves of two fits."""
 
 from __future__ import annotations
 
-from math import isfinite
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from pneudrive.describe.all_values import values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import OF_A_CIRCUIT
-from pneudrive.describe.files.provenance import values
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.estimate.estimates import Estimate
 from pneudrive.identify.dynamic.presliding import Presliding
@@ -65,65 +62,6 @@ def read_source(path: str | Path) -> AnyFit | Drive:
     return Drive.load(path) if is_drive else read_fit(path)
 
 
-class Changed(NamedTuple):
-    """One value that differs.
-
-    Attributes
-    ----------
-    key : str
-        Name in the drive file, or in the fit.
-    before, after : str
-        Values with their units; empty where one side lacks the value.
-    interval_before, interval_after : str
-        95 % intervals. Empty without an interval.
-    change : float or None
-        (after - before) / |before|, from the numbers in SI; None where one is not known, or `before` is 0.
-    """
-
-    key: str
-    before: str
-    after: str
-    interval_before: str
-    interval_after: str
-    change: float | None
-
-
-def differences(before: Drive | AnyFit, after: Drive | AnyFit) -> list[Changed]:
-    """Return the values that differ in number or interval, in the order of the first source.
-
-    Parameters
-    ----------
-    before, after : Drive, or fit of any kind
-        Both drives, or both fits of one kind; from `pneudrive.identify.files.read_source`.
-
-    Raises
-    ------
-    FitError
-        They are not of one kind.
-
-    Examples
-    --------
-    >>> drive = Drive.load("catalogue:reference")
-    >>> (one,) = differences(drive, drive.replace({"load.mass": "2 kg"}))
-    >>> one.key, one.after
-    ('load.mass', '2 kg')
-    """
-    kinds = ["drive" if isinstance(one, Drive) else one.TITLE for one in (before, after)]
-    if kinds[0] != kinds[1]:
-        raise FitError(
-            "only results of one kind can be compared",
-            value=f"a {kinds[0]} and a {kinds[1]}",
-            rule="two drives, or two fits of one kind",
-        )
-    old, new = _values(before), _values(after)
-    pairs = {key: (old.get(key, _ABSENT), new.get(key, _ABSENT)) for key in {**old, **new}}
-    return [
-        Changed(key, old_text, new_text, old_ends, new_ends, _change(old_si, new_si))
-        for key, ((old_text, old_ends, old_si), (new_text, new_ends, new_si)) in pairs.items()
-        if (old_text, old_ends) != (new_text, new_ends)
-    ]
-
-
 def curve_differences(
     before: FrictionFit, after: FrictionFit, speed_m_s: Array, gauge_a_pa: float = 0.0, gauge_b_pa: float = 0.0
 ) -> list[Estimate]:
@@ -161,28 +99,3 @@ def common(before: FrictionFit, after: FrictionFit, name: str) -> tuple[float, f
     """
     (low, high), (other_low, other_high) = (fit.provenance[name] for fit in (before, after))
     return max(low, other_low), min(high, other_high)
-
-
-def _change(before: float | None, after: float | None) -> float | None:
-    return None if before is None or after is None or before == 0.0 else (after - before) / abs(before)
-
-
-#: Text, interval and number of a value that one side lacks.
-_ABSENT = ("", "", None)
-
-
-def _values(source: Drive | AnyFit) -> dict[str, tuple[str, str, float | None]]:
-    """Return text, interval and number in SI of each value."""
-    if isinstance(source, Drive):
-        ends = {key: " … ".join(one.interval) for key, one in source.provenance.items()}
-        numbers = {key: one.si for key, one in values(source).items()}
-        return {one.key: (str(one.value), ends.get(one.key, ""), numbers.get(one.key)) for one in values_of(source)}
-    known = {name: value for name, value in source.values.items() if isfinite(value)}
-    return {
-        name: (
-            (f"{number} {unit}" if number else state).strip(),
-            state.replace(" .. ", " … ") if name in source.intervals else "",
-            known.get(name),
-        )
-        for name, number, unit, state, *_ in source.rows()
-    }

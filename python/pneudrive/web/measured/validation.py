@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from functools import lru_cache
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,7 +16,8 @@ from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
 from pneudrive.free.parameters import numbers_of, with_shape
-from pneudrive.identify.files import differences, read_fit
+from pneudrive.identify.files import read_fit
+from pneudrive.results import StoredResult, compare_results
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
 from pneudrive.simulation.trajectory import columns_in, read_columns
 from pneudrive.units import readable
@@ -25,7 +25,7 @@ from pneudrive.validate.metrics import metrics
 from pneudrive.validate.signals import Signals
 from pneudrive.validate.simulation import run_model
 from pneudrive.validate.validation import CHANNELS
-from pneudrive.views import ShownValue, View
+from pneudrive.views import View
 from pneudrive.web.drive.description import field_of
 from pneudrive.web.drive.run_request import Changes, described_at, with_changes
 from pneudrive.web.lineage import MOST_TRACED, Input, Lineage, is_fit
@@ -81,19 +81,7 @@ def shown_validation(workspace: Workspace, path: str) -> dict[str, Any]:
 
 def view_of_validation(workspace: Workspace, name: str) -> View:
     """Return the agreement of each record and channel, and the verdicts."""
-    content = _read(workspace, name)
-    rows = []
-    for record, (column, title) in product(content["record"], CHANNELS.items()):
-        found, label = record[column], f"{record['name']}: {title}"
-        for key, quantity, value, unit in (
-            ("fit", "fit, %", found["free"].get("fit_percent", np.nan), ""),
-            ("rms", "rms", found["free"]["rms"], _si_unit(column)),
-            ("largest", "largest", found["free"]["largest"], _si_unit(column)),
-            ("restarted", "from measured states: fit, %", found["restarted"].get("fit_percent", np.nan), ""),
-        ):
-            rows.append(ShownValue(f"{label}.{key}", label, quantity, float(value), unit))
-    notes = [*(one["text"] for one in content["verdict"]), *content["notes"]]
-    return View(f"{content['provenance']['drive']} against its recordings", tuple(rows), notes=tuple(notes))
+    return StoredResult("validation", workspace.path(name), _read(workspace, name)).view()
 
 
 def _read(workspace: Workspace, name: str) -> dict[str, Any]:
@@ -252,12 +240,9 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     sources = [_source(workspace, name) for name in names]
     texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive)]
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
-    python = (
-        "from pneudrive.identify.files import differences, read_source\n\n"
-        f"for one in differences(read_source({before!r}), read_source({after!r})):\n    print(one)\n"
-    )
+    python = f"import pneudrive as pn\n\nprint(pn.compare_results({before!r}, {after!r}))\n"
     return {
-        "values": [difference._asdict() for difference in differences(*sources)],
+        "values": [pair._asdict() for pair in compare_results(*sources, names).values],
         "lines": lines,
         "command": shell("compare", *names),
         "python": python,

@@ -1,0 +1,574 @@
+"""Results and descriptions read from any file or folder, and the comparison of two of one kind."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import polars as pl
+import xarray as xr
+
+from pneudrive.campaign.storage.folder import RIG
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
+from pneudrive.control.results.card import ABOUT as BENCHMARK
+from pneudrive.control.results.card import read_comparison
+from pneudrive.describe.all_values import values_of
+from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.drive import Drive
+from pneudrive.describe.files import toml
+from pneudrive.describe.files.load import OF_A_CIRCUIT, load_described
+from pneudrive.describe.tank import Tank
+from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Rule
+from pneudrive.files.content import read_json
+from pneudrive.files.csv_tables import csv_names
+from pneudrive.files.tables import open_table
+from pneudrive.friction.campaign.characteristics import campaign_friction
+from pneudrive.friction.friction_map import AMBIENT, read_map
+from pneudrive.identify.base import Fit
+from pneudrive.identify.files import common, curve_differences, read_fit
+from pneudrive.identify.follow.fit import FollowFit, read_follow_fit
+from pneudrive.identify.follow.regulator import KIND as REGULATOR
+from pneudrive.identify.follow.regulator import Regulator, RegulatorFit, read_regulator_fit
+from pneudrive.identify.static.result import FrictionFit
+from pneudrive.numbers import plain
+from pneudrive.repr_tables import Card, Shown
+from pneudrive.simulation.simulate import Run
+from pneudrive.simulation.trajectory import SUFFIXES, TABLES, attributes, meaning, read_columns
+from pneudrive.sizing.result import SUMMARY, WRITTEN, in_words
+from pneudrive.units import in_unit, readable
+from pneudrive.units.table import TABLE
+from pneudrive.validate.validation import CHANNELS
+from pneudrive.views import ShownCurve, ShownValue, View
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+#: Column -> kind of a table that has it.
+_MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
+#: Quantities of a sized drive in result.json -> words, unit.
+_SIZED = {
+    "time_out": ("time out", "s"),
+    "time_back": ("time back", "s"),
+    "end_speed": ("end speed", "m/s"),
+    "energy": ("impact", "J"),
+    "peak_pressure": ("peak pressure", "Pa"),
+    "air": ("air", "m^3"),
+}
+MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
+SHOWN_PLACES = 5  # of a curve in a table
+SAME_PA = 1.0  # rounding of a pressure
+_NUMBER = re.compile(r"([-+]?\d[\d.]*(?:e[-+]?\d+)?)(?: (.+))?")
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class StoredResult(Shown):
+    """Result that its folder or file holds as plain data.
+
+    Attributes
+    ----------
+    kind : str
+        ``"sizing"``, ``"validation"`` or ``"characterisation"``.
+    path : Path
+    content : mapping
+        All that is stored.
+    """
+
+    kind: str
+    path: Path
+    content: Mapping[str, Any]
+
+    def view(self) -> View:
+        """Return the stored values, curves and sentences."""
+        return _VIEWS[self.kind](self.content)
+
+    def _card(self) -> Card:
+        return self.view().card()
+
+
+def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
+    """Read a result or a description; its kind follows from its content.
+
+    Parameters
+    ----------
+    path : path-like
+        File or folder that pneudrive wrote, a description, or ``catalogue:NAME``.
+
+    Returns
+    -------
+    object
+        Drive, Circuit, Tank or Regulator; a fit of any kind; run, friction map or ensemble as `xarray.Dataset`;
+        evaluated campaign; comparison of controllers; sizing, validation and characterisation as `StoredResult`.
+
+    Raises
+    ------
+    PneudriveError
+        The path does not exist, is of no known kind, or is damaged.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> pn.load("catalogue:reference").name
+    'Reference rodless drive'
+    """
+    if str(path).startswith("catalogue:"):
+        return Drive.load(path)
+    path = Path(path)
+    kinds = ((_load_folder, path.is_dir()), (_load_toml, path.suffix == ".toml"))
+    read = next((read for read, holds in (*kinds, (_load_table, path.suffix in SUFFIXES)) if holds), None)
+    result = read(path) if read is not None and path.exists() else None
+    if result is None:
+        raise CommandError(
+            f"{path} is not a result" if path.exists() else f"there is no {path}",
+            rule="a file (.toml, .parquet, .csv, .nc) or a folder that pneudrive wrote",
+            remedy="A report or a data sheet is a page: give the drive, fit or folder from which it was made.",
+        )
+    return result
+
+
+def _load_folder(path: Path) -> Any:  # noqa: ANN401
+    if (path / RIG).is_file():
+        return campaign_friction(path)
+    if (path / BENCHMARK).is_file():
+        return read_comparison(path)
+    if (path / SUMMARY).is_file():
+        return StoredResult("sizing", path, read_json(path / SUMMARY, CommandError))
+    if (path / "map.parquet").is_file():
+        fits = {file.stem: read_fit(file) for file in sorted(path.glob("fit*.toml"))}
+        return StoredResult("characterisation", path, {"map": read_map(path / "map.parquet"), "fits": fits})
+    if members := sorted(path.glob("members-*.parquet")):
+        return _dataset(pl.concat([_frame(file)[0] for file in members]), {})
+    return next((load(path / name) for name in ("validation.toml", "run.parquet") if (path / name).is_file()), None)
+
+
+def _load_toml(path: Path) -> Any:  # noqa: ANN401
+    tables, _ = toml.read(path, CommandError)
+    kind = tables.get("kind")
+    if "verdict" in tables and "record" in tables:
+        return StoredResult("validation", path, tables)
+    kinds = ((Tank.load, Tank.is_file(path)), (Regulator.load, Regulator.is_file(path)))
+    kinds += ((read_regulator_fit, kind == REGULATOR), (read_follow_fit, kind == "motion"))
+    kinds += ((load_described, not kind and bool({"drive", "friction", *OF_A_CIRCUIT} & tables.keys())),)
+    return next((read for read, holds in kinds if holds), read_fit)(str(path))
+
+
+def _load_table(path: Path) -> Any:  # noqa: ANN401
+    names = csv_names(path, CommandError) if path.suffix == ".csv" else open_table(path, TABLES[path.suffix]).names
+    kind = next((kind for column, kind in _MARKS.items() if {column, column.removesuffix("_s")} & {*names}), "")
+    if kind == "comparison of controllers":
+        return read_comparison(path.parent)
+    if kind == "friction map":
+        return read_map(path)
+    if path.suffix == ".nc" and kind:
+        data = xr.load_dataset(path, engine="h5netcdf")  # the names were read before, in a process that may crash
+        return data.assign_attrs(attributes(data))
+    if kind == "run":
+        frame, provenance = _frame(path)
+        return Run({name: frame[name].to_numpy() for name in frame.columns}, provenance).dataset()
+    return _dataset(*_frame(path)) if kind else None
+
+
+def _frame(path: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
+    """Return the columns of numbers of a table that pneudrive wrote, and its provenance."""
+    if path.suffix == ".csv":
+        names = [name for name in csv_names(path, CommandError) if name != "reason"]
+        return pl.DataFrame(read_columns(path, names)), {}
+    table = open_table(path, "parquet")
+    frame = {name: values for name, values in table.get(table.names).items() if values.dtype.kind in "iuf"}
+    return pl.DataFrame(frame), json.loads(table.metadata.get("pneudrive", "{}"))
+
+
+def _dataset(frame: pl.DataFrame, attrs: dict[str, Any]) -> xr.Dataset:
+    """Return the members of an ensemble."""
+    variables = {}
+    for column in frame.columns:
+        name, unit, words = meaning(column)
+        variables[name] = ("member", frame[column].to_numpy(), {"units": unit, "long_name": words})
+    return xr.Dataset(variables, attrs=attrs)
+
+
+def _sizing_view(content: Mapping[str, Any]) -> View:
+    rows = []
+    for rank, drive in enumerate(content["ranked"][:WRITTEN], start=1):
+        label = f"rank {rank}"
+        rows.append(ShownValue(f"{label}.parts", label, "parts", in_words(drive["parts"])))
+        for key, (words, unit) in _SIZED.items():
+            if drive.get(key) is not None:
+                rows.append(ShownValue(f"{label}.{words}", label, words, float(drive[key]), unit))
+    ready = "" if content.get("ready") or not content["feasible"] else ", but a check is open"
+    answer = f"{'feasible' if content['feasible'] else 'not feasible'}{ready}"
+    return View(f"Sizing of {content['task']['name']}: {answer}", tuple(rows))
+
+
+def _validation_view(content: Mapping[str, Any]) -> View:
+    rows = []
+    for record, (column, title) in product(content["record"], CHANNELS.items()):
+        found, label = record[column], f"{record['name']}: {title}"
+        si_unit = "m" if column.endswith("_m") else "Pa"
+        for key, quantity, value, unit in (
+            ("fit", "fit, %", found["free"].get("fit_percent", math.nan), ""),
+            ("rms", "rms", found["free"]["rms"], si_unit),
+            ("largest", "largest", found["free"]["largest"], si_unit),
+            ("restarted", "from measured states: fit, %", found["restarted"].get("fit_percent", math.nan), ""),
+        ):
+            rows.append(ShownValue(f"{label}.{key}", label, quantity, float(value), unit))
+    notes = [*(verdict["text"] for verdict in content["verdict"]), *content["notes"]]
+    return View(f"{content['provenance']['drive']} against its recordings", tuple(rows), notes=tuple(notes))
+
+
+def _characterisation_view(content: Mapping[str, Any]) -> View:
+    rows = [row for name, fit in content["fits"].items() for row in _values(fit, f"{name}: ")]
+    return replace(_map_view(content["map"]), rows=tuple(rows))
+
+
+def _values(fit: Any, before: str = "") -> list[ShownValue]:  # noqa: ANN401 - a fit of any kind
+    units, ends = getattr(fit, "units", {}), fit.intervals
+    return [ShownValue(f"{before}{k}", k, "value", v, units.get(k, ""), ends.get(k)) for k, v in fit.values.items()]
+
+
+def _map_view(found: xr.Dataset) -> View:
+    """Return friction over speed, a curve for each direction and pair of gauge pressures, with U (k = 2)."""
+    ambient = float(found.attrs.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
+    sides = (np.round((found[f"pressure_{side}_pa"].to_numpy() - ambient) / 1e5, 1) + 0.0 for side in "ab")
+    velocity, friction = found["velocity_m_s"].to_numpy(), found["friction_n"].to_numpy()
+    reach = 2.0 * np.hypot(found["stderr_n"].to_numpy(), found["u_systematic_n"].to_numpy())
+    signs = np.where(velocity > 0.0, "+x", "-x")
+    labels = np.array([f"{sign}, {a:g} and {b:g} bar gauge" for sign, a, b in zip(signs, *sides, strict=True)])
+    curves = []
+    for label in dict.fromkeys(labels.tolist()):
+        rows = np.flatnonzero(labels == label)
+        rows = rows[np.argsort(np.abs(velocity[rows]), kind="stable")]
+        band = (friction[rows] - reach[rows], friction[rows] + reach[rows])
+        curves.append(_curve(label, np.abs(velocity[rows]), friction[rows], ("speed", "friction", "m/s", "N"), band))
+    return View(f"{found.sizes['row']} points of friction", curves=tuple(curves))
+
+
+def _curve(
+    label: str, x: Array, y: Array, axes: tuple[str, str, str, str], band: tuple[Array, Array] | None = None
+) -> ShownCurve:
+    return ShownCurve(label, label, x, y, *axes, band, np.ones(len(x), dtype=bool))
+
+
+_VIEWS = {"sizing": _sizing_view, "validation": _validation_view, "characterisation": _characterisation_view}
+
+
+def _ensemble_view(found: xr.Dataset) -> View:
+    rows = []
+    for name, column in found.data_vars.items():
+        values = column.to_numpy()
+        if column.ndim == 1 and values.dtype.kind == "f" and np.isfinite(values).any():
+            for words, level in (("5 %", 0.05), ("median", 0.5), ("95 %", 0.95)):
+                value = float(np.quantile(values[np.isfinite(values)], level))
+                rows.append(ShownValue(f"{name}, {words}", str(name), words, value, str(column.attrs["units"])))
+    return View(f"{found.sizes['member']} members", tuple(rows))
+
+
+def _run_view(run: xr.Dataset) -> View:
+    curves, time = [], run["time"].to_numpy()
+    for name, column in run.data_vars.items():
+        unit, words = str(column.attrs.get("units")), str(name).replace("_", " ")
+        if column.dims == ("time",) and unit in ("m", "m/s", "Pa", "N"):
+            curves.append(_curve(words, time, column.to_numpy(), ("time", words, "s", unit)))
+    return replace(run.pneu.info(), curves=tuple(curves))
+
+
+def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
+    """Yield both laws at the speeds and pressures that both have measured."""
+    low, high = common(before, after, "speed_m_s")
+    gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]
+    if low > high or any(least > most + SAME_PA for least, most in gauges):
+        return
+    speeds = np.geomspace(low, high, POINTS) if low < high else np.array([low])
+    for a, b in dict.fromkeys(zip(*gauges, strict=True)):
+        label = f"{a / 1e5:.3g} and {b / 1e5:.3g} bar gauge"
+        laws = [fit.predict(speeds, a, b).friction_n for fit in (before, after)]
+        curves = (_curve(label, speeds, law, ("speed", "friction", "m/s", "N")) for law in laws)
+        low_n, high_n = np.array([(e.low, e.high) for e in curve_differences(before, after, speeds, a, b)]).T
+        yield CurvePair(*curves, speeds, laws[1] - laws[0], (high_n - low_n) / 2.0)
+
+
+def kind_of(result: Any) -> str:  # noqa: ANN401 - any result
+    """Return the kind of a result in words."""
+    if isinstance(result, xr.Dataset):
+        return next(
+            kind
+            for name, kind in (("member", "ensemble"), ("time", "run"), ("row", "friction map"))
+            if name in result.dims
+        )
+    return str(getattr(result, "TITLE", "") or getattr(result, "kind", "") or type(result).__name__.lower())
+
+
+def view_of(result: Any) -> View:  # noqa: ANN401 - any result
+    """Return values, curves and sentences of a result.
+
+    Raises
+    ------
+    CommandError
+        The result is a description, which has no view.
+    """
+    if isinstance(result, xr.Dataset):
+        return {"ensemble": _ensemble_view, "run": _run_view, "friction map": _map_view}[kind_of(result)](result)
+    if hasattr(result, "view"):
+        return result.view()
+    raise CommandError(f"a {kind_of(result)} has no values to show")
+
+
+class Side(NamedTuple):
+    """A value of one result: as text with its unit, its 95 % interval, and in SI."""
+
+    text: str = ""
+    interval: str = ""
+    si: float | None = None
+
+
+class ValuePair(NamedTuple):
+    """One value that differs.
+
+    Attributes
+    ----------
+    key : str
+        Name in the description, or in the result.
+    before, after : str
+        Values in one unit; empty where one side lacks the value.
+    interval_before, interval_after : str
+        95 % intervals. Empty without an interval.
+    change : float or None
+        (after - before) / |before|, from the numbers in SI; None where one is not known, or `before` is 0.
+    """
+
+    key: str
+    before: str
+    after: str
+    interval_before: str
+    interval_after: str
+    change: float | None
+
+
+class CurvePair(NamedTuple):
+    """A curve of two results, and the difference second - first with half of its 95 % band at common places, SI."""
+
+    first: ShownCurve
+    second: ShownCurve
+    x: Array
+    difference: Array
+    half_band: Array | None
+
+    def rows(self) -> Iterator[tuple[str, ...]]:
+        """Yield label, place, difference and its 95 % interval, in usual units.
+
+        A curve with a band has several places, any other one the place of its largest difference.
+        """
+        (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
+        most = [int(np.argmax(np.abs(self.difference)))]
+        evenly = np.unique(np.linspace(0, len(self.x) - 1, SHOWN_PLACES).round().astype(int))
+        for at in most if self.half_band is None else evenly:
+            value, half = self.difference[at], math.nan if self.half_band is None else self.half_band[at]
+            ends = "" if math.isnan(half) else f"{(value - half) / size:+.3g} .. {(value + half) / size:+.3g}"
+            yield self.first.label, f"{self.x[at] / x_size:.3g} {x_unit}", f"{value / size:+.3g} {unit}", ends
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class ResultComparison(Shown):
+    """Comparison of two results of one kind.
+
+    Attributes
+    ----------
+    kind : str
+    names : tuple of str
+    values : tuple of ValuePair
+        Those that differ.
+    same : int
+        Number of equal values.
+    curves : tuple of CurvePair
+    """
+
+    kind: str
+    names: tuple[str, str]
+    values: tuple[ValuePair, ...]
+    same: int
+    curves: tuple[CurvePair, ...]
+
+    @property
+    def sentence(self) -> str:
+        """How many values and curves differ, and which value most."""
+        count, moved = self.same + len(self.values), sum(bool(pair.difference.any()) for pair in self.curves)
+        if not count and not self.curves:
+            return f"These two results of the kind {self.kind} have nothing in common to compare."
+        if not self.values and not moved:
+            return "No value differs."
+        parts = [f"{len(self.values)} of {count} values"] if count else []
+        parts += [f"{moved} of {len(self.curves)} curves"] if self.curves else []
+        most = max(self.values, key=lambda pair: abs(pair.change or 0.0), default=None)
+        first = f"; most: {most.key} {100.0 * most.change:+.3g} %" if most is not None and most.change else ""
+        return f"{' and '.join(parts)} differ{first}."
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
+        return [
+            (
+                v.key,
+                v.before,
+                v.interval_before,
+                v.after,
+                v.interval_after,
+                "" if v.change is None else f"{100 * v.change:+.3g}",
+            )
+            for v in self.values
+        ]
+
+    def figure(self) -> Figure:
+        """Return both curves and beside them the difference with its band, for the first curves that differ.
+
+        Raises
+        ------
+        CommandError
+            The results have no curves in common.
+        """
+        pairs = sorted(self.curves, key=lambda pair: not pair.difference.any())[:MOST_PANELS]
+        if not pairs:
+            raise CommandError(f"two results of the kind {self.kind} have no common curves to draw")
+        panels = []
+        for first, second, x, difference, half in pairs:
+            looks = ((first, Look("black")), (second, Look("orange", "--")))
+            marks: list[Any] = [Band(c.x, *c.band, look=look) for c, look in looks if c.band is not None]
+            marks += [Line(c.x, c.y, name, look) for name, (c, look) in zip(self.names, looks, strict=True)]
+            across = _axis(first.x_quantity, first.x_unit)
+            title = "" if first.label == first.quantity else first.label
+            panels.append(Panel(marks, title, across, _axis(first.quantity, first.unit)))
+            band = [] if half is None else [Band(x, difference - half, difference + half)]
+            gap = [*band, Line(x, difference, look=Look("blue")), Rule(y=0.0)]
+            panels.append(Panel(gap, "", across, _axis("difference", first.unit)))
+        return Figure(panels, columns=2, share_x="all")
+
+    def curve_rows(self) -> list[tuple[str, ...]]:
+        """Return label, place, difference and its 95 % interval of each curve that differs."""
+        return [row for pair in self.curves if pair.difference.any() for row in pair.rows()]
+
+    def _card(self) -> Card:
+        head = ("value", self.names[0], "95 %", self.names[1], "95 %", "change %")
+        curves = ["  ".join(row) for row in self.curve_rows()]
+        return Card(self.sentence, head if self.values else (), self.rows(), curves)
+
+
+def _axis(quantity: str, unit: str) -> Axis:
+    shown = readable(unit)[1]
+    return Axis(f"{quantity} / {f'({shown})' if '/' in shown else shown}" if shown else quantity)
+
+
+def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before", "after")) -> ResultComparison:  # noqa: ANN401
+    """Compare two results or descriptions of one kind: values side by side in one unit, and curves.
+
+    Parameters
+    ----------
+    first, second : object or path-like
+        Drives, circuits, fits, friction maps, runs, ensembles, sizings, validations or evaluated campaigns, or paths
+        that `load` reads. Differences are `second` less `first`.
+    names : tuple of str
+        Words for both.
+
+    Raises
+    ------
+    CommandError
+        They are of different kinds.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> drive = pn.Drive.load("catalogue:reference")
+    >>> compared = pn.compare_results(drive, drive.replace({"load.mass": "2 kg"}))
+    >>> [(pair.key, pair.after) for pair in compared.values]
+    [('load.mass', '2 kg')]
+    """
+    results = [load(each) if isinstance(each, str | Path) else each for each in (first, second)]
+    kinds = [kind_of(each) for each in results]
+    if kinds[0] != kinds[1]:
+        raise CommandError(
+            "only results of one kind can be compared",
+            value=f"a {kinds[0]} and a {kinds[1]}",
+            rule="two drives, circuits, fits, maps, runs, sizings, validations, campaigns or ensembles",
+        )
+    old, new = (_sides(each) for each in results)
+    pairs = [_pair(key, old.get(key, Side()), new.get(key, Side())) for key in {**old, **new}]
+    different = tuple(p for p in pairs if p[1::2][:2] != p[2::2][:2])
+    if all(isinstance(each, FrictionFit) for each in results):
+        curves = list(_fit_pairs(*results))
+    else:
+        by_label = {curve.key: curve for curve in _curves(results[1])}
+        curves = [_curve_pair(each, by_label[each.key]) for each in _curves(results[0]) if each.key in by_label]
+    return ResultComparison(
+        kinds[0], names, different, len(pairs) - len(different), tuple(pair for pair in curves if len(pair.x))
+    )
+
+
+def _sides(result: Any) -> dict[str, Side]:  # noqa: ANN401 - any result
+    """Return the values of a result by their names."""
+    if isinstance(result, Drive | Circuit):
+        ends = {key: " … ".join(one.interval) for key, one in (getattr(result, "provenance", None) or {}).items()}
+        sides = {v.key: Side(str(v.value), ends.get(v.key, ""), _number(str(v.value))) for v in values_of(result)}
+        return sides | {f"connection {each}": Side("yes") for each in getattr(result, "connections", ())}
+    if isinstance(result, Fit):
+        sides = {}
+        for name, number, unit, state, *_ in result.rows():
+            value, has_ends = result.values.get(name, math.nan), name in result.intervals
+            text, ends = (
+                f"{number} {unit}".strip() if number else state,
+                state.replace(" .. ", " … ") if has_ends else "",
+            )
+            sides[name] = Side(text, ends, value if math.isfinite(value) else None)
+        return sides
+    rows = _values(result) if isinstance(result, RegulatorFit | FollowFit) else view_of(result).rows
+    return {row.key: _side(row) for row in rows}
+
+
+def _side(row: ShownValue) -> Side:
+    if isinstance(row.value, str):
+        return Side(row.value, "", _number(row.value))
+    size = readable(row.unit)[0]
+    ends = "" if row.interval is None else " … ".join(plain(end / size) for end in row.interval)
+    number = row.value if math.isfinite(row.value) else None
+    return Side(f"{plain(row.value / size)} {row.usual_unit}".strip() if number is not None else "", ends, number)
+
+
+def _number(text: str) -> float | None:
+    """Return a quantity in SI, such as ``25 mm``; None for words."""
+    found = _NUMBER.fullmatch(text)
+    if found is None:
+        return None
+    unit = (found[2] or "").removesuffix(" abs").removesuffix(" gauge").removesuffix(" ANR")
+    _, factor, offset = TABLE.get(unit, (unit, 1.0, 0.0))
+    return float(found[1]) * factor + offset
+
+
+def _pair(key: str, old: Side, new: Side) -> ValuePair:
+    """Return two values in the unit of the first."""
+    unit, text = old.text.partition(" ")[2], new.text
+    if unit and old.si is not None and new.si is not None and not text.endswith(f" {unit}"):
+        with suppress(DescriptionError):  # of another quantity, or words
+            text = in_unit(text, unit)
+    is_known = old.si is not None and new.si is not None and old.si != 0.0
+    change = (new.si - old.si) / abs(old.si) if is_known else None  # type: ignore[operator]
+    return ValuePair(key, old.text, text, old.interval, new.interval, change)
+
+
+def _curves(result: Any) -> tuple[ShownCurve, ...]:  # noqa: ANN401 - any result
+    has_view = hasattr(result, "view") or isinstance(result, xr.Dataset)
+    return view_of(result).curves if has_view else ()
+
+
+def _curve_pair(first: ShownCurve, second: ShownCurve) -> CurvePair:
+    """Return two curves at the places of both within their common range."""
+    both, x = (first, second), np.unique(np.concatenate([first.x, second.x]))
+    x = x[(x >= max(curve.x.min() for curve in both)) & (x <= min(curve.x.max() for curve in both))]
+    before, after = (np.interp(x, curve.x, curve.y) for curve in both)
+    bands = [np.interp(x, curve.x, (curve.band[1] - curve.band[0]) / 2.0) for curve in both if curve.band is not None]
+    return CurvePair(first, second, x, after - before, np.hypot(*bands) if len(bands) == 2 else None)
