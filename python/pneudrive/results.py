@@ -292,9 +292,9 @@ def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
     for a, b in dict.fromkeys(zip(*gauges, strict=True)):
         label = f"{a / 1e5:.3g} and {b / 1e5:.3g} bar gauge"
         laws = [fit.predict(speeds, a, b).friction_n for fit in (before, after)]
-        curves = (_curve(label, speeds, law, ("speed", "friction", "m/s", "N")) for law in laws)
+        first, second = (_curve(label, speeds, law, ("speed", "friction", "m/s", "N")) for law in laws)
         low_n, high_n = np.array([(e.low, e.high) for e in curve_differences(before, after, speeds, a, b)]).T
-        yield CurvePair(*curves, speeds, laws[1] - laws[0], (high_n - low_n) / 2.0)
+        yield CurvePair(first, second, speeds, laws[1] - laws[0], (high_n - low_n) / 2.0)
 
 
 def kind_of(result: Any) -> str:  # noqa: ANN401 - any result

@@ -242,7 +242,7 @@ def compared(workspace: Workspace, before: str, after: str) -> dict[str, Any]:
     lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
     python = f"import pneudrive as pn\n\nprint(pn.compare_results({before!r}, {after!r}))\n"
     return {
-        "values": [pair._asdict() for pair in compare_results(*sources, names).values],
+        "values": [pair._asdict() for pair in compare_results(sources[0], sources[1], names).values],
         "lines": lines,
         "command": shell("compare", *names),
         "python": python,

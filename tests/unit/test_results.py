@@ -1,0 +1,139 @@
+"""Results of every kind are read by one function, and two of one kind are compared in common units."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import pneudrive as pn
+from pneudrive.cli.main import run as command
+from pneudrive.errors import CommandError
+from pneudrive.results import StoredResult, kind_of
+
+ROOT = Path(__file__).parents[2]
+KIDNEY = ROOT / "data/measurements/zillen-2021-pneumatic-piston"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder with two runs, an ensemble, a circuit, a friction map and its fit."""
+    folder = tmp_path_factory.mktemp("results")
+    drive = pn.Drive.load("catalogue:reference")
+    for name, mass in (("light", "1 kg"), ("heavy", "4 kg")):
+        changed = drive.replace({"load.mass": mass})
+        (folder / f"{name}.toml").write_text(changed.to_toml())
+        made = pn.simulate(changed, "0 s: 0.6, 0.5 s: -0.6", "1 s")
+        for suffix in ("parquet", "csv", "nc"):
+            pn.save(made, folder / f"{name}.{suffix}")
+    words = ["--vary", "load.mass = uniform(1 kg, 4 kg)", "--members", "8", "--command", "1", "--duration", "0.3 s"]
+    for out in ("many.parquet", "many.csv", "many"):
+        assert command(["sweep", "catalogue:reference", *words, "--out", str(folder / out)]) == 0
+    recordings = [str(KIDNEY / f"friction/Kidney_{bar}bar.csv.xz") for bar in (1, 3)]
+    layout = ["--layout", str(KIDNEY / "layout.toml")]
+    assert command(["characterise", *recordings, *layout, "--out", str(folder / "friction")]) == 0
+    return folder
+
+
+def test_a_run_is_read_from_each_of_its_forms(folder):
+    runs = [pn.load(folder / f"light.{suffix}") for suffix in ("parquet", "csv", "nc")]
+    for each in runs:
+        assert kind_of(each) == "run"
+        assert np.array_equal(each["pressure_a"], runs[0]["pressure_a"])
+        assert each["pressure_a"].attrs["units"] == "Pa"
+    assert runs[0].pneu.info().rows == runs[2].pneu.info().rows
+    assert {row.quantity for row in runs[0].pneu.info().rows} >= {"stroke time", "peak pressure", "air in, l ANR"}
+    assert len(runs[2].pneu.plot().axes) == len(runs[0].pneu.plot().axes)
+
+
+def test_the_air_of_a_run_is_that_of_its_gas(folder):
+    """The piston goes to the end of chamber b: the air is the gas that chamber a has gained."""
+    drive = pn.Drive.load(folder / "light.toml")
+    made = pn.simulate(drive, "0 s: 0.6", "2 s", initial="position = 0 mm")
+    air = next(row.value for row in made.pneu.info().rows if row.key == "air")
+    dead_m3 = float(drive.cylinder.dead_volume.a)
+    volume = drive.cylinder.area_a_m2 * made.position.to_numpy() + dead_m3
+    gas = made.pressure_a.to_numpy() * volume / (287.05 * made.temperature_a.to_numpy())
+    assert air == pytest.approx((gas[-1] - gas[0]) / 1.185 * 1e3, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["many.parquet", "many.csv", "many"])
+def test_an_ensemble_is_read_from_file_and_folder(folder, name):
+    found = pn.load(folder / name)
+    assert found.sizes["member"] == 8
+    masses = pn.load(folder / "many.parquet")["load.mass"].to_numpy()
+    assert np.allclose(found["load.mass"], masses)
+
+
+def test_descriptions_fits_maps_and_folders_are_read(folder):
+    assert isinstance(pn.load(folder / "light.toml"), pn.Drive)
+    assert isinstance(pn.load(ROOT / "examples/two_cylinders.toml"), pn.Circuit)
+    assert isinstance(pn.load(ROOT / "data/measurements/affetto-2024/regulator.toml").lag_s, float)
+    assert kind_of(pn.load(folder / "friction/map.csv")) == "friction map"
+    assert kind_of(pn.load(folder / "friction/fit.toml")) == "friction fit"
+    found = pn.load(folder / "friction")
+    assert isinstance(found, StoredResult)
+    assert len(found.view().curves) == len({curve.label for curve in found.view().curves}) > 1
+
+
+def test_what_is_not_a_result_is_said(folder, tmp_path):
+    (tmp_path / "table.csv").write_text("a,b\n1,2\n")
+    for path, what in (
+        (tmp_path / "none", "there is no"),
+        (tmp_path, "not a result"),
+        (tmp_path / "table.csv", "not a"),
+    ):
+        with pytest.raises(CommandError, match=what):
+            pn.load(path)
+    with pytest.raises(CommandError, match="only results of one kind"):
+        pn.compare_results(folder / "light.toml", folder / "light.parquet")
+
+
+def test_two_circuits_are_compared_in_one_unit(tmp_path):
+    text = (ROOT / "examples/two_cylinders.toml").read_text()
+    assert 'volume = "0.5 l"' in text
+    (tmp_path / "a.toml").write_text(text)
+    (tmp_path / "b.toml").write_text(text.replace('volume = "0.5 l"', 'volume = "600 cm3"'))
+    compared = pn.compare_results(tmp_path / "a.toml", tmp_path / "b.toml")
+    (pair,) = compared.values
+    assert (pair.key, pair.before, pair.after) == ("components.tank.volume", "0.5 l", "0.6 l")
+    assert pair.change == pytest.approx(0.2)
+    assert compared.sentence.endswith("components.tank.volume +20 %.")
+
+
+def test_two_runs_are_compared_by_values_and_curves(folder, tmp_path, capsys):
+    picture, files = tmp_path / "both.svg", [str(folder / f"{name}.parquet") for name in ("light", "heavy")]
+    assert command(["compare", *files, "--plot", str(picture)]) == 0
+    said = capsys.readouterr().out
+    assert "curves differ" in said
+    assert "impact 1.stroke time" in said
+    assert picture.stat().st_size > 10_000
+    compared = pn.compare_results(*files)
+    position = next(pair for pair in compared.curves if pair.first.label == "position")
+    light, heavy = (pl.read_parquet(file)["position_m"].to_numpy() for file in files)
+    assert np.array_equal(position.difference, heavy - light)
+    assert len(compared.figure().panels) == 8
+    assert pn.compare_results(files[0], files[0]).sentence == "No value differs."
+
+
+def test_maps_and_fits_are_compared_with_their_bands(folder):
+    friction = pn.load(folder / "friction/map.parquet")
+    more = friction.assign(friction_n=friction["friction_n"] + 1.0)
+    compared = pn.compare_results(friction, more)
+    assert compared.curves
+    for pair in compared.curves:
+        assert np.allclose(pair.difference, 1.0)
+        assert (pair.half_band > 0.0).all()
+    fit = pn.load(folder / "friction/fit.toml")
+    assert not pn.compare_results(fit, fit).curve_rows()
+
+
+def test_two_sizings_are_compared(tmp_path):
+    drive = {"parts": {"cylinder": "festo-dsbg-32-100", "valve": "smc-sy3000"}, "time_out": 0.2, "air": 1e-3}
+    for name, time in (("a", 0.2), ("b", 0.25)):
+        (tmp_path / name).mkdir()
+        content = {"task": {"name": "lift"}, "feasible": True, "ready": True, "ranked": [drive | {"time_out": time}]}
+        (tmp_path / name / "result.json").write_text(json.dumps(content))
+    (pair,) = pn.compare_results(tmp_path / "a", tmp_path / "b").values
+    assert (pair.key, pair.before, pair.after) == ("rank 1.time out", "0.200 s", "0.250 s")
