@@ -69,7 +69,7 @@ def test_an_ensemble_is_read_from_file_and_folder(folder, name):
 def test_descriptions_fits_maps_and_folders_are_read(folder):
     assert isinstance(pn.load(folder / "light.toml"), pn.Drive)
     assert isinstance(pn.load(ROOT / "examples/two_cylinders.toml"), pn.Circuit)
-    assert isinstance(pn.load(ROOT / "data/measurements/affetto-2024/regulator.toml").lag_s, float)
+    assert kind_of(pn.load(ROOT / "data/measurements/affetto-2024/regulator.toml")) == "regulator"
     assert kind_of(pn.load(folder / "friction/map.csv")) == "friction map"
     assert kind_of(pn.load(folder / "friction/fit.toml")) == "friction fit"
     found = pn.load(folder / "friction")
@@ -94,10 +94,10 @@ def test_two_circuits_are_compared_in_one_unit(tmp_path):
     text = (ROOT / "examples/two_cylinders.toml").read_text()
     assert 'volume = "0.5 l"' in text
     (tmp_path / "a.toml").write_text(text)
-    (tmp_path / "b.toml").write_text(text.replace('volume = "0.5 l"', 'volume = "600 cm3"'))
+    (tmp_path / "b.toml").write_text(text.replace('volume = "0.5 l"', 'volume = "0.6 l"'))
     compared = pn.compare_results(tmp_path / "a.toml", tmp_path / "b.toml")
     (pair,) = compared.values
-    assert (pair.key, pair.before, pair.after) == ("components.tank.volume", "0.5 l", "0.6 l")
+    assert (pair.key, pair.before, pair.after) == ("components.tank.volume", "500 cm3", "600 cm3")
     assert pair.change == pytest.approx(0.2)
     assert compared.sentence.endswith("components.tank.volume +20 %.")
 
