@@ -9,8 +9,8 @@ from pneudrive.ensemble.design import EnsembleDesign, design_of
 from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.outputs import SignalNames, reductions
 from pneudrive.ensemble.plans import member_plans, parted_starts
-from pneudrive.ensemble.store import ChunkStore
-from pneudrive.ensemble.study import EnsembleStudy, Members, results
+from pneudrive.ensemble.store import ChunkStore, results
+from pneudrive.ensemble.study import EnsembleStudy, Members
 from pneudrive.ensemble.variation import CHECKED_ROWS, CircuitVariation, Variation
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.free.varied import INITIAL
@@ -153,17 +153,9 @@ def simulate_many(
     """
     if errors not in ("keep", "raise"):
         raise CommandError(f'errors = "{errors}"', rule='"keep" or "raise"')
+    design = design_of(vary, n, seed)
     study = study_of(
-        drive,
-        command,
-        duration,
-        vary=vary,
-        n=n,
-        outputs=outputs,
-        initial=initial,
-        rtol=rtol,
-        seed=seed,
-        threads=threads,
+        drive, command, duration, vary=design, outputs=outputs, initial=initial, rtol=rtol, threads=threads
     )
     size, fits = study.rows.size, study.rows.size <= max_members_in_memory
     if out is None and not fits:
@@ -191,11 +183,9 @@ def study_of(
     duration: Any,  # noqa: ANN401
     *,
     vary: Mapping[str, Any] | EnsembleDesign,
-    n: int | None = None,
     outputs: Sequence[str | Output] | None = None,
     initial: Any = None,  # noqa: ANN401
     rtol: float = 1e-6,
-    seed: int | None = None,
     threads: int | None = None,
     refuse: bool = True,
 ) -> EnsembleStudy:
@@ -206,7 +196,7 @@ def study_of(
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
     plans = member_plans(command, duration, drive.commandable)
-    design = design_of(vary, n, seed)
+    design = design_of(vary)
     for_all, each = parted_starts(initial)
     of = variation_of
     begun = {f"{INITIAL}{key}": values for key, values in each.items()}

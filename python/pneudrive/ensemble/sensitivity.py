@@ -10,7 +10,8 @@ import numpy as np
 from pneudrive.ensemble.design import design_of
 from pneudrive.ensemble.many import study_of
 from pneudrive.ensemble.rows import Rows
-from pneudrive.ensemble.study import Members, results
+from pneudrive.ensemble.store import results
+from pneudrive.ensemble.study import Members
 from pneudrive.errors import CommandError, nearest, warn
 from pneudrive.estimate.sensitivity import elementary_effects, morris_points, sobol_indices, sobol_points
 from pneudrive.progress import Watch

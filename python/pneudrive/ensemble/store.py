@@ -1,12 +1,14 @@
-"""A folder of finished chunks, one sealed Parquet file each, with the description of the study."""
+"""Run of the chunks of a study, and a folder of finished chunks: a sealed Parquet file each, and the study."""
 
 from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.ensemble.engine import DONE
+from pneudrive.ensemble.executors import InProcess
 from pneudrive.ensemble.study import Chunk
 from pneudrive.errors import CommandError
 from pneudrive.files.seal import damage
@@ -18,7 +20,9 @@ if TYPE_CHECKING:
 
     import polars as pl
 
+    from pneudrive.ensemble.executors import Executor
     from pneudrive.ensemble.study import EnsembleStudy
+    from pneudrive.progress import Watch
 
 STUDY = "study.json"
 
@@ -136,3 +140,39 @@ def _different(before: dict[str, Any], now: dict[str, Any]) -> str:
     names = {"description_hash": "drive", "duration_s": "duration"}
     differ = [names.get(key, key) for key in now if before.get(key) != now[key]]
     return ", ".join(differ) or "study"
+
+
+def results(
+    study: EnsembleStudy, store: ChunkStore | None, members: int | None, executor: Executor | None, watch: Watch
+) -> Iterator[pl.DataFrame]:
+    """Run the missing chunks of a study, store each, and yield it.
+
+    Raises
+    ------
+    Cancelled
+        The flag of `watch` is set.
+    """
+    chunks = study.chunks(members) if store is None else store.missing()
+    total = study.rows.size
+    done = total - sum(chunk.last - chunk.first for chunk in chunks)
+    # A cluster runs one chunk in each of its threads at a time.
+    here = executor is None or isinstance(executor, InProcess)
+    source = study if here else replace(study, threads=study.threads or 1)
+    items = ((source.part(chunk), chunk) for chunk in chunks)
+
+    def look(count: float) -> None:
+        watch.tell(done + count, total, "members simulated")
+
+    look(0)
+    for frame in (executor or InProcess()).map((lambda item: item[0].run(item[1], look)) if here else run_part, items):
+        if store is not None:
+            store.write(frame)
+        done += frame.height
+        look(0)
+        yield frame
+
+
+def run_part(item: tuple[EnsembleStudy, Chunk]) -> pl.DataFrame:
+    """Run one chunk, in any process."""
+    study, chunk = item
+    return study.run(chunk)

@@ -1,4 +1,4 @@
-"""A study: everything that determines the results of its members, the run of its chunks, and their results.
+"""A study: everything that determines the results of its members, and the results of members.
 
 A chunk of it is a pure function of its first and last member.
 """
@@ -14,27 +14,23 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.ensemble import engine
-from pneudrive.ensemble.executors import InProcess
 from pneudrive.errors import SimulationError
 from pneudrive.simulation.simulate import SOLVER
 from pneudrive.simulation.start import ready
 from pneudrive.simulation.trajectory import meaning, save, write_frame
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable
     from pathlib import Path
 
     import polars as pl
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.ensemble.executors import Executor
     from pneudrive.ensemble.outputs import Reduction
     from pneudrive.ensemble.plans import MemberPlans
     from pneudrive.ensemble.rows import Rows
-    from pneudrive.ensemble.store import ChunkStore
     from pneudrive.ensemble.variation import Variation
-    from pneudrive.progress import Watch
 
     Array = NDArray[np.float64]
 
@@ -170,42 +166,6 @@ class EnsembleStudy:
                 rule="your function returns one number for each member, an array of shape (members,)",
             ) from error
         return out
-
-
-def results(
-    study: EnsembleStudy, store: ChunkStore | None, members: int | None, executor: Executor | None, watch: Watch
-) -> Iterator[pl.DataFrame]:
-    """Run the missing chunks of a study, store each, and yield it.
-
-    Raises
-    ------
-    Cancelled
-        The flag of `watch` is set.
-    """
-    chunks = study.chunks(members) if store is None else store.missing()
-    total = study.rows.size
-    done = total - sum(chunk.last - chunk.first for chunk in chunks)
-    # A cluster runs one chunk in each of its threads at a time.
-    here = executor is None or isinstance(executor, InProcess)
-    source = study if here else replace(study, threads=study.threads or 1)
-    items = ((source.part(chunk), chunk) for chunk in chunks)
-
-    def look(count: float) -> None:
-        watch.tell(done + count, total, "members simulated")
-
-    look(0)
-    for frame in (executor or InProcess()).map((lambda item: item[0].run(item[1], look)) if here else run_part, items):
-        if store is not None:
-            store.write(frame)
-        done += frame.height
-        look(0)
-        yield frame
-
-
-def run_part(item: tuple[EnsembleStudy, Chunk]) -> pl.DataFrame:
-    """Run one chunk, in any process."""
-    study, chunk = item
-    return study.run(chunk)
 
 
 @dataclass(frozen=True, eq=False)

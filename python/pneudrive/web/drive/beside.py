@@ -136,17 +136,18 @@ class ExtrasRequest(RunRequest):
     def _band(
         self, workspace: Workspace, described: Described, shown: Sequence[str], limit: RunLimit
     ) -> tuple[dict[str, Any], dict[str, Array]]:
+        from pneudrive.ensemble.design import design_of
         from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import study_of
         from pneudrive.ensemble.rows import Rows
-        from pneudrive.ensemble.study import Members, results
+        from pneudrive.ensemble.store import results
+        from pneudrive.ensemble.study import Members
 
         study = study_of(
             described,
             self.command_of(described, workspace),
             self.duration,
-            vary=self._vary(),
-            n=MEMBERS,
+            vary=design_of(self._vary(), MEMBERS),
             outputs=self._outputs(shown),
             initial=self.initial or None,
             rtol=BAND_RTOL,
