@@ -134,8 +134,8 @@ class Pneu:
         --------
         >>> import pneudrive as pn
         >>> run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.6, 1 s: -0.6", "2 s")
-        >>> [(row.key, row.text, row.usual_unit) for row in run.pneu.info().rows if row.quantity == "stroke time"]
-        [('impact 1.stroke time', '0.136', 's'), ('impact 2.stroke time', '0.324', 's')]
+        >>> [(row.key, row.text, row.usual_unit) for row in run.pneu.info().rows if row.key == "impact 1.stroke time"]
+        [('impact 1.stroke time', '0.136', 's')]
         """
         rows, attrs = [], self._run.attrs
         steps = [float(at) for at, _ in attrs.get("command_steps", ())]

@@ -277,9 +277,6 @@ class Viewed(Shown):
         draw = upper("figure_svg")
         return "".join(draw(shown) for shown in self.view().figures)
 
-    def _card(self) -> Card:
-        return self.card()
-
 
 def _cell(value: ShownValue | None, *, with_unit: bool) -> str:
     if value is None:
