@@ -26,7 +26,7 @@ from pneudrive.friction.campaign.curves import (
 )
 from pneudrive.friction.campaign.cycles import SHOWN_CONDITIONS, Loop
 from pneudrive.friction.campaign.files import friction_map
-from pneudrive.friction.campaign.points import Points, condensed, points_of, suspicions
+from pneudrive.friction.campaign.points import CurvePoints, condensed, points_of, suspicions
 from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
 from pneudrive.friction.campaign.result import CampaignCharacteristics, CycleResult, Ranges
 from pneudrive.friction.campaign.statements import statements
@@ -210,7 +210,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
     return replace(found, statements=statements(found, reading, doubts, points, fits, bands, why, pure))
 
 
-def _loops(reading: CampaignData, points: Points) -> tuple[Loop, ...]:
+def _loops(reading: CampaignData, points: CurvePoints) -> tuple[Loop, ...]:
     """Return the loops, without offset, of the slowest, a middle and the fastest cycle of the first conditions."""
     loops = []
     for index in range(len(points.conditions[:SHOWN_CONDITIONS])):
@@ -236,7 +236,7 @@ def _with_stops(
     return replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
 
 
-def _cycles(reading: CampaignData, points: Points | None) -> tuple[CycleResult, ...]:
+def _cycles(reading: CampaignData, points: CurvePoints | None) -> tuple[CycleResult, ...]:
     """Return a summary of all cycles that were read."""
     place = {key: i for i, key in enumerate(points["key"])} if points is not None else {}
     found = []

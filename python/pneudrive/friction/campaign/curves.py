@@ -21,8 +21,8 @@ from pneudrive.friction.campaign.points import (
     NAMES,
     OUTLIER,
     STICK_SLIP,
+    CurvePoints,
     CurveSpeeds,
-    Points,
     block_shares,
     curve_speeds,
 )
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from pneudrive.estimate.estimates import Estimate
     from pneudrive.estimate.mixed import Predicted
     from pneudrive.friction.campaign.cycles import CycleTable
-    from pneudrive.friction.campaign.points import Points
+    from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.campaign.sensors import Gain
     from pneudrive.friction.conditions import Condition
     from pneudrive.signals.force_calibration import ForceCalibration
@@ -79,7 +79,7 @@ class Fits:
 
     Attributes
     ----------
-    points : Points
+    points : CurvePoints
     speeds : tuple of CurveSpeeds
         Speeds of each curve.
     friction : CurveFit
@@ -94,7 +94,7 @@ class Fits:
         Points that are possible outliers: curves average over both cases.
     """
 
-    points: Points
+    points: CurvePoints
     speeds: tuple[CurveSpeeds, ...]
     friction: CurveFit
     offset: CurveFit
@@ -130,7 +130,7 @@ class Fits:
         return bool((self.offset.data.curve < 0).any())
 
 
-def fit_points(points: Points, tares: CycleTable, *, condensed: bool = False) -> Fits | None:
+def fit_points(points: CurvePoints, tares: CycleTable, *, condensed: bool = False) -> Fits | None:
     """Fit the models; return None with too few points of F(v).
 
     A cycle that differs much from all others (a failed sensor) is removed, and the remaining ones are fitted again.
@@ -154,7 +154,7 @@ def fit_points(points: Points, tares: CycleTable, *, condensed: bool = False) ->
     return replace(fits, friction=both, doubtful=tuple(rows[readings[-1]].tolist()))
 
 
-def _fit_points(points: Points, tares: CycleTable) -> Fits | None:
+def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
     use = points.use
     if use.sum() < FEWEST:
         return None
@@ -298,7 +298,7 @@ def curves_of(fits: Fits, bands: Sequence[CurveBand], *, contains_air: bool) -> 
     return tuple(curves)
 
 
-def cycle_terms(points: Points, fits: Fits | None) -> CycleTerms:
+def cycle_terms(points: CurvePoints, fits: Fits | None) -> CycleTerms:
     """Return the uncertainty budget of each cycle."""
     terms = {field.name: np.full(len(points), np.nan) for field in fields(CycleTerms)}
     terms |= {"noise_n": points["friction_stderr_n"], "cycle_n": np.zeros(len(points))}
@@ -427,7 +427,7 @@ def _rms(parts: list[Array]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def stick_slip_points(points: Points) -> tuple[StickSlipPoint, ...]:
+def stick_slip_points(points: CurvePoints) -> tuple[StickSlipPoint, ...]:
     """Return the conditions and speeds at which sliding was not steady."""
     found = []
     for index, condition in enumerate(points.conditions):
@@ -449,7 +449,7 @@ def stick_slip_points(points: Points) -> tuple[StickSlipPoint, ...]:
     return tuple(found)
 
 
-def thresholds(points: Points) -> tuple[StickSlipThreshold, ...]:
+def thresholds(points: CurvePoints) -> tuple[StickSlipThreshold, ...]:
     """Return the speed below which stick-slip starts, as the interval between two measured speeds."""
     found = []
     for index, condition in enumerate(points.conditions):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.budget import CycleTerms
     from pneudrive.friction.campaign.compare import Comparison
     from pneudrive.friction.campaign.curves import Fits
-    from pneudrive.friction.campaign.points import Points
+    from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
@@ -54,7 +54,7 @@ BANDS = tuple(name for name in LEVEL_COLUMNS if name.endswith("_n"))
 
 
 def friction_map(
-    reading: CampaignData, points: Points | None, fits: Fits | None, terms: CycleTerms | None, protocol: str
+    reading: CampaignData, points: CurvePoints | None, fits: Fits | None, terms: CycleTerms | None, protocol: str
 ) -> xr.Dataset:
     """Return the map, one row per cycle and direction, in the order of the campaign."""
     cycles, edges, ways = reading.sliding, reading.edges_m, np.array(WAYS)
@@ -104,7 +104,7 @@ def friction_map(
     return found
 
 
-def _paired(points: Points, fits: Fits | None, terms: CycleTerms) -> dict[str, np.ndarray]:
+def _paired(points: CurvePoints, fits: Fits | None, terms: CycleTerms) -> dict[str, np.ndarray]:
     """Return friction with uncertainty and band of the cycles with both directions, shape (n, 1) or (n, 2)."""
     friction, offset, ways = points["friction_n"][:, None], points["offset_n"][:, None], np.array(WAYS)
     own = friction + ways * (np.full(len(points), np.nan) if fits is None else _offsets(points, fits))[:, None]
@@ -128,7 +128,7 @@ def _flag(reason: str) -> str:
     return reason.replace("-", "_").replace(" ", "_")
 
 
-def _offsets(points: Points, fits: Fits) -> np.ndarray:
+def _offsets(points: CurvePoints, fits: Fits) -> np.ndarray:
     """Return half the sum of each cycle minus the zero of the sensor, which is 0 without zero runs."""
     if not fits.has_zero:
         return np.zeros(len(points))

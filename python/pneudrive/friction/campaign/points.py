@@ -196,7 +196,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: NDArray[np.bool_]) -> tup
     -------
     Pattern
     dict of ndarray, shape (n,)
-        The first columns of `Points`.
+        The first columns of `CurvePoints`.
     """
     (up, down), (air_up, air_down) = (np.moveaxis(cycles[name], 1, 0) for name in ("balance_n", "air_n"))
     friction, offset = (up - down) / 2.0, (up + down) / 2.0
@@ -307,7 +307,7 @@ MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring b
 
 
 @dataclass(frozen=True, eq=False)
-class Points(CycleTable):
+class CurvePoints(CycleTable):
     """Cycles with both directions, and the selection of points of F(v).
 
     Further columns: ``speed_m_s`` (mean of both directions); ``friction_n``, ``offset_n`` and ``air_n`` (half the
@@ -365,7 +365,7 @@ class Points(CycleTable):
         return [self.whole[name][self.members[i]].tolist() for i in rows]
 
 
-def points_of(reading: CampaignData) -> Points | None:
+def points_of(reading: CampaignData) -> CurvePoints | None:
     """Return the sliding cycles as points; None if no cycle has both directions."""
     cycles, rig = reading.sliding.at(np.flatnonzero(reading.sliding.moves.all(axis=1))), reading.identity
     if not len(cycles):
@@ -381,7 +381,7 @@ def points_of(reading: CampaignData) -> Points | None:
     unlikely = implausible_friction(curve, speed, columns["friction_n"], columns["friction_stderr_n"])
     columns |= {"curve": curve, "level": level, "reason": np.where(reason == "", unlikely, reason)}
     alone = tuple(np.arange(len(cycles))[:, None])
-    return Points(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
+    return CurvePoints(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
 
 
 def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Whole) -> NDArray:
@@ -397,7 +397,7 @@ def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Whole) -> NDArray:
     return np.where(unsteady != "", unsteady, np.where(share[cell] > 0.5, common, spoiled)).astype(object)
 
 
-def condensed(points: Points) -> Points:
+def condensed(points: CurvePoints) -> CurvePoints:
     """Group successive repeats of one condition, speed class and block.
 
     If there are very many groups, neighbouring blocks of the same levels are merged, then neighbouring speeds.
@@ -420,7 +420,7 @@ def condensed(points: Points) -> Points:
     )
 
 
-def _stretches(points: Points) -> Whole:
+def _stretches(points: CurvePoints) -> Whole:
     """Return the number of each cycle's block, counted from 0 for each combination of mounting, seal and drive."""
     ranks: dict[tuple[str, ...], dict[int, int]] = {}
     found = []
@@ -474,7 +474,7 @@ def _cells(place: Whole, stretch: Whole, level: Whole) -> Whole:
     return (place * (level.max() + 1) + level) * (stretch.max() + 1) + stretch
 
 
-def block_shares(points: Points) -> tuple[Array | None, str]:
+def block_shares(points: CurvePoints) -> tuple[Array | None, str]:
     """Find blocks whose deviation can be separated from the levels: some levels have several blocks, or several days.
 
     Returns
@@ -529,13 +529,13 @@ class CurveSpeeds:
     excluded: tuple[ExcludedPoint, ...]
 
 
-def curve_speeds(points: Points) -> tuple[CurveSpeeds, ...]:
+def curve_speeds(points: CurvePoints) -> tuple[CurveSpeeds, ...]:
     """Return the speeds of all curves, in the order of the models' numbers."""
     kept = sorted(set(points["curve"][points.use].tolist()))
     return tuple(_speeds(points, number, index) for number, index in enumerate(kept))
 
 
-def _speeds(points: Points, number: int, index: int) -> CurveSpeeds:
+def _speeds(points: CurvePoints, number: int, index: int) -> CurveSpeeds:
     here = np.asarray(points["curve"] == index)
     members = points.use & here
     levels = [members & (points["level"] == k) for k in sorted(set(points["level"][members]))]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.campaign.curves import CurveBand, Fits
-    from pneudrive.friction.campaign.points import Points
+    from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
     from pneudrive.friction.campaign.trends import Causes, Pure
@@ -39,7 +39,7 @@ def statements(
     found: CampaignCharacteristics,
     reading: CampaignData,
     doubts: Iterable[Said],
-    points: Points | None,
+    points: CurvePoints | None,
     fits: Fits | None,
     bands: Sequence[CurveBand] = (),
     causes: Causes | None = None,
@@ -62,7 +62,7 @@ def statements(
 
 
 def _data(
-    found: CampaignCharacteristics, reading: CampaignData, points: Points | None, doubts: Iterable[Said]
+    found: CampaignCharacteristics, reading: CampaignData, points: CurvePoints | None, doubts: Iterable[Said]
 ) -> Iterator[Said]:
     if found.skipped:
         several = named((f"{s.key or s.file}: {s.reason}" for s in found.skipped), "; ")

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from pneudrive.estimate.estimates import FTest
     from pneudrive.friction.campaign.curves import Fits
-    from pneudrive.friction.campaign.points import Points
+    from pneudrive.friction.campaign.points import CurvePoints
     from pneudrive.friction.sentences import Said
 
     Array = NDArray[np.float64]
@@ -212,7 +212,7 @@ APART = 2.0  # least ratio of the slowest to the fastest cycle's time and force 
 COVERED = 0.9  # of the common bins: cycles that lack more are not used for trend and harmonics
 
 
-def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
+def position_dependence(points: CurvePoints) -> tuple[PositionPattern, ...]:
     """Describe friction over position: for each mounting, seal and drive, then for conditions with enough cycles."""
     own = [(c.title, c, points.use & (points["curve"] == i)) for i, c in enumerate(points.conditions)]
     parts = {title: [one for one in own if one[0] == title] for title, _, _ in own}
@@ -223,7 +223,7 @@ def position_dependence(points: Points) -> tuple[PositionPattern, ...]:
 
 
 def _describe(
-    points: Points, title: str, condition: Condition | None, members: NDArray[np.bool_]
+    points: CurvePoints, title: str, condition: Condition | None, members: NDArray[np.bool_]
 ) -> PositionPattern | None:
     common, here = points.pattern.common, points.at(members)
     rows = here["relative_n"][:, common]
