@@ -323,7 +323,7 @@ def view_of(result: Any) -> View:  # noqa: ANN401 - any result
     raise CommandError(f"a {kind_of(result)} has no values to show")
 
 
-class Side(NamedTuple):
+class ComparedValue(NamedTuple):
     """A value of one result: as text with its unit, its 95 % interval, and in SI."""
 
     text: str = ""
@@ -498,7 +498,7 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
             rule="two drives, circuits, fits, maps, runs, sizings, validations, campaigns or ensembles",
         )
     old, new = (_sides(each) for each in results)
-    pairs = [_pair(key, old.get(key, Side()), new.get(key, Side())) for key in {**old, **new}]
+    pairs = [_pair(key, old.get(key, ComparedValue()), new.get(key, ComparedValue())) for key in {**old, **new}]
     different = tuple(p for p in pairs if p[1::2][:2] != p[2::2][:2])
     if all(isinstance(each, FrictionFit) for each in results):
         curves = list(_fit_pairs(*results))
@@ -510,12 +510,14 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
     )
 
 
-def _sides(result: Any) -> dict[str, Side]:  # noqa: ANN401 - any result
+def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any result
     """Return the values of a result by their names."""
     if isinstance(result, Drive | Circuit):
         ends = {key: " … ".join(one.interval) for key, one in (getattr(result, "provenance", None) or {}).items()}
-        sides = {v.key: Side(str(v.value), ends.get(v.key, ""), _number(str(v.value))) for v in values_of(result)}
-        return sides | {f"connection {each}": Side("yes") for each in getattr(result, "connections", ())}
+        sides = {
+            v.key: ComparedValue(str(v.value), ends.get(v.key, ""), _number(str(v.value))) for v in values_of(result)
+        }
+        return sides | {f"connection {each}": ComparedValue("yes") for each in getattr(result, "connections", ())}
     if isinstance(result, Fit):
         sides = {}
         for name, number, unit, state, *_ in result.rows():
@@ -524,19 +526,21 @@ def _sides(result: Any) -> dict[str, Side]:  # noqa: ANN401 - any result
                 f"{number} {unit}".strip() if number else state,
                 state.replace(" .. ", " … ") if has_ends else "",
             )
-            sides[name] = Side(text, ends, value if math.isfinite(value) else None)
+            sides[name] = ComparedValue(text, ends, value if math.isfinite(value) else None)
         return sides
     rows = _values(result) if isinstance(result, RegulatorFit | FollowFit) else view_of(result).rows
     return {row.key: _side(row) for row in rows}
 
 
-def _side(row: ShownValue) -> Side:
+def _side(row: ShownValue) -> ComparedValue:
     if isinstance(row.value, str):
-        return Side(row.value, "", _number(row.value))
+        return ComparedValue(row.value, "", _number(row.value))
     size = readable(row.unit)[0]
     ends = "" if row.interval is None else " … ".join(plain(end / size) for end in row.interval)
     number = row.value if math.isfinite(row.value) else None
-    return Side(f"{plain(row.value / size)} {row.usual_unit}".strip() if number is not None else "", ends, number)
+    return ComparedValue(
+        f"{plain(row.value / size)} {row.usual_unit}".strip() if number is not None else "", ends, number
+    )
 
 
 def _number(text: str) -> float | None:
@@ -549,7 +553,7 @@ def _number(text: str) -> float | None:
     return float(found[1]) * factor + offset
 
 
-def _pair(key: str, old: Side, new: Side) -> ValuePair:
+def _pair(key: str, old: ComparedValue, new: ComparedValue) -> ValuePair:
     """Return two values in the unit of the first."""
     unit, text = old.text.partition(" ")[2], new.text
     if unit and old.si is not None and new.si is not None and not text.endswith(f" {unit}"):
